@@ -1,0 +1,40 @@
+"""What a run is asked to do: passed explicitly, no globals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Options"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Settings of a check.
+
+    engine: 'auto', 'hybrid', 'mtbdd', 'sparse' or 'explicit'.
+    method: 'auto' or the name of a method in `symcheck.numerics.methods`.
+    epsilon: width of the certified interval that is wanted, relative to the value (absolute below 1e-300).
+    relative: False makes epsilon absolute.
+    certify: False accepts an estimate (stop when the change is below epsilon).
+    max_iterations: of one numerical solution.
+    exact: rational arithmetic throughout.
+    max_memory: of the diagram manager, in bytes.
+    time_limit: of the whole run, in seconds.
+    fix_deadlocks: give deadlock states a self-loop; False makes a deadlock an error.
+    check_sums: False accepts probabilities that do not sum to 1.
+    fairness: only fair strategies of an MDP are considered (each choice offered infinitely often is taken so).
+    """
+
+    engine: str = "auto"
+    method: str = "auto"
+    epsilon: float = 1e-6
+    relative: bool = True
+    certify: bool = True
+    max_iterations: int = 1_000_000
+    exact: bool = False
+    max_memory: int | None = None
+    time_limit: float | None = None
+    fix_deadlocks: bool = True
+    check_sums: bool = True
+    fairness: bool = False
+    ltl2da: str | None = None

@@ -1,0 +1,191 @@
+"""What an engine offers to the checker: a built model as sets of states, values on states, graph questions, and
+numerical systems over chosen states.
+
+The checker, and every measure, is written against these protocols only; an engine is one file beside this one.
+A set never holds a state that is not reachable: `~s` is the complement within the reachable states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Protocol
+
+from symcheck.numerics.matrix import Floats, SparseMatrix
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression, Type
+
+__all__ = ["Engine", "Graph", "StateSet", "System", "Values"]
+
+
+class StateSet(Protocol):
+    """An immutable set of reachable states. `bool(s)` is 'not empty'; `len` may overflow: use `count`."""
+
+    @property
+    def count(self) -> int: ...
+    def __and__(self, other: Any, /) -> StateSet: ...
+    def __or__(self, other: Any, /) -> StateSet: ...
+    def __sub__(self, other: Any, /) -> StateSet: ...
+    def __invert__(self) -> StateSet: ...
+    def __bool__(self) -> bool: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __le__(self, other: Any, /) -> bool: ...
+
+
+class Values(Protocol):
+    """A number per reachable state, known to lie between a lower and an upper value (equal where exact).
+
+    `exact` is True where the two differ by rounding only. `at` gives lower and upper over the set's states in index
+    order (use small sets only). `compare(op, t)` gives the states that surely satisfy `value op t` and those for
+    which the interval does not decide it.
+    """
+
+    exact: bool
+
+    def at(self, states: StateSet) -> tuple[Floats, Floats]: ...
+    def minimum(self, states: StateSet) -> tuple[float, float]: ...
+    def maximum(self, states: StateSet) -> tuple[float, float]: ...
+    def total(self, states: StateSet) -> tuple[float, float]: ...
+    def compare(self, operator: str, threshold: float) -> tuple[StateSet, StateSet]: ...
+    def map(self, operator: str, *others: Values | float) -> Values:
+        """Interval arithmetic: `operator` is an operator or function of the expression language ('-' with no other: negate)."""
+        ...
+
+
+class System(Protocol):
+    """The equations over some states: n unknowns, numbered as the states of `states` in index order.
+
+    Rows are the choices of these states (one per state in a DTMC or CTMC). `matrix` holds the one-step
+    probabilities (rates in a CTMC) among the states; what leaves them is missing from it. Arrays are float64.
+    """
+
+    states: StateSet
+    n: int
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """The matrix as compressed rows, made on first use."""
+        ...
+
+    @property
+    def operator(self) -> Any:
+        """The matrix in the engine's own form, with `multiply(x: Floats) -> Floats` giving a value per row."""
+        ...
+
+    def into(self, target: StateSet) -> Floats:
+        """Per row: the one-step probability (rate) of entering `target` (states outside of `states` too)."""
+        ...
+
+    def into_values(self, values: Values) -> tuple[Floats, Floats]:
+        """Per row: sum over the successors outside of `states` of probability (rate) × value (lower, upper)."""
+        ...
+
+    def row_sums(self) -> Floats:
+        """Per row: the total probability (exit rate), successors outside of `states` included."""
+        ...
+
+    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+        """State rewards per state [n], and transition rewards per row.
+
+        The latter is the probability-(rate-)weighted sum over the row's transitions."""
+        ...
+
+    def restrict(self, values: Values | StateSet) -> Floats:
+        """A value (or 0/1 membership) per state of `states`."""
+        ...
+
+    def lift(self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[StateSet, float]] = (), exact: bool = False) -> Values:
+        """Values on all reachable states: these on `states`, constants on the sets in `rest`, 0 elsewhere."""
+        ...
+
+
+class Graph(Protocol):
+    """Questions that need no numbers. `direction` is None in a DTMC or CTMC, 'min' or 'max' in an MDP."""
+
+    def predecessors(self, states: StateSet) -> StateSet:
+        """States with some transition (of some choice) into `states`."""
+        ...
+
+    def all_successors_in(self, states: StateSet) -> StateSet:
+        """States all of whose transitions (of all choices) lead into `states`."""
+        ...
+
+    def exists_until(self, left: StateSet, right: StateSet) -> StateSet:
+        """E [ left U right ]."""
+        ...
+
+    def exists_globally(self, states: StateSet) -> StateSet:
+        """E [ G states ]."""
+        ...
+
+    def prob0(self, left: StateSet, right: StateSet, direction: str | None) -> StateSet:
+        """States whose (min/max) probability of left U right is 0."""
+        ...
+
+    def prob1(self, left: StateSet, right: StateSet, direction: str | None) -> StateSet:
+        """States whose (min/max) probability of left U right is 1."""
+        ...
+
+    def bsccs(self) -> Iterator[StateSet]:
+        """Bottom strongly connected components (DTMC, CTMC)."""
+        ...
+
+    def end_components(self, within: StateSet) -> Iterator[StateSet]:
+        """Maximal end components of the states `within` (MDP)."""
+        ...
+
+    def accepting_end_components(self, pairs: Sequence[tuple[StateSet, Sequence[StateSet]]]) -> StateSet:
+        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
+        ...
+
+    def witness(self, left: StateSet, right: StateSet) -> Sequence[Mapping[str, int | bool]] | None:
+        """A shortest path from an initial state that satisfies left U right, as states; None if there is none."""
+        ...
+
+
+class Engine(Protocol):
+    """A built model in one representation."""
+
+    name: str
+    model: BoundModel
+    all: StateSet
+    none: StateSet
+    initial: StateSet
+    deadlocks: StateSet
+    graph: Graph
+
+    @property
+    def states(self) -> int: ...
+    @property
+    def transitions(self) -> int: ...
+    @property
+    def choices(self) -> int: ...
+
+    def where(self, expression: Expression) -> StateSet:
+        """The states that satisfy a boolean expression over the variables."""
+        ...
+
+    def values(self, expression: Expression, type: Type) -> Values:
+        """The value of a numeric expression over the variables, at each state."""
+        ...
+
+    def constant(self, value: float) -> Values: ...
+
+    def indicator(self, states: StateSet) -> Values:
+        """1 on the set and 0 elsewhere."""
+        ...
+
+    def system(self, states: StateSet) -> System: ...
+
+    def first(self, states: StateSet) -> StateSet:
+        """The singleton of the state with the lowest index; `states` must not be empty."""
+        ...
+
+    def valuations(self, states: StateSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order (lexicographic in declaration order)."""
+        ...
+
+    def product(self, letters: Sequence[StateSet], automaton: Any) -> Any:
+        """The product with a deterministic automaton that reads, in each state, which of `letters` hold.
+
+        Returns a Product: an engine over pairs, and the means to go between the two (see engines/product.py)."""
+        ...

@@ -1,0 +1,180 @@
+"""Errors of symcheck, and where in a text they are.
+
+The tree::
+
+    SymcheckError
+    ├── InputError            something is wrong with a text that the user wrote; carries one or more diagnostics
+    │   ├── SyntaxFault       the text does not follow the grammar
+    │   ├── NameFault         an unknown, repeated or undefined name
+    │   ├── TypeFault         an expression of the wrong type
+    │   └── ModelFault        the model breaks a rule at some state (sums, ranges, rates, deadlocks)
+    ├── UsageError            a command line or call that cannot be understood
+    ├── UnsupportedError      a meaningful request that this engine, method or version does not answer
+    ├── NumericalError        a computation that did not reach the accuracy wanted
+    └── ResourceError         stopped before the end
+        ├── MemoryLimitError
+        ├── TimeLimitError
+        └── Interrupted
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from functools import cached_property
+
+__all__ = [
+    "NO_SPAN",
+    "Diagnostic",
+    "InputError",
+    "Interrupted",
+    "MemoryLimitError",
+    "ModelFault",
+    "NameFault",
+    "NumericalError",
+    "ResourceError",
+    "Source",
+    "Span",
+    "SymcheckError",
+    "SyntaxFault",
+    "TimeLimitError",
+    "TypeFault",
+    "UnsupportedError",
+    "UsageError",
+]
+
+
+@dataclass(frozen=True)
+class Source:
+    """A named text, such as a model file."""
+
+    name: str
+    text: str = field(repr=False)
+
+    @cached_property
+    def _starts(self) -> tuple[int, ...]:
+        return (0, *(i + 1 for i, c in enumerate(self.text) if c == "\n"))
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """Line and column of a character offset, both counted from 1."""
+        line = bisect_right(self._starts, offset)
+        return line, offset - self._starts[line - 1] + 1
+
+    def line(self, number: int) -> str:
+        """The text of line `number` (from 1), without its end."""
+        start = self._starts[number - 1]
+        end = self.text.find("\n", start)
+        return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A piece of a source text: characters `start` to `end` (exclusive)."""
+
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def text(self) -> str:
+        """The characters themselves."""
+        return self.source.text[self.start : self.end]
+
+    def __str__(self) -> str:
+        line, column = self.source.position(self.start)
+        return f"{self.source.name}:{line}:{column}"
+
+    def __or__(self, other: Span) -> Span:
+        """The smallest span that covers both; a span without a source covers nothing."""
+        if other.source is not self.source:
+            return self if self.source.text else other
+        return Span(self.source, min(self.start, other.start), max(self.end, other.end))
+
+
+NO_SPAN = Span(Source("<built>", ""), 0, 0)
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One thing that is wrong: where, of which kind (a short slug such as 'update-sum'), what, and a hint."""
+
+    message: str
+    span: Span = NO_SPAN
+    code: str = "input"
+    hint: str | None = None
+    severity: str = "error"
+
+    def __str__(self) -> str:
+        if self.span.source is NO_SPAN.source:
+            text = f"{self.severity}[{self.code}]: {self.message}"
+        else:
+            text = f"{self.span}: {self.severity}[{self.code}]: {self.message}\n" + self._excerpt()
+        return text + (f"\n  hint: {self.hint}" if self.hint else "")
+
+    def _excerpt(self) -> str:
+        source = self.span.source
+        number, column = source.position(self.span.start)
+        line = source.line(number)
+        width = max(1, min(self.span.end - self.span.start, len(line) - column + 1))
+        # A tab stays a tab under the line, so that the mark stands under the text whatever the tab width is.
+        lead = "".join("\t" if c == "\t" else " " for c in line[: column - 1])
+        return f"  {number} | {line}\n  {' ' * len(str(number))}   {lead}{'^' * width}"
+
+
+class SymcheckError(Exception):
+    """Root of all errors that symcheck raises on purpose."""
+
+
+class InputError(SymcheckError):
+    """Something is wrong with a text that the user wrote. `diagnostics` tells what, in the order of the text."""
+
+    def __init__(self, *diagnostics: Diagnostic) -> None:
+        super().__init__(*diagnostics)
+        self.diagnostics = diagnostics
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.diagnostics))
+
+
+class SyntaxFault(InputError):
+    """The text does not follow the grammar."""
+
+
+class NameFault(InputError):
+    """An unknown, repeated or undefined name."""
+
+
+class TypeFault(InputError):
+    """An expression of the wrong type."""
+
+
+class ModelFault(InputError):
+    """The model breaks a rule at some state: probability sums, negative rates, ranges, deadlocks."""
+
+
+class UsageError(SymcheckError):
+    """A command line or a call that cannot be understood."""
+
+
+class UnsupportedError(SymcheckError):
+    """A meaningful request that this engine, method or version does not answer; the text says what would."""
+
+
+class NumericalError(SymcheckError):
+    """A computation that did not reach the accuracy wanted."""
+
+
+class ResourceError(SymcheckError):
+    """Stopped before the end: memory, time or the user."""
+
+
+class MemoryLimitError(ResourceError):
+    """The memory limit was reached."""
+
+
+class TimeLimitError(ResourceError):
+    """The time limit was reached."""
+
+
+class Interrupted(ResourceError):
+    """The user stopped the run."""
