@@ -1,0 +1,47 @@
+# make demo: check a real model; make test: the test suite; make check: everything that CI runs.
+# Each sets up its own virtual environment in .venv first; python3, make, gcc and a package index are all it needs.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd')
+STAMP := $(VENV)/.stamp
+
+.PHONY: demo test check format clean bench
+
+demo: $(STAMP)-base
+	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10
+
+test: $(STAMP)-test
+	$(BIN)/python -m pytest -n auto -q
+
+check: $(STAMP)-check
+	$(BIN)/ruff check src tests benchmarks setup.py
+	$(BIN)/ruff format --check src tests benchmarks setup.py
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest -n auto -q
+
+format: $(STAMP)-check
+	$(BIN)/ruff check --fix src tests benchmarks setup.py
+	$(BIN)/ruff format src tests benchmarks setup.py
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+
+# Editable: the Python sources are used in place; only a change of compiled code or of the packaging installs again.
+$(STAMP)-base: $(VENV)/bin/python pyproject.toml setup.py $(COMPILED)
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(STAMP)-test: $(STAMP)-base
+	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@
+
+$(STAMP)-check: $(STAMP)-test
+	$(BIN)/python -m pip install --quiet --editable '.[check]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) build dist src/*.egg-info
+	find src \( -name '*.so' -o -name '*.c' \) -delete
