@@ -8,13 +8,29 @@ A set never holds a state that is not reachable: `~s` is the complement within t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from math import inf, nextafter
 from typing import Any, Protocol
 
-from symcheck.numerics.matrix import Floats, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
 
-__all__ = ["Engine", "Graph", "StateSet", "System", "Values"]
+__all__ = ["ROUNDING", "Engine", "Graph", "StateSet", "System", "Values", "bracket"]
+
+ROUNDING = 1e-12
+"""Relative error that is allowed for in a value that is 'exact up to rounding' when it is compared with a threshold."""
+
+
+def bracket(threshold: float | Fraction) -> tuple[float, float]:
+    """The largest double not above the threshold and the smallest not below it (equal where it is a double).
+
+    With them `value >= threshold` is exactly `value >= upper`, and `value <= threshold` is `value <= lower`, for doubles.
+    """
+    near = float(threshold)
+    if isinstance(threshold, float) or near in (inf, -inf) or near == threshold:
+        return near, near
+    return (near, nextafter(near, inf)) if near < threshold else (nextafter(near, -inf), near)
 
 
 class StateSet(Protocol):
@@ -32,22 +48,45 @@ class StateSet(Protocol):
 
 
 class Values(Protocol):
-    """A number per reachable state, known to lie between a lower and an upper value (equal where exact).
+    """A number per reachable state, known to lie between a lower and an upper value.
 
-    `exact` is True where the two differ by rounding only. `at` gives lower and upper over the set's states in index
-    order (use small sets only). `compare(op, t)` gives the states that surely satisfy `value op t` and those for
-    which the interval does not decide it.
+    `exact` is True where lower and upper are equal and differ from the truth by rounding only. Constants that `lift` was
+    given, and values of expressions, are taken as they are; what was computed in floating point is within ROUNDING.
     """
 
-    exact: bool
+    @property
+    def exact(self) -> bool: ...
 
-    def at(self, states: StateSet) -> tuple[Floats, Floats]: ...
-    def minimum(self, states: StateSet) -> tuple[float, float]: ...
-    def maximum(self, states: StateSet) -> tuple[float, float]: ...
-    def total(self, states: StateSet) -> tuple[float, float]: ...
-    def compare(self, operator: str, threshold: float) -> tuple[StateSet, StateSet]: ...
+    def at(self, states: StateSet) -> tuple[Floats, Floats]:
+        """Lower and upper values over the states of a set, in index order (use small sets only)."""
+        ...
+
+    def minimum(self, states: StateSet) -> tuple[float, float]:
+        """Lower and upper bound of the least value over a set that is not empty."""
+        ...
+
+    def maximum(self, states: StateSet) -> tuple[float, float]:
+        """Lower and upper bound of the largest value over a set that is not empty."""
+        ...
+
+    def total(self, states: StateSet) -> tuple[float, float]:
+        """Lower and upper bound of the sum of the values over a set."""
+        ...
+
+    def compare(self, operator: str, threshold: float | Fraction) -> tuple[StateSet, StateSet]:
+        """The states that surely satisfy `value operator threshold`, and those where it is undecided.
+
+        Operators: < <= > >= = !=. A computed value that is exact up to rounding is undecided within ROUNDING (relative)
+        of the threshold, so that rounding never decides.
+        """
+        ...
+
     def map(self, operator: str, *others: Values | float) -> Values:
         """Interval arithmetic: `operator` is an operator or function of the expression language ('-' with no other: negate)."""
+        ...
+
+    def choose(self, states: StateSet, other: Values) -> Values:
+        """These values on `states`, the other ones elsewhere."""
         ...
 
 
@@ -146,6 +185,8 @@ class Engine(Protocol):
     """A built model in one representation."""
 
     name: str
+    exact: bool
+    """Whether the numbers are rationals (arrays of Fraction objects) instead of doubles."""
     model: BoundModel
     all: StateSet
     none: StateSet
@@ -172,6 +213,10 @@ class Engine(Protocol):
 
     def indicator(self, states: StateSet) -> Values:
         """1 on the set and 0 elsewhere."""
+        ...
+
+    def from_bools(self, members: Bools) -> StateSet:
+        """The set of the states (bool[states], in index order) that are True."""
         ...
 
     def system(self, states: StateSet) -> System: ...
