@@ -1,0 +1,137 @@
+"""The switches of the command line: PRISM's, with one dash or two."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from symcheck.errors import UsageError
+
+__all__ = ["HELP_EPILOGUE", "parse_arguments"]
+
+HELP_EPILOGUE = """\
+Examples:
+  symcheck die.pm                                  build the model, count its states
+  symcheck die.pm die.pctl                         check every property of the file
+  symcheck die.pm -pf 'P=? [ F d=6 ]'              check one property
+  symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv:csv
+
+Exit status: 0 all answered (and all tests passed); 1 something was not: an error in the input, an unsupported
+property, a failed test; 2 the command line is wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C.
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}\n  hint: symcheck --help lists the switches")
+
+    def add(self, name: str, *aliases: str, **keywords: Any) -> None:
+        """A switch that is written with one dash, and with two as well."""
+        names = [f"-{n}" for n in (name, *aliases)]
+        names += [f"--{n}" for n in (name, *aliases) if len(n) > 1]
+        self.add_argument(*names, **keywords)
+
+
+def _count(text: str) -> int:
+    """A whole number, plain (10000) or in scientific notation (1e6)."""
+    value = float(text)
+    if value != int(value) or value < 0:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number")
+    return int(value)
+
+
+def _memory(text: str) -> int:
+    """Bytes from PRISM's notation: 512m, 4g, 100k, or a plain number of kilobytes."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)b?", text.lower())
+    if match is None:
+        raise argparse.ArgumentTypeError(f"'{text}' is not an amount of memory such as 512m or 4g")
+    return int(float(match[1]) * {"": 1 << 10, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}[match[2]])
+
+
+def _seconds(text: str) -> float:
+    """Seconds from 90, 90s, 5m, 1h or 1d."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smhd]?)", text.lower())
+    if match is None:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a time such as 90, 90s, 5m or 1h")
+    return float(match[1]) * {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}[match[2]]
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number between 0 and 1")
+    return value
+
+
+Group = Callable[[_Parser], None]
+
+
+def _input(parser: _Parser) -> None:
+    parser.add_argument("model", nargs="?", metavar="MODEL", help="model file (.pm .prism .sm .nm …)")
+    parser.add_argument("properties", nargs="?", metavar="PROPERTIES", help="properties file (.pctl .csl .props …)")
+    parser.add("pf", "pctl", "csl", metavar="TEXT", action="append", default=[], help="properties given as text")
+    parser.add("prop", "property", metavar="N,NAME,…", help="only these properties, by number (from 1) or name")
+    parser.add(
+        "const", metavar="X=V,…", action="append", default=[], help="constants: values, lists {a,b}, ranges low:high or low:step:high"
+    )
+    for kind in ("dtmc", "ctmc", "mdp"):
+        parser.add(kind, dest="model_type", action="store_const", const=kind, help=f"read the model as a {kind.upper()}")
+
+
+def _methods(parser: _Parser) -> None:
+    for name, aliases, engine, text in (
+        ("m", ("mtbdd",), "mtbdd", "diagrams for matrix and vectors"),
+        ("h", ("hybrid",), "hybrid", "diagrams for the matrix (as blocks), arrays for vectors"),
+        ("s", ("sparse",), "sparse", "diagrams to build, then a sparse matrix"),
+        ("ex", ("explicit",), "explicit", "no diagrams at all"),
+    ):
+        parser.add(name, *aliases, dest="engine", action="store_const", const=engine, help=f"{engine} engine: {text}")
+    parser.add("method", metavar="NAME", default="auto", help="numerical method (default: chosen by structure)")
+    parser.add("exact", action="store_true", help="rational arithmetic")
+    parser.add("epsilon", "e", metavar="X", type=_positive, default=1e-6, help="width of the certified interval (default: 1e-6)")
+    parser.add("relative", "rel", dest="relative", action="store_true", default=True, help="epsilon is relative (default)")
+    parser.add("absolute", "abs", dest="relative", action="store_false", help="epsilon is absolute")
+    parser.add("maxiters", metavar="N", type=_count, default=1_000_000, help="iterations of one numerical solution at most")
+    parser.add("estimate", action="store_true", help="stop when values change little; faster, and certifies nothing")
+    parser.add("fair", dest="fairness", action="store_true", default=False, help="only fair strategies of an MDP")
+    parser.add("nofair", dest="fairness", action="store_false", help="all strategies (default)")
+    parser.add("ltl2datool", metavar="PROGRAM", help="external translator from LTL to automata (HOA on its standard output)")
+
+
+def _model(parser: _Parser) -> None:
+    parser.add("fixdl", dest="fix_deadlocks", action="store_true", default=True, help="give deadlocks a self-loop (default)")
+    parser.add("nofixdl", dest="fix_deadlocks", action="store_false", help="a deadlock is an error")
+    parser.add("noprobchecks", dest="check_sums", action="store_false", default=True, help="accept probabilities that do not sum to 1")
+    parser.add("cuddmaxmem", metavar="SIZE", type=_memory, help="memory of the diagrams at most, such as 4g")
+    parser.add("timeout", metavar="TIME", type=_seconds, help="time of the run at most, such as 90, 5m or 1h")
+
+
+def _output(parser: _Parser) -> None:
+    parser.add("v", "verbose", dest="verbose", action="store_true", help="tell more: iterations, methods, diagrams")
+    parser.add("exportresults", metavar="FILE[:KIND]", help="write the results: text (default), csv, matrix, dataframe or comment")
+    parser.add("test", action="store_true", help="compare with the RESULT lines; stop at the first that fails")
+    parser.add("testall", action="store_true", help="compare with the RESULT lines; go on after a failure")
+    parser.add("help", "?", action="help", help="this text")
+    parser.add_argument("-version", "--version", action="store_true", help="the version")
+
+
+def _parser() -> _Parser:
+    parser = _Parser(
+        prog="symcheck",
+        usage="symcheck MODEL [PROPERTIES] [switches]",
+        description="Checks probabilistic models (DTMC, CTMC, MDP in the PRISM language) against PCTL, CSL and LTL properties.",
+        epilog=HELP_EPILOGUE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        add_help=False,
+        allow_abbrev=False,
+    )
+    for group in (_input, _methods, _model, _output):
+        group(parser)
+    return parser
+
+
+def parse_arguments(words: Sequence[str]) -> argparse.Namespace:
+    """The command line as a namespace. Raises UsageError; `--help` prints and exits with 0."""
+    return _parser().parse_args(words)
