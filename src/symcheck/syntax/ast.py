@@ -44,6 +44,7 @@ __all__ = [
     "Next",
     "Node",
     "Parallel",
+    "PathBound",
     "PathFormula",
     "PathQuantifier",
     "ProbabilityOperator",
@@ -53,6 +54,7 @@ __all__ = [
     "Release",
     "Renaming",
     "RenamedModule",
+    "RewardBound",
     "RewardItem",
     "RewardOperator",
     "RewardQuery",
@@ -242,11 +244,23 @@ class TimeBound(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class RewardBound(Node):
+    """`^{rew{"name"}<=k}`: a bound on the reward gathered (one of < <= > >=), not on steps or time."""
+
+    structure: str | Expression
+    operator: str
+    limit: Expression
+
+
+PathBound = TimeBound | RewardBound
+
+
+@dataclass(frozen=True, slots=True)
 class Next(Node):
     """`X path`."""
 
     operand: PathFormula
-    bound: TimeBound | None = None
+    bound: PathBound | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,7 +268,7 @@ class Eventually(Node):
     """`F path`."""
 
     operand: PathFormula
-    bound: TimeBound | None = None
+    bound: PathBound | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +276,7 @@ class Globally(Node):
     """`G path`."""
 
     operand: PathFormula
-    bound: TimeBound | None = None
+    bound: PathBound | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,7 +285,7 @@ class Until(Node):
 
     left: PathFormula
     right: PathFormula
-    bound: TimeBound | None = None
+    bound: PathBound | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,7 +294,7 @@ class WeakUntil(Node):
 
     left: PathFormula
     right: PathFormula
-    bound: TimeBound | None = None
+    bound: PathBound | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,7 +303,7 @@ class Release(Node):
 
     left: PathFormula
     right: PathFormula
-    bound: TimeBound | None = None
+    bound: PathBound | None = None
 
 
 # ------------------------------------------------------------------------------------------------ reward queries

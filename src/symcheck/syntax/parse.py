@@ -1,0 +1,82 @@
+"""From texts to syntax trees."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any, cast
+
+from symcheck.errors import Source, SyntaxFault, UsageError
+from symcheck.syntax.ast import Expression, Program, PropertiesFile
+from symcheck.syntax.build import Builder, ModelBuilder, PropertiesBuilder
+from symcheck.syntax.faults import diagnose
+from symcheck.syntax.grammars import load
+from symcheck.syntax.lalr import MAX_NESTING, Parser
+from symcheck.syntax.lexer import scan
+
+__all__ = ["parse_expression", "parse_model", "parse_model_file", "parse_properties", "parse_properties_file"]
+
+_MODEL_PARTS = frozenset({"item", "variable", "command", "reward_item"})
+_MODEL_OPENERS = (
+    "CONST FORMULA GLOBAL LABEL MODULE ENDMODULE REWARDS ENDREWARDS INIT SYSTEM LSQB CTMC DTMC MDP RATE PROB".split()
+)
+_PROPERTY_PARTS = frozenset({"property"})
+_PROPERTY_OPENERS = "CONST FORMULA LABEL P PMIN PMAX RELEASE RMIN RMAX S FILTER MULTI STRING".split()
+
+_EASY_NESTING = 100
+_FRAMES_PER_LEVEL = 12
+
+
+def parse_model(text: str, name: str = "<model>") -> Program:
+    """The program that a model text writes. Raises SyntaxFault with a diagnostic for each error found."""
+    source = Source(name, text)
+    return cast(Program, _parse("prism", "program", source, ModelBuilder(source), _MODEL_PARTS, _MODEL_OPENERS))
+
+
+def parse_properties(text: str, name: str = "<properties>") -> PropertiesFile:
+    """The properties, constants, labels and formulas of a properties text. Raises SyntaxFault."""
+    source = Source(name, text)
+    return cast(
+        PropertiesFile, _parse("properties", "properties", source, PropertiesBuilder(source), _PROPERTY_PARTS, _PROPERTY_OPENERS)
+    )
+
+
+def parse_expression(text: str, name: str = "<expression>") -> Expression:
+    """A single property or expression over states, such as `P=? [ F x=1 ] + 0.5` or `x>2`. Raises SyntaxFault."""
+    source = Source(name, text)
+    return cast(Expression, _parse("properties", "state", source, PropertiesBuilder(source), frozenset(), []))
+
+
+def parse_model_file(path: str | Path) -> Program:
+    """`parse_model` on a file. Raises UsageError if it cannot be read."""
+    return parse_model(_read(path), str(path))
+
+
+def parse_properties_file(path: str | Path) -> PropertiesFile:
+    """`parse_properties` on a file. Raises UsageError if it cannot be read."""
+    return parse_properties(_read(path), str(path))
+
+
+def _read(path: str | Path) -> str:
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _parse(grammar_name: str, start: str, source: Source, build: Builder, parts: frozenset[str], openers: list[str]) -> Any:
+    grammar = load(grammar_name)
+    words = scan(source.text, grammar)
+    parser = Parser(grammar, words, build, parts, frozenset(grammar.kinds[o] for o in openers))
+    value = parser.parse(start)
+    if parser.faults or build.diagnostics:
+        found = [diagnose(fault, source, grammar, words) for fault in parser.faults] + build.diagnostics
+        raise SyntaxFault(*sorted(found, key=lambda d: d.span.start))
+    if parser.deepest > _EASY_NESTING:
+        # Later stages follow expressions by recursion, of which Python allows 1000 calls at first.
+        sys.setrecursionlimit(max(sys.getrecursionlimit(), 1000 + _FRAMES_PER_LEVEL * min(parser.deepest, MAX_NESTING)))
+    return value
