@@ -1,0 +1,188 @@
+"""Assembles programs of the register machine (`symcheck.kernels.vm`): registers, constants, jumps, shared subexpressions.
+
+While a program is written, a register is one int: variables count from 0, constants from CONSTANTS, temporaries from
+TEMPORARIES. `finish` lays them out one after the other, and constants come preset in the register file.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.kernels.vm import Op, run_columns
+from symcheck.numerics.matrix import Int64s
+
+__all__ = ["Assembler", "Register", "is_constant"]
+
+Register = int
+CONSTANTS = 1 << 24
+TEMPORARIES = 1 << 25
+_NONE = -1  # an operand that the operation does not have
+_NO_COLUMNS = np.zeros((0, 1), np.int64)
+_NO_REGISTERS = np.zeros(0, np.int32)
+
+
+def is_constant(register: Register) -> bool:
+    """Whether the register holds a constant."""
+    return CONSTANTS <= register < TEMPORARIES
+
+
+def _bits(value: bool | int | float) -> int:
+    if isinstance(value, float):
+        return int(struct.unpack("q", struct.pack("d", value))[0])
+    return int(value)
+
+
+class Assembler:
+    """A program under construction, over `variables` variable registers.
+
+    Equal instructions on equal registers are written once within the reach of each other: `scope` marks code that may be
+    jumped over, whose values must not be used after it.
+    """
+
+    def __init__(self, variables: int) -> None:
+        self._variables = variables
+        self._code: list[tuple[int, int, int, int]] = []
+        self._constants: dict[int, Register] = {}  # bits of the value -> register
+        self._values: list[int] = []
+        self._temporaries = 0
+        self._most_temporaries = 0
+        self._labels: list[int] = []
+        self._barrier = 0  # the last position that a jump may lead to
+        self._known: dict[object, Register] = {}
+
+    # -------------------------------------------------------------------------------------------- registers
+
+    def constant(self, value: bool | int | float) -> Register:
+        """The register that holds a constant: equal bits share one. Raises OverflowError beyond 64 bits."""
+        bits = _bits(value)
+        if not -(2**63) <= bits < 2**63:
+            raise OverflowError(f"{value} does not fit 64 bits")
+        return self._constant(bits)
+
+    def _constant(self, bits: int) -> Register:
+        if bits not in self._constants:
+            self._constants[bits] = CONSTANTS + len(self._values)
+            self._values.append(bits)
+        return self._constants[bits]
+
+    def bits(self, register: Register) -> int:
+        """The bits of a constant, as int64."""
+        return self._values[register - CONSTANTS]
+
+    def temporary(self) -> Register:
+        """A new temporary."""
+        self._temporaries += 1
+        self._most_temporaries = max(self._most_temporaries, self._temporaries)
+        return TEMPORARIES + self._temporaries - 1
+
+    def forget(self) -> None:
+        """Begin a piece of code that shares no temporary with what came before."""
+        self._known = {}
+        self._temporaries = 0
+
+    @contextmanager
+    def scope(self) -> Iterator[None]:
+        """Code that may be jumped over."""
+        outer = self._known
+        self._known = dict(outer)
+        yield
+        self._known = outer
+
+    # -------------------------------------------------------------------------------------------- code
+
+    @property
+    def position(self) -> int:
+        """Where the next instruction goes."""
+        return len(self._code)
+
+    def emit(self, op: Op, a: Register, b: Register = _NONE) -> Register:
+        """An operation on registers; gives the register of its value (an older one, or a constant, where it is known)."""
+        key = (int(op), a, b)
+        if (found := self._known.get(key)) is not None:
+            return found
+        folded = self._fold(op, a, b) if is_constant(a) and (is_constant(b) or b == _NONE) else None
+        if folded is None:
+            folded = self.temporary()
+            self._code.append((int(op), folded, a, b))
+        self._known[key] = folded
+        return folded
+
+    def recall(self, key: object) -> Register | None:
+        """The register that `remember` noted for a key within reach."""
+        return self._known.get(key)
+
+    def remember(self, key: object, register: Register) -> None:
+        """Note that a value (a whole expression, say) stands in a register."""
+        self._known[key] = register
+
+    def _fold(self, op: Op, a: Register, b: Register) -> Register | None:
+        """The constant that the machine itself computes; None where it has no value (then it fails when it is run)."""
+        slots = np.array([self.bits(a), self.bits(b) if b != _NONE else 0, 0], np.int64)
+        result = np.zeros(1, np.int64)
+        code = np.array([(op, 2, 0, 1), (Op.HALT, 0, 0, 0)], np.int32)
+        fault, _ = run_columns(code, slots, _NO_REGISTERS, _NO_COLUMNS, 2, None, result, None)
+        bits = int(result[0])
+        return None if fault >= 0 else self._constant(bits)
+
+    def move(self, destination: Register, source: Register, start: int) -> None:
+        """destination := source. `start`: the position since which a scope is open that closes right after this."""
+        last = self._code[-1] if len(self._code) > max(start, self._barrier) else (int(Op.JUMP), 0, 0, 0)
+        if last[1] == source >= TEMPORARIES and last[0] < Op.JUMP:
+            self._code[-1] = (last[0], destination, last[2], last[3])
+        else:
+            self._code.append((int(Op.MOVE), destination, source, _NONE))
+
+    def label(self) -> int:
+        """A place to jump to, not yet placed."""
+        self._labels.append(-1)
+        return len(self._labels) - 1
+
+    def place(self, label: int) -> None:
+        """The label is here."""
+        self._barrier = len(self._code)
+        self._labels[label] = len(self._code)
+
+    def jump(self, op: Op, label: int, a: Register = _NONE, b: Register = _NONE) -> None:
+        """A jump, conditional or not."""
+        self._code.append((int(op), label, a, b))
+
+    def halt(self) -> None:
+        """End, successfully."""
+        self._code.append((int(Op.HALT), 0, 0, 0))
+
+    def fail(self) -> None:
+        """End: not enabled."""
+        self._code.append((int(Op.FAIL), 0, 0, 0))
+
+    # -------------------------------------------------------------------------------------------- end
+
+    def place_of(self, register: Register) -> int:
+        """Where a register stands in the register file of the finished program."""
+        if register < CONSTANTS:
+            return register
+        if register < TEMPORARIES:
+            return self._variables + register - CONSTANTS
+        return self._variables + len(self._values) + register - TEMPORARIES
+
+    def finish(self) -> tuple[NDArray[np.int32], Int64s]:
+        """The program (int32[n, 4]) and its register file (int64[registers]) with the constants in their places."""
+        code = np.array(self._code, np.int64).reshape(-1, 4)
+        jumps = code[:, 0] >= Op.JUMP
+        registers = code[:, 1:]
+        np.maximum(registers, 0, out=registers)
+        temporaries = registers >= TEMPORARIES
+        registers += np.where(
+            temporaries,
+            self._variables + len(self._values) - TEMPORARIES,
+            np.where(registers >= CONSTANTS, self._variables - CONSTANTS, 0),
+        )
+        if jumps.any():
+            code[jumps, 1] = np.array(self._labels, np.int64)[code[jumps, 1]]
+        slots = np.zeros(self._variables + len(self._values) + self._most_temporaries, np.int64)
+        slots[self._variables : self._variables + len(self._values)] = self._values
+        return np.ascontiguousarray(code, np.int32), slots

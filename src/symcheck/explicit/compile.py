@@ -1,0 +1,111 @@
+"""Compiled expressions: evaluate one on many states at once, in C."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.explicit.assembler import Assembler
+from symcheck.explicit.translate import Translator
+from symcheck.kernels.vm import Op, run_columns
+from symcheck.numerics.matrix import Bools, Int64s
+from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.model import BoundModel, Variable
+from symcheck.syntax.ast import Expression, Type
+
+__all__ = ["Code", "compile_expression"]
+
+
+@dataclass(frozen=True, eq=False)
+class Code:
+    """An expression as a program of the register machine.
+
+    `support`: indices of the variables that it reads, ascending. `program`: int32[n, 4]; `slots`: the register file,
+    variables first; the value is left in register `result`.
+    """
+
+    expression: Expression = field(repr=False)
+    variables: tuple[Variable, ...] = field(repr=False)
+    type: Type
+    support: tuple[int, ...]
+    program: NDArray[np.int32] = field(repr=False)
+    slots: Int64s = field(repr=False)
+    result: int = field(repr=False)
+
+    def run(self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]) -> NDArray[Any]:
+        """The value for each of n lanes: bool[n], int64[n] or float64[n] by `type`.
+
+        `columns`: per variable of `support`, an array of n ints or bools: a mapping from variable index to array, or the
+        arrays in the order of `support` (a sequence, or the rows of an array). Raises ModelFault as `evaluate` does, for
+        the first lane that has no value. About 10 to 50 million lanes a second for a few operations.
+        """
+        values, lanes, _ = self._run(columns, None)
+        return values
+
+    def run_masked(self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]) -> tuple[NDArray[Any], Bools]:
+        """As `run`, but lanes without a value raise nothing: gives values and, as bool[n], which of them are valid."""
+        lanes = self._gather(columns)
+        valid = np.ones(lanes.shape[1], np.uint8)
+        values, _, _ = self._run(lanes, valid)
+        return values, valid.view(np.bool_)
+
+    def _gather(self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]) -> Int64s:
+        if isinstance(columns, np.ndarray) and columns.ndim == 2:
+            return np.ascontiguousarray(columns, np.int64)
+        chosen = [columns[v] for v in self.support] if isinstance(columns, Mapping) else list(columns)
+        if not chosen:  # a constant: as many lanes as any column has
+            others = list(columns.values()) if isinstance(columns, Mapping) else []
+            return np.zeros((0, len(others[0]) if others else 1), np.int64)
+        return np.stack([np.asarray(c, np.int64) for c in chosen])
+
+    def _run(self, columns: Any, valid: NDArray[np.uint8] | None) -> tuple[NDArray[Any], Int64s, int]:
+        lanes = self._gather(columns)
+        n = lanes.shape[1]
+        reals = np.empty(n, np.float64) if self.type is Type.DOUBLE else None
+        integers = np.empty(n, np.int64) if reals is None else None
+        registers = np.array(self.support, np.int32)
+        fault, status = run_columns(self.program, self.slots, registers, lanes, self.result, reals, integers, valid)
+        if fault >= 0:
+            raise_fault(self.expression, self.variables, dict(zip(self.support, lanes[:, fault].tolist(), strict=True)), status)
+        if reals is not None:
+            return reals, lanes, status
+        assert integers is not None
+        return (integers.astype(np.bool_) if self.type is Type.BOOL else integers), lanes, status
+
+
+def raise_fault(expression: Expression, variables: tuple[Variable, ...], values: Mapping[int, int], status: int) -> None:
+    """Raise what the scalar evaluation raises where the machine stopped."""
+    evaluate(expression, {variables[i].name: bool(v) if variables[i].type is Type.BOOL else v for i, v in values.items()})
+    raise AssertionError(f"the machine stopped with status {status} where the scalar evaluation has a value: {expression}")
+
+
+def compile_expression(expression: Expression, model: BoundModel | tuple[Variable, ...]) -> Code:
+    """Compile an expression over the variables of a model (well typed, without labels and temporal operators).
+
+    Raises UnsupportedError for a node that has no value at a single state.
+    """
+    variables = model if isinstance(model, tuple) else model.variables
+    assembler = Assembler(len(variables))
+    register, type = Translator(assembler, variables).value(expression)
+    assembler.halt()
+    program, slots = assembler.finish()
+    result = assembler.place_of(register)
+    return Code(expression, variables, type, _support(program, result, len(variables)), program, slots, result)
+
+
+def _support(program: NDArray[np.int32], result: int, variables: int) -> tuple[int, ...]:
+    """Variables that a program reads: unused operands are written as 0, hence the care."""
+    read: set[int] = {result} if result < variables else set()
+    for op, _, a, b in program.tolist():
+        if op not in (Op.HALT, Op.FAIL, Op.JUMP):
+            read.add(a)
+            if op not in _UNARY:
+                read.add(b)
+    return tuple(sorted(v for v in read if v < variables))
+
+
+_UNARY = frozenset({Op.MOVE, Op.REAL, Op.NEGI, Op.NEGD, Op.FLOOR, Op.CEIL, Op.ROUND, Op.NOT, Op.JTRUE, Op.JFALSE})

@@ -1,0 +1,324 @@
+"""From expressions to instructions of the register machine, with the semantics of `symcheck.semantics.evaluate`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import reduce
+from typing import assert_never
+
+from symcheck.errors import UnsupportedError
+from symcheck.explicit.assembler import Assembler, Register, is_constant
+from symcheck.kernels.vm import Op
+from symcheck.semantics.literals import to_float
+from symcheck.semantics.model import Variable
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    Filter,
+    LabelReference,
+    Literal,
+    MultiObjective,
+    Name,
+    PathQuantifier,
+    ProbabilityOperator,
+    RewardOperator,
+    StateFilter,
+    SteadyState,
+    Type,
+    Unary,
+)
+
+__all__ = ["Translator", "Value"]
+
+Value = tuple[Register, Type]
+
+_ARITHMETIC = {"+": (Op.ADDI, Op.ADDD), "-": (Op.SUBI, Op.SUBD), "*": (Op.MULI, Op.MULD)}
+_EXTREME = {"min": (Op.MINI, Op.MIND), "max": (Op.MAXI, Op.MAXD)}
+_ROUNDING = {"floor": Op.FLOOR, "ceil": Op.CEIL, "round": Op.ROUND}
+# Per comparison: int and double operation, whether the operands change places.
+_COMPARE = {
+    "=": (Op.EQI, Op.EQD, False),
+    "<=>": (Op.EQI, Op.EQD, False),
+    "!=": (Op.NEI, Op.NED, False),
+    "<": (Op.LTI, Op.LTD, False),
+    "<=": (Op.LEI, Op.LED, False),
+    ">": (Op.LTI, Op.LTD, True),
+    ">=": (Op.LEI, Op.LED, True),
+}
+# Per comparison of doubles: the jump where it holds, where it does not (NaN!), whether the operands change places.
+_JUMP_REAL = {
+    Op.EQD: (Op.JEQD, Op.JNED),
+    Op.NED: (Op.JNED, Op.JEQD),
+    Op.LTD: (Op.JLTD, Op.JNLTD),
+    Op.LED: (Op.JLED, Op.JNLED),
+}
+_CHEAP = 4  # evaluating so many nodes for nothing costs less than a jump
+
+
+class Translator:
+    """Writes code for expressions over the given variables into an assembler."""
+
+    def __init__(self, assembler: Assembler, variables: tuple[Variable, ...]) -> None:
+        self.assembler = assembler
+        self._variables: Mapping[str, Value] = {v.name: (i, v.type) for i, v in enumerate(variables)}
+
+    # -------------------------------------------------------------------------------------------- values
+
+    def value(self, expression: Expression) -> Value:
+        """Code that computes the expression; gives its register and type."""
+        asm = self.assembler
+        match expression:
+            case Literal(value, Type.DOUBLE):
+                return asm.constant(to_float(value)), Type.DOUBLE
+            case Literal(value, type):
+                return asm.constant(int(value)), type
+            case Name(name):
+                return self._variables[name]
+            case Unary("!", operand):
+                return asm.emit(Op.NOT, self.value(operand)[0]), Type.BOOL
+            case Unary(_, operand):
+                register, type = self.value(operand)
+                return asm.emit(Op.NEGD if type is Type.DOUBLE else Op.NEGI, register), type
+            case Binary("&" | "|" | "=>"):
+                return self._logical(expression), Type.BOOL
+            case Binary():
+                return self._binary(expression)
+            case Conditional():
+                return self._conditional(expression)
+            case Call(function, arguments):
+                return self._call(function, [self.value(a) for a in arguments])
+            case (
+                LabelReference()
+                | ProbabilityOperator()
+                | RewardOperator()
+                | SteadyState()
+                | PathQuantifier()
+                | Filter()
+                | StateFilter()
+                | MultiObjective()
+            ):
+                raise UnsupportedError(f"{type_name(expression)} has no value at a single state by itself: check it on the model")
+            case _:
+                assert_never(expression)
+
+    def real(self, expression: Expression) -> Register:
+        """Code that computes the expression as a double."""
+        return self._real(self.value(expression))
+
+    def _real(self, value: Value) -> Register:
+        register, type = value
+        if type is Type.DOUBLE:
+            return register
+        if is_constant(register):
+            return self.assembler.constant(float(self.assembler.bits(register)))
+        return self.assembler.emit(Op.REAL, register)
+
+    def _alike(self, a: Value, b: Value) -> tuple[Register, Register, bool]:
+        """Both as doubles if one of them is; and whether they are."""
+        if Type.DOUBLE in (a[1], b[1]):
+            return self._real(a), self._real(b), True
+        return a[0], b[0], False
+
+    def _binary(self, expression: Binary) -> Value:
+        operator = expression.operator
+        if operator in _COMPARE:
+            op, a, b = self._comparison(expression)
+            return self.assembler.emit(op, a, b), Type.BOOL
+        left, right = self.value(expression.left), self.value(expression.right)
+        if operator == "/":
+            return self.assembler.emit(Op.DIVD, self._real(left), self._real(right)), Type.DOUBLE
+        if operator == "^":
+            return self._power(left, right)
+        a, b, real = self._alike(left, right)
+        return self.assembler.emit(_ARITHMETIC[operator][real], a, b), Type.DOUBLE if real else Type.INT
+
+    def _comparison(self, expression: Binary) -> tuple[Op, Register, Register]:
+        a, b, real = self._alike(self.value(expression.left), self.value(expression.right))
+        integer_op, real_op, swapped = _COMPARE[expression.operator]
+        if swapped:
+            a, b = b, a
+        return (real_op if real else integer_op), a, b
+
+    def _power(self, base: Value, exponent: Value) -> Value:
+        asm = self.assembler
+        if Type.DOUBLE in (base[1], exponent[1]):
+            return asm.emit(Op.POWD, self._real(base), self._real(exponent)), Type.DOUBLE
+        if is_constant(exponent[0]) and asm.bits(exponent[0]) == 2:
+            return asm.emit(Op.MULI, base[0], base[0]), Type.INT
+        return asm.emit(Op.POWI, base[0], exponent[0]), Type.INT
+
+    def _call(self, function: str, values: list[Value]) -> Value:
+        asm = self.assembler
+        if function in _EXTREME:
+            if any(type is Type.DOUBLE for _, type in values):
+                return reduce(lambda a, b: asm.emit(_EXTREME[function][1], a, b), [self._real(v) for v in values]), Type.DOUBLE
+            return reduce(lambda a, b: asm.emit(_EXTREME[function][0], a, b), [r for r, _ in values]), Type.INT
+        if function in _ROUNDING:
+            register, type = values[0]
+            return (asm.emit(_ROUNDING[function], register) if type is Type.DOUBLE else register), Type.INT
+        if function == "pow":
+            return self._power(values[0], values[1])
+        if function == "mod":
+            return asm.emit(Op.MODI, values[0][0], values[1][0]), Type.INT
+        assert function == "log", function
+        return asm.emit(Op.LOGD, self._real(values[0]), self._real(values[1])), Type.DOUBLE
+
+    def _logical(self, expression: Binary) -> Register:
+        asm = self.assembler
+        if self.cost(expression.right) <= _CHEAP and self.total(expression.right):
+            left, right = self.value(expression.left)[0], self.value(expression.right)[0]
+            if expression.operator == "=>":
+                left = asm.emit(Op.NOT, left)
+            return asm.emit(Op.AND if expression.operator == "&" else Op.OR, left, right)
+        return self._branch(expression, (asm.constant(True), Type.BOOL), (asm.constant(False), Type.BOOL))
+
+    def _branch(self, condition: Expression, then: Expression | Value, otherwise: Expression | Value, real: bool = False) -> Register:
+        """The register that holds one or the other, a double if `real`."""
+        asm = self.assembler
+        result, no, end = asm.temporary(), asm.label(), asm.label()
+        with asm.scope():
+            self.jump(condition, False, no)
+            self._assign(result, then, real)
+            asm.jump(Op.JUMP, end)
+        asm.place(no)
+        with asm.scope():
+            self._assign(result, otherwise, real)
+        asm.place(end)
+        return result
+
+    def _assign(self, result: Register, source: Expression | Value, real: bool) -> None:
+        start = self.assembler.position
+        value = source if isinstance(source, tuple) else self.value(source)
+        self.assembler.move(result, self._real(value) if real else value[0], start)
+
+    def _conditional(self, expression: Conditional) -> Value:
+        then, otherwise = self.type_of(expression.then), self.type_of(expression.otherwise)
+        type = Type.DOUBLE if Type.DOUBLE in (then, otherwise) else then
+        if (found := self.assembler.recall(expression)) is None:
+            found = self._branch(expression.condition, expression.then, expression.otherwise, type is Type.DOUBLE)
+            self.assembler.remember(expression, found)
+        return found, type
+
+    # -------------------------------------------------------------------------------------------- jumps
+
+    def jump(self, condition: Expression, sense: bool, label: int) -> None:
+        """Code that jumps to `label` if the condition is `sense`, and goes on otherwise.
+
+        What it leaves known holds where it goes on; at the label, the caller must have closed a scope around the jump.
+        """
+        asm = self.assembler
+        match condition:
+            case Literal(value, _):
+                if bool(value) is sense:
+                    asm.jump(Op.JUMP, label)
+            case Unary("!", operand):
+                self.jump(operand, not sense, label)
+            case Binary("&", left, right):
+                self._jump_both(left, True, right, True, sense, label)
+            case Binary("|", left, right):
+                self._jump_both(left, False, right, False, not sense, label)
+            case Binary("=>", left, right):
+                self._jump_both(left, True, right, False, not sense, label)
+            case Binary(operator) if operator in _COMPARE:
+                self._jump_compare(condition, sense, label)
+            case _:
+                asm.jump(Op.JTRUE if sense else Op.JFALSE, label, self.value(condition)[0])
+
+    def _jump_both(self, left: Expression, a: bool, right: Expression, b: bool, sense: bool, label: int) -> None:
+        """Jump if (left is a and right is b) is `sense`."""
+        asm = self.assembler
+        if not sense:
+            self.jump(left, not a, label)
+            self.jump(right, not b, label)
+            return
+        skip = asm.label()
+        self.jump(left, not a, skip)
+        with asm.scope():
+            self.jump(right, b, label)
+        asm.place(skip)
+
+    def _jump_compare(self, condition: Binary, sense: bool, label: int) -> None:
+        op, a, b = self._comparison(condition)
+        if op in _JUMP_REAL:
+            self.assembler.jump(_JUMP_REAL[op][0 if sense else 1], label, a, b)
+        elif op in (Op.EQI, Op.NEI):
+            self.assembler.jump(Op.JEQI if (op == Op.EQI) is sense else Op.JNEI, label, a, b)
+        elif op == Op.LTI:
+            self.assembler.jump(Op.JLTI if sense else Op.JGEI, label, a, b)
+        else:  # a <= b is not b < a
+            self.assembler.jump(Op.JGEI if sense else Op.JLTI, label, b, a)
+
+    # -------------------------------------------------------------------------------------------- facts
+
+    def type_of(self, expression: Expression) -> Type:
+        """The type of a well-typed expression."""
+        match expression:
+            case Literal(_, type):
+                return type
+            case Name(name):
+                return self._variables[name][1]
+            case Unary("!", _):
+                return Type.BOOL
+            case Unary(_, operand):
+                return self.type_of(operand)
+            case Binary("/", _, _) | Call("log", _):
+                return Type.DOUBLE
+            case Binary("+" | "-" | "*" | "^", left, right):
+                return self._join(left, right)
+            case Conditional(_, then, otherwise):
+                return self._join(then, otherwise)
+            case Call("min" | "max" | "pow", arguments):
+                return self._join(*arguments)
+            case Call():
+                return Type.INT
+            case _:
+                return Type.BOOL
+
+    def _join(self, *expressions: Expression) -> Type:
+        types = [self.type_of(e) for e in expressions]
+        return Type.DOUBLE if Type.DOUBLE in types else types[0]
+
+    def total(self, expression: Expression) -> bool:
+        """Whether the expression surely has a value in every state (int sums of variables cannot leave 64 bits)."""
+        match expression:
+            case Binary("*", left, right):
+                return self._join(left, right) is Type.DOUBLE and self.total(left) and self.total(right)
+            case Binary("^", _, _) | Call("mod" | "pow", _):
+                return False
+            case Binary(_, left, right):
+                return self.total(left) and self.total(right)
+            case Unary(_, operand):
+                return self.total(operand)
+            case Conditional(condition, then, otherwise):
+                return self.total(condition) and self.total(then) and self.total(otherwise)
+            case Call("floor" | "ceil" | "round", (argument,)):
+                return self.type_of(argument) is Type.INT and self.total(argument)
+            case Call(_, arguments):
+                return all(self.total(a) for a in arguments)
+            case Literal() | Name():
+                return True
+            case _:
+                return False
+
+    def cost(self, expression: Expression) -> int:
+        """Roughly, instructions to evaluate it."""
+        match expression:
+            case Literal() | Name():
+                return 0
+            case Unary(_, operand):
+                return self.cost(operand) + 1
+            case Binary(operator, left, right):
+                return self.cost(left) + self.cost(right) + (20 if operator == "^" else 1)
+            case Conditional(condition, then, otherwise):
+                return self.cost(condition) + self.cost(then) + self.cost(otherwise) + 2
+            case Call(function, arguments):
+                return sum(map(self.cost, arguments)) + (20 if function in ("pow", "log") else 2)
+            case _:
+                return 1
+
+
+def type_name(node: Expression) -> str:
+    """How to speak of a node that is not arithmetic."""
+    return f'"{node.name}"' if isinstance(node, LabelReference) else f"a {type(node).__name__}"

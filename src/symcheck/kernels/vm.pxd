@@ -1,0 +1,83 @@
+# cython: language_level=3
+"""The register machine that evaluates compiled expressions: shared by the kernels that run it."""
+
+
+cdef union Slot:
+    long long i
+    double d
+
+
+cdef struct Instruction:
+    int op
+    int dst
+    int a
+    int b
+
+
+cpdef enum Op:
+    HALT = 0
+    FAIL
+    MOVE
+    REAL
+    ADDI
+    SUBI
+    MULI
+    NEGI
+    MINI
+    MAXI
+    MODI
+    POWI
+    ADDD
+    SUBD
+    MULD
+    DIVD
+    NEGD
+    MIND
+    MAXD
+    POWD
+    LOGD
+    FLOOR
+    CEIL
+    ROUND
+    EQI
+    NEI
+    LTI
+    LEI
+    EQD
+    NED
+    LTD
+    LED
+    NOT
+    AND
+    OR
+    # From here on `dst` is the place to jump to.
+    JUMP
+    JTRUE
+    JFALSE
+    JEQI
+    JNEI
+    JLTI
+    JGEI
+    JEQD
+    JNED
+    JLTD
+    JNLTD
+    JLED
+    JNLED
+
+
+cpdef enum Status:
+    DONE = 0
+    DISABLED
+    OVERFLOW
+    MODULUS
+    NEGATIVE_POWER
+    NOT_A_NUMBER
+    # These are found by the explorer, not by the machine.
+    RANGE
+    PROBABILITY
+    SUM
+    MEMORY
+
+
+cdef int execute(const Instruction* pc, const Instruction* code, Slot* r) noexcept nogil

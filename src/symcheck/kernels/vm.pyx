@@ -1,0 +1,257 @@
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
+"""A register machine for expressions over int64, double and bool (0 or 1 in an integer slot).
+
+A program is int32[n, 4]: operation, destination, two operands, all registers alike (variables, constants, temporaries).
+It ends with HALT (status DONE) or FAIL (DISABLED: a guard is false) or with the status of what went wrong.
+Doubles follow IEEE 754 (division by zero gives an infinity or NaN); integers never wrap: they end with OVERFLOW.
+"""
+
+from libc.math cimport INFINITY, NAN, ceil, floor, log, pow
+from libc.stdlib cimport free, malloc
+from libc.string cimport memcpy
+
+cdef extern from *:
+    bint __builtin_add_overflow(long long, long long, long long*) nogil
+    bint __builtin_sub_overflow(long long, long long, long long*) nogil
+    bint __builtin_mul_overflow(long long, long long, long long*) nogil
+
+cdef inline int whole(double x, Slot* result) noexcept nogil:
+    if not (-9223372036854775808.0 <= x < 9223372036854775808.0):
+        return Status.NOT_A_NUMBER if x - x != 0 else Status.OVERFLOW
+    result.i = <long long> x
+    return 0
+
+
+cdef int power(long long base, long long exponent, Slot* result) noexcept nogil:
+    cdef long long value = 1
+    if exponent < 0:
+        return Status.NEGATIVE_POWER
+    while True:
+        if exponent & 1 and __builtin_mul_overflow(value, base, &value):
+            return Status.OVERFLOW
+        exponent >>= 1
+        if exponent == 0:
+            break
+        if __builtin_mul_overflow(base, base, &base):
+            # A base that no longer fits is needed again: only 0 and +-1 stay small, and they never overflow.
+            return Status.OVERFLOW
+    result.i = value
+    return 0
+
+
+cdef inline int modulo(long long x, long long y, Slot* result) noexcept nogil:
+    if y == 0:
+        return Status.MODULUS
+    x = 0 if y == -1 else x % y  # the smallest int64 has no remainder by -1 in C
+    if x < 0 and __builtin_add_overflow(x, y, &x):
+        return Status.OVERFLOW
+    result.i = x
+    return 0
+
+
+cdef inline double logarithm(double x, double base) noexcept nogil:
+    if not (0 < base < INFINITY) or base == 1 or not x >= 0:
+        return NAN
+    return log(x) / log(base)
+
+
+cdef int execute(const Instruction* pc, const Instruction* code, Slot* r) noexcept nogil:
+    """Run from `pc` until the program ends; jumps are relative to `code`."""
+    cdef int op, dst, a, b, status
+    while True:
+        op = pc.op
+        dst = pc.dst
+        a = pc.a
+        b = pc.b
+        pc += 1
+        if op == Op.HALT:
+            return Status.DONE
+        elif op == Op.FAIL:
+            return Status.DISABLED
+        elif op == Op.MOVE:
+            r[dst] = r[a]
+        elif op == Op.REAL:
+            r[dst].d = <double> r[a].i
+        elif op == Op.ADDI:
+            if __builtin_add_overflow(r[a].i, r[b].i, &r[dst].i):
+                return Status.OVERFLOW
+        elif op == Op.SUBI:
+            if __builtin_sub_overflow(r[a].i, r[b].i, &r[dst].i):
+                return Status.OVERFLOW
+        elif op == Op.MULI:
+            if __builtin_mul_overflow(r[a].i, r[b].i, &r[dst].i):
+                return Status.OVERFLOW
+        elif op == Op.NEGI:
+            if __builtin_sub_overflow(0, r[a].i, &r[dst].i):
+                return Status.OVERFLOW
+        elif op == Op.MINI:
+            r[dst].i = r[b].i if r[b].i < r[a].i else r[a].i
+        elif op == Op.MAXI:
+            r[dst].i = r[b].i if r[b].i > r[a].i else r[a].i
+        elif op == Op.MODI:
+            status = modulo(r[a].i, r[b].i, &r[dst])
+            if status:
+                return status
+        elif op == Op.POWI:
+            status = power(r[a].i, r[b].i, &r[dst])
+            if status:
+                return status
+        elif op == Op.ADDD:
+            r[dst].d = r[a].d + r[b].d
+        elif op == Op.SUBD:
+            r[dst].d = r[a].d - r[b].d
+        elif op == Op.MULD:
+            r[dst].d = r[a].d * r[b].d
+        elif op == Op.DIVD:
+            r[dst].d = r[a].d / r[b].d
+        elif op == Op.NEGD:
+            r[dst].d = -r[a].d
+        elif op == Op.MIND:
+            r[dst].d = r[b].d if r[b].d < r[a].d or r[b].d != r[b].d else r[a].d
+        elif op == Op.MAXD:
+            r[dst].d = r[b].d if r[b].d > r[a].d or r[b].d != r[b].d else r[a].d
+        elif op == Op.POWD:
+            r[dst].d = pow(r[a].d, r[b].d)
+        elif op == Op.LOGD:
+            r[dst].d = logarithm(r[a].d, r[b].d)
+        elif op == Op.FLOOR:
+            status = whole(floor(r[a].d), &r[dst])
+            if status:
+                return status
+        elif op == Op.CEIL:
+            status = whole(ceil(r[a].d), &r[dst])
+            if status:
+                return status
+        elif op == Op.ROUND:
+            status = whole(floor(r[a].d + 0.5), &r[dst])
+            if status:
+                return status
+        elif op == Op.EQI:
+            r[dst].i = r[a].i == r[b].i
+        elif op == Op.NEI:
+            r[dst].i = r[a].i != r[b].i
+        elif op == Op.LTI:
+            r[dst].i = r[a].i < r[b].i
+        elif op == Op.LEI:
+            r[dst].i = r[a].i <= r[b].i
+        elif op == Op.EQD:
+            r[dst].i = r[a].d == r[b].d
+        elif op == Op.NED:
+            r[dst].i = r[a].d != r[b].d
+        elif op == Op.LTD:
+            r[dst].i = r[a].d < r[b].d
+        elif op == Op.LED:
+            r[dst].i = r[a].d <= r[b].d
+        elif op == Op.NOT:
+            r[dst].i = r[a].i ^ 1
+        elif op == Op.AND:
+            r[dst].i = r[a].i & r[b].i
+        elif op == Op.OR:
+            r[dst].i = r[a].i | r[b].i
+        elif op == Op.JUMP:
+            pc = code + dst
+        elif op == Op.JTRUE:
+            if r[a].i:
+                pc = code + dst
+        elif op == Op.JFALSE:
+            if not r[a].i:
+                pc = code + dst
+        elif op == Op.JEQI:
+            if r[a].i == r[b].i:
+                pc = code + dst
+        elif op == Op.JNEI:
+            if r[a].i != r[b].i:
+                pc = code + dst
+        elif op == Op.JLTI:
+            if r[a].i < r[b].i:
+                pc = code + dst
+        elif op == Op.JGEI:
+            if r[a].i >= r[b].i:
+                pc = code + dst
+        elif op == Op.JEQD:
+            if r[a].d == r[b].d:
+                pc = code + dst
+        elif op == Op.JNED:
+            if r[a].d != r[b].d:
+                pc = code + dst
+        elif op == Op.JLTD:
+            if r[a].d < r[b].d:
+                pc = code + dst
+        elif op == Op.JNLTD:
+            if not (r[a].d < r[b].d):
+                pc = code + dst
+        elif op == Op.JLED:
+            if r[a].d <= r[b].d:
+                pc = code + dst
+        elif op == Op.JNLED:
+            if not (r[a].d <= r[b].d):
+                pc = code + dst
+
+
+cdef inline void give(Slot* r, int result, double[::1] reals, long long[::1] integers, Py_ssize_t row) noexcept nogil:
+    if reals is not None:
+        reals[row] = r[result].d
+    else:
+        integers[row] = r[result].i
+
+
+def run_columns(const int[:, ::1] code, const long long[::1] slots, const int[::1] registers, const long long[:, ::1] columns,
+                int result, double[::1] reals, long long[::1] integers, unsigned char[::1] valid):
+    """Evaluate a program for each lane of `columns` (int64[k, n]; column j goes to register `registers[j]`).
+
+    The value of register `result` goes to `reals` or, where that is None, to `integers`. Gives (lane, status) of the
+    first lane that has no value, or (-1, 0). With `valid` (uint8[n], set to 1 or 0) it goes on after such lanes instead.
+    """
+    cdef Py_ssize_t n = columns.shape[1], k = columns.shape[0], row, j
+    cdef const Instruction* program = <const Instruction*> &code[0, 0]
+    cdef int status = 0
+    cdef Slot* r = <Slot*> malloc(slots.shape[0] * sizeof(Slot) + 8)
+    if r == NULL:
+        raise MemoryError
+    cdef Py_ssize_t bad = -1
+    with nogil:
+        if slots.shape[0]:
+            memcpy(r, &slots[0], slots.shape[0] * sizeof(Slot))
+        for row in range(n):
+            for j in range(k):
+                r[registers[j]].i = columns[j, row]
+            status = execute(program, program, r)
+            if status == 0:
+                give(r, result, reals, integers, row)
+            elif valid is None:
+                bad = row
+                break
+            if valid is not None:
+                valid[row] = status == 0
+    free(r)
+    return bad, status if bad >= 0 else 0
+
+
+def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, ::1] fields, const long long[::1] lows,
+               const unsigned long long[:, ::1] states, int result, double[::1] reals, long long[::1] integers):
+    """Evaluate a program on packed states (uint64[n, words]).
+
+    `fields` (int32[k, 4]: register, word, shift, bits) and `lows` say what to unpack. Gives (state, status) of the first
+    state that has no value, or (-1, 0).
+    """
+    cdef Py_ssize_t n = states.shape[0], k = fields.shape[0], row, j
+    cdef const Instruction* program = <const Instruction*> &code[0, 0]
+    cdef int status = 0
+    cdef Py_ssize_t bad = -1
+    cdef Slot* r = <Slot*> malloc(slots.shape[0] * sizeof(Slot) + 8)
+    if r == NULL:
+        raise MemoryError
+    with nogil:
+        if slots.shape[0]:
+            memcpy(r, &slots[0], slots.shape[0] * sizeof(Slot))
+        for row in range(n):
+            for j in range(k):
+                r[fields[j, 0]].i = <long long> ((states[row, fields[j, 1]] >> fields[j, 2])
+                                                 & ((<unsigned long long> 1 << fields[j, 3]) - 1)) + lows[j]
+            status = execute(program, program, r)
+            if status:
+                bad = row
+                break
+            give(r, result, reals, integers, row)
+    free(r)
+    return bad, status

@@ -1,0 +1,129 @@
+"""The register machine against the scalar evaluation, on random well-typed expressions."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symcheck.errors import ModelFault
+from symcheck.explicit.compile import compile_expression
+from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.model import Variable
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+
+VARIABLES = (
+    Variable("x", Type.INT, -3, 4, 0, "m"),
+    Variable("y", Type.INT, 0, 7, 0, "m"),
+    Variable("b", Type.BOOL, 0, 1, False, "m"),
+    Variable("z", Type.INT, None, None, 0, None),
+    Variable("c", Type.BOOL, 0, 1, False, None),
+)
+
+ints = st.one_of(
+    st.integers(-4, 9).map(lambda v: Literal(v, Type.INT)),
+    st.sampled_from([Name("x"), Name("y"), Name("z")]),
+    st.sampled_from([2**31, 2**62, -(2**62)]).map(lambda v: Literal(v, Type.INT)),
+)
+doubles = st.sampled_from([Fraction(0), Fraction(1, 3), Fraction(-5, 2), Fraction(10) ** 30, Fraction(1, 10)]).map(
+    lambda v: Literal(v, Type.DOUBLE)
+)
+bools = st.one_of(st.booleans().map(lambda v: Literal(v, Type.BOOL)), st.sampled_from([Name("b"), Name("c")]))
+
+
+def _numbers(i, d):
+    return st.one_of(i, d)
+
+
+def _grow(depth: int):
+    if depth == 0:
+        return ints, doubles, bools
+    i, d, b = _grow(depth - 1)
+    n = _numbers(i, d)
+    more_ints = st.one_of(
+        i,
+        st.builds(Binary, st.sampled_from("+-*^"), i, i),
+        st.builds(lambda f, *a: Call(f, a), st.sampled_from(["min", "max", "mod", "pow"]), i, i),
+        st.builds(lambda f, a: Call(f, (a,)), st.sampled_from(["floor", "ceil", "round"]), n),
+        st.builds(lambda a: Unary("-", a), i),
+        st.builds(Conditional, b, i, i),
+    )
+    more_doubles = st.one_of(
+        d,
+        st.builds(Binary, st.sampled_from("+-*^"), d, n),
+        st.builds(lambda a, c: Binary("/", a, c), n, n),
+        st.builds(lambda f, a, c: Call(f, (a, c)), st.sampled_from(["min", "max"]), d, n),
+        st.builds(lambda f, a, c: Call(f, (a, c)), st.sampled_from(["log", "pow"]), n, d),
+        st.builds(lambda a: Unary("-", a), d),
+        st.builds(Conditional, b, d, n),
+    )
+    more_bools = st.one_of(
+        b,
+        st.builds(Binary, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), n, n),
+        st.builds(Binary, st.sampled_from(["&", "|", "=>", "<=>", "=", "!="]), b, b),
+        st.builds(lambda a: Unary("!", a), b),
+        st.builds(Conditional, b, b, b),
+    )
+    return more_ints, more_doubles, more_bools
+
+
+_I, _D, _B = _grow(4)
+EXPRESSIONS = st.one_of(_I, _D, _B)
+STATES = st.tuples(st.integers(-3, 4), st.integers(0, 7), st.booleans(), st.sampled_from([-(2**31), -1, 0, 5, 2**31 - 1]), st.booleans())
+
+
+def _same(a, b) -> bool:
+    if isinstance(b, float):
+        return math.isnan(a) and math.isnan(b) or (a == b and math.copysign(1, a) == math.copysign(1, b))
+    return type(a) is type(b) and a == b
+
+
+@settings(max_examples=1500, deadline=None)
+@given(EXPRESSIONS, st.lists(STATES, min_size=1, max_size=8))
+def test_machine_agrees_with_scalar_evaluation(expression: Expression, states):
+    code = compile_expression(expression, VARIABLES)
+    columns = dict(enumerate(np.array(states, np.int64).T))
+    values, valid = code.run_masked(columns)
+    for k, state in enumerate(states if code.support else states[:1]):
+        valuation = {v.name: value for v, value in zip(VARIABLES, state, strict=True)}
+        try:
+            expected = evaluate(expression, valuation)
+        except ModelFault:
+            assert not valid[k], expression
+        else:
+            assert valid[k], expression
+            assert _same(values[k].item(), expected), (expression, state)
+
+
+def test_a_lane_without_value_raises_the_scalar_fault():
+    code = compile_expression(Call("mod", (Literal(5, Type.INT), Name("y"))), VARIABLES)
+    with pytest.raises(ModelFault, match="mod"):
+        code.run({1: np.array([2, 1, 0])})
+    values, valid = code.run_masked({1: np.array([2, 1, 0])})
+    assert values[:2].tolist() == [1, 0]
+    assert valid.tolist() == [True, True, False]
+
+
+def test_support_and_type():
+    code = compile_expression(Conditional(Name("b"), Name("x"), Literal(Fraction(1, 2), Type.DOUBLE)), VARIABLES)
+    assert code.support == (0, 2)
+    assert code.type is Type.DOUBLE
+    assert code.run([np.array([3, 3]), np.array([True, False])]).tolist() == [3.0, 0.5]
+    assert compile_expression(Binary("+", Literal(1, Type.INT), Literal(2, Type.INT)), VARIABLES).support == ()
+
+
+def test_what_protects_an_operand_is_kept():
+    guarded = Binary("&", Binary(">", Name("y"), Literal(0, Type.INT)), Binary("=", Call("mod", (Name("x"), Name("y"))), Literal(0, Type.INT)))
+    code = compile_expression(guarded, VARIABLES)
+    assert code.run({0: np.array([4, 4, 3]), 1: np.array([0, 2, 2])}).tolist() == [False, True, False]
+
+
+def test_shared_parts_are_computed_once():
+    part = Binary("*", Name("x"), Name("y"))
+    once = compile_expression(part, VARIABLES)
+    both = compile_expression(Binary("+", part, part), VARIABLES)
+    assert len(both.program) == len(once.program) + 1
