@@ -1,0 +1,199 @@
+"""ODD kernels against brute force over all points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kernels.diagrams import Builder, points
+
+from symcheck.kernels import odd
+
+
+@st.composite
+def sets(draw: st.DrawFn, k: int | None = None) -> tuple[int, np.ndarray]:
+    """(k, bool[2**k]) with structure: random, few, nearly all, or a product of two sets."""
+    k = draw(st.integers(0, 9)) if k is None else k
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    member = rng.random(2**k) < draw(st.sampled_from([0.02, 0.3, 0.5, 0.98, 1.0, 0.0]))
+    if draw(st.booleans()) and k >= 2:
+        half = k // 2
+        member = np.kron(rng.random(2 ** (k - half)) < 0.6, rng.random(2**half) < 0.5)
+    return k, member.astype(bool)
+
+
+def levels_of(k: int) -> np.ndarray:
+    return (3 * np.arange(k) + 1).astype(np.int32)  # with gaps: rows seldom have all levels to themselves
+
+
+def build(k: int, member: np.ndarray) -> tuple[tuple, Builder, np.ndarray]:
+    builder = Builder()
+    root = builder.dense(levels_of(k).tolist(), member.astype(float))
+    return odd.build(*builder.arrays(), root, levels_of(k)), builder, levels_of(k)
+
+
+@given(sets())
+def test_counts_and_numbers(case: tuple[int, np.ndarray]) -> None:
+    k, member = case
+    o, _, _ = build(k, member)
+    depth, low, high, count, root = o
+    assert count[root] == member.sum()
+    for node in range(2, len(depth)):
+        assert count[node] == count[low[node]] + count[high[node]] > 0
+        assert max(low[node], high[node]) < node
+        assert all(child == 0 or depth[child] == depth[node] + 1 for child in (low[node], high[node]))
+    bits = points(k)
+    expected = np.where(member, np.cumsum(member) - 1, -1)
+    ranks = np.empty(2**k, np.int64)
+    odd.rank(*o, bits, ranks)
+    np.testing.assert_array_equal(ranks, expected)
+    back = np.empty((member.sum(), k), np.uint8)
+    odd.unrank(*o, np.arange(member.sum()), back)
+    np.testing.assert_array_equal(back, bits[member])
+
+
+@given(sets(), st.integers(0, 2**32 - 1))
+def test_emit_adds_weights_of_set_bits(case: tuple[int, np.ndarray], seed: int) -> None:
+    k, member = case
+    o, _, _ = build(k, member)
+    rng = np.random.default_rng(seed)
+    weights = rng.integers(-(2**40), 2**40, k) * (rng.random(k) < 0.5)
+    out = np.empty(member.sum(), np.int64)
+    odd.emit(*o, weights.astype(np.int64), 17, out)
+    np.testing.assert_array_equal(out, 17 + points(k)[member].astype(np.int64) @ weights)
+
+
+@given(sets(), st.data())
+def test_embed_gives_numbers_in_the_superset(case: tuple[int, np.ndarray], data: st.DataObject) -> None:
+    k, member = case
+    _, sub = data.draw(sets(k))
+    sub = sub & member
+    a, b = build(k, sub)[0], build(k, member)[0]
+    out = np.empty(sub.sum(), np.int64)
+    odd.embed(a, b, out)
+    np.testing.assert_array_equal(out, (np.cumsum(member) - 1)[sub])
+
+
+def test_embed_refuses_a_set_that_is_not_a_subset() -> None:
+    a, b = build(2, np.array([1, 1, 0, 0], bool))[0], build(2, np.array([1, 0, 1, 1], bool))[0]
+    with pytest.raises(ValueError, match="subset"):
+        odd.embed(a, b, np.empty(2, np.int64))
+
+
+@given(sets(), st.data())
+def test_expand_and_collapse_are_inverse(case: tuple[int, np.ndarray], data: st.DataObject) -> None:
+    k, member = case
+    _, sub = data.draw(sets(k))
+    o, builder, levels = build(k, member)
+    root = builder.dense(levels.tolist(), sub.astype(float))
+    out = np.zeros(member.sum(), np.uint8)
+    odd.expand(*o, *builder.arrays(), root, levels, out)
+    np.testing.assert_array_equal(out, sub[member])
+
+    words = np.zeros(len(out) // 64 + 2, np.uint64)
+    words.view(np.uint8)[: (len(out) + 7) // 8] = np.packbits(out, bitorder="little")
+    level, low, high, croot = odd.collapse(*o, words, levels)
+    # the same, node by node: the diagram of (sub & member) is unique
+    again = Builder()
+    again.leaf(0)
+    again.leaf(1)
+    numbers = [0, 1]
+    for i in range(2, len(level)):
+        numbers.append(again.node(int(level[i]), numbers[low[i]], numbers[high[i]]))
+    assert numbers[croot] == again.dense(levels.tolist(), (sub & member).astype(float))
+
+
+@given(sets(), st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 5, 1000]))
+def test_vectors_there_and_back(case: tuple[int, np.ndarray], seed: int, distinct: int) -> None:
+    k, member = case
+    o, _, levels = build(k, member)
+    rng = np.random.default_rng(seed)
+    values = np.sort(rng.integers(0, distinct, member.sum())).astype(float) / 7
+    if seed % 2:
+        rng.shuffle(values)
+    ids = np.empty(len(values), np.int32)
+    leaves = odd.number(values, ids)
+    np.testing.assert_array_equal(leaves[ids], values)
+    assert len(set(leaves.tolist())) == len(leaves)
+    level, low, high, root = odd.vector_table(*o, ids, len(leaves), levels)
+    value = np.zeros(len(level))
+    value[: len(leaves)] = leaves
+    out = np.zeros(len(values))
+    odd.expand(*o, level, low, high, value, root, levels, out)
+    np.testing.assert_array_equal(out, values)
+    assert len(set(zip(level[len(leaves) :], low[len(leaves) :], high[len(leaves) :], strict=True))) == len(level) - len(leaves)
+    assert (low[len(leaves) :] != high[len(leaves) :]).all()
+
+
+def test_number_joins_signed_zeros_and_keeps_nan_apart() -> None:
+    ids = np.empty(5, np.int32)
+    leaves = odd.number(np.array([-0.0, 0.0, np.nan, 1.0, np.inf]), ids)
+    assert ids.tolist() == [0, 0, 1, 2, 3]
+    assert np.isnan(leaves[1])
+
+
+def test_a_level_outside_of_the_list_is_refused() -> None:
+    builder = Builder()
+    root = builder.dense([1, 2], np.array([0.0, 1, 1, 0]))
+    with pytest.raises(ValueError, match="levels"):
+        odd.build(*builder.arrays(), root, np.array([1], np.int32))
+    with pytest.raises(ValueError, match="levels"):
+        odd.build(*builder.arrays(), root, np.array([2], np.int32))
+
+
+def test_huge_sets_are_counted_or_refused() -> None:
+    builder = Builder()
+    one = builder.leaf(1)
+    builder.leaf(0)
+    depth, low, high, count, root = odd.build(*builder.arrays(), one, levels_of(62))
+    assert count[root] == 2**62
+    bits = np.empty((2, 62), np.uint8)
+    odd.unrank(depth, low, high, count, root, np.array([0, 2**62 - 1]), bits)
+    assert bits[0].sum() == 0
+    assert bits[1].sum() == 62
+    with pytest.raises(IndexError):
+        odd.unrank(depth, low, high, count, root, np.array([2**62]), bits[:1])
+    with pytest.raises(OverflowError):
+        odd.build(*builder.arrays(), one, levels_of(63))
+
+
+def test_a_small_subset_of_a_huge_set_needs_its_own_odd_only() -> None:
+    builder = Builder()
+    levels = levels_of(60)
+    zero, one = builder.leaf(0), builder.leaf(1)
+    node = one
+    for level in levels[::-1]:  # bits 3, 20 and 41 free, the others 1
+        free = level in (levels[3], levels[20], levels[41])
+        node = node if free else builder.node(int(level), zero, node)
+    sub = odd.build(*builder.arrays(), node, levels)
+    sup = odd.build(*builder.arrays(), one, levels)
+    out = np.empty(8, np.int64)
+    odd.embed(sub, sup, out)
+    bits = np.ones((8, 60), np.uint8)
+    bits[:, [3, 20, 41]] = points(3)
+    expected = np.empty(8, np.int64)
+    odd.rank(*sup, bits, expected)
+    np.testing.assert_array_equal(out, expected)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_long_blocks_collapse(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    k = 14
+    member = np.kron(rng.random(2**7) < 0.7, np.ones(2**7)).astype(bool) & (rng.random(2**14) < 0.999)
+    o, builder, levels = build(k, member)
+    n = member.sum()
+    flags = np.zeros(n, np.uint8)
+    edges = np.sort(rng.integers(0, n + 1, 6))
+    for a, b in edges.reshape(3, 2):
+        flags[a:b] = 1
+    words = np.zeros(n // 64 + 2, np.uint64)
+    words.view(np.uint8)[: (n + 7) // 8] = np.packbits(flags, bitorder="little")
+    level, low, high, root = odd.collapse(*o, words, levels)
+    value = np.zeros(len(level))
+    value[1] = 1
+    out = np.zeros(n, np.uint8)
+    odd.expand(*o, level, low, high, value, root, levels, out)
+    np.testing.assert_array_equal(out, flags)

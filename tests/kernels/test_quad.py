@@ -1,0 +1,157 @@
+"""The quad-DAG against dense matrices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kernels.diagrams import Builder
+
+from symcheck.kernels import odd
+from symcheck.kernels.quad import Blocks, Quad
+
+
+@dataclass
+class Case:
+    quad: Quad
+    dense: list[np.ndarray]
+
+
+def interleave(dense: np.ndarray, k: int) -> np.ndarray:
+    """float64[2**k, 2**k] -> float64[4**k] with bits row 0, column 0, row 1, …"""
+    axes = [axis for i in range(k) for axis in (i, k + i)]
+    return dense.reshape((2,) * (2 * k)).transpose(axes).reshape(-1)
+
+
+def make(k: int, matrices: list[np.ndarray], rows: np.ndarray, columns: np.ndarray) -> Case:
+    builder = Builder()
+    row_levels, col_levels = np.arange(1, 3 * k, 3, dtype=np.int32), np.arange(2, 3 * k + 1, 3, dtype=np.int32)
+    levels = [int(x) for pair in zip(row_levels, col_levels, strict=True) for x in pair]
+    row_root = builder.dense(row_levels.tolist(), rows.astype(float))
+    col_root = builder.dense(col_levels.tolist(), columns.astype(float))
+    roots = [builder.dense(levels, interleave(m, k)) for m in matrices]
+    level, low, high, value = builder.arrays()
+    leaf, values = builder.leaves()
+    row = odd.build(level, low, high, value, row_root, row_levels)
+    col = odd.build(level, low, high, value, col_root, col_levels)
+    quad = Quad(level, low, high, leaf, values, np.array(roots, np.int32), row, col, row_levels, col_levels)
+    return Case(quad, [m[np.ix_(rows, columns)] for m in matrices])
+
+
+@st.composite
+def cases(draw: st.DrawFn) -> Case:
+    k = draw(st.integers(0, 5))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    n = 2**k
+    values = np.array([0.25, 1 / 3, 2.0, -1.5])
+    matrices = []
+    for _ in range(draw(st.integers(1, 3))):
+        kind = draw(st.sampled_from(["random", "band", "kronecker", "identity", "zero"]))
+        if kind == "random":
+            m = rng.choice(values, (n, n)) * (rng.random((n, n)) < draw(st.sampled_from([0.02, 0.3, 0.9])))
+        elif kind == "band":
+            m = sum(np.diag(np.full(n - abs(d), v), d) for d, v in zip((-1, 0, 1, 5), values, strict=True) if abs(d) < n)
+        elif kind == "kronecker":
+            half = k // 2
+            a, b = rng.choice(values, (2 ** (k - half),) * 2), rng.choice(values, (2**half,) * 2)
+            a *= rng.random(a.shape) < 0.4
+            b *= rng.random(b.shape) < 0.4
+            m = np.kron(a, np.eye(2**half)) + np.kron(np.eye(2 ** (k - half)), b)
+        elif kind == "identity":
+            m = np.eye(n) * 0.5
+        else:
+            m = np.zeros((n, n))
+        matrices.append(m)
+    rows = rng.random(n) < draw(st.sampled_from([0.3, 0.8, 1.0]))
+    columns = rows if draw(st.booleans()) else rng.random(n) < draw(st.sampled_from([0.3, 0.8, 1.0]))
+    return make(k, matrices, rows, columns)
+
+
+def flatten(blocks: Blocks, root: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    counts = np.zeros(blocks.rows, np.int32)
+    blocks.count_rows(root, counts)
+    indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    following = indptr[:-1].copy()
+    indices, data = np.empty(indptr[-1], np.int32), np.empty(indptr[-1])
+    blocks.fill(root, following, indices, data)
+    np.testing.assert_array_equal(following, indptr[1:])
+    return indptr, indices, data
+
+
+@settings(deadline=None)
+@given(cases(), st.sampled_from([1, 3, 10, 10**6]))
+def test_flattened_rows_are_the_matrix(case: Case, budget: int) -> None:
+    blocks = case.quad.cut(budget)
+    for root, dense in enumerate(case.dense):
+        indptr, indices, data = flatten(blocks, root)
+        r, c = np.nonzero(dense)  # in row order, columns ascending: the very arrays
+        np.testing.assert_array_equal(indptr, np.searchsorted(r, np.arange(len(dense) + 1)))
+        np.testing.assert_array_equal(indices, c)
+        np.testing.assert_array_equal(data, dense[r, c])
+        assert case.quad.entries[root] == len(r)
+
+
+@settings(deadline=None)
+@given(cases(), st.sampled_from([1, 3, 10, 10**6]), st.integers(0, 2**32 - 1))
+def test_products(case: Case, budget: int, seed: int) -> None:
+    blocks = case.quad.cut(budget)
+    rng = np.random.default_rng(seed)
+    for root, dense in enumerate(case.dense):
+        x, z = rng.random(dense.shape[1]), rng.random(dense.shape[0])
+        y = np.ones(dense.shape[0])
+        blocks.multiply(root, x, y)
+        np.testing.assert_allclose(y, 1 + dense @ x, rtol=1e-13)
+        y = np.ones(dense.shape[1])
+        blocks.multiply_transposed(root, z, y)
+        np.testing.assert_allclose(y, 1 + z @ dense, rtol=1e-13)
+        parts = np.zeros(dense.shape[0])
+        cuts = [0, *sorted(rng.integers(0, dense.shape[0] + 1, 3).tolist()), dense.shape[0]]
+        for low, high in zip(cuts, cuts[1:], strict=False):
+            blocks.multiply_rows(root, x, parts, low, high)
+        np.testing.assert_allclose(parts, dense @ x, rtol=1e-13, atol=1e-15)
+        if dense.shape[0] == dense.shape[1]:
+            diagonal = np.zeros(len(dense))
+            blocks.diagonal(root, diagonal)
+            np.testing.assert_array_equal(diagonal, np.diag(dense))
+
+
+def test_unchanged_variables_are_one_run() -> None:
+    k = 8
+    rows = np.random.default_rng(1).random(2**k) < 0.7
+    case = make(k, [0.5 * np.eye(2**k)], rows, rows)
+    blocks = case.quad.cut(1)
+    assert blocks.statistics["runs"] == blocks.statistics["places"] == 1
+    assert blocks.entries.tolist() == [rows.sum()]
+
+
+def test_repeated_blocks_are_stored_once() -> None:
+    k = 8
+    rng = np.random.default_rng(1)
+    small = rng.random((16, 16)) * (rng.random((16, 16)) < 0.5)
+    case = make(k, [np.kron(rng.random((16, 16)) < 0.7, small)], np.ones(2**k, bool), np.ones(2**k, bool))
+    blocks = case.quad.cut(200)
+    assert blocks.statistics["runs"] <= np.count_nonzero(small)
+    assert blocks.nbytes < 0.1 * 12 * blocks.statistics["entries"]
+
+
+def test_arrays_of_another_length_are_refused() -> None:
+    case = make(2, [np.eye(4)], np.ones(4, bool), np.ones(4, bool))
+    blocks = case.quad.cut(10)
+    with pytest.raises(ValueError, match="rows"):
+        blocks.multiply(0, np.zeros(4), np.zeros(3))
+    with pytest.raises(IndexError):
+        blocks.multiply(1, np.zeros(4), np.zeros(4))
+
+
+def test_a_foreign_variable_is_refused() -> None:
+    builder = Builder()
+    root = builder.dense([0, 1], np.array([0.0, 1, 1, 0]))
+    level, low, high, value = builder.arrays()
+    leaf, values = builder.leaves()
+    levels = np.array([1], np.int32)
+    o = odd.build(level, low, high, value, builder.unique[("leaf", 1.0)], levels)
+    with pytest.raises(ValueError, match="neither"):
+        Quad(level, low, high, leaf, values, np.array([root], np.int32), o, o, levels, np.array([2], np.int32))
