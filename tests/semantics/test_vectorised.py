@@ -1,0 +1,130 @@
+"""The vectorised evaluator agrees with the scalar one, lane by lane."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symcheck.errors import InputError
+from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.vectorised import evaluate_columns
+from symcheck.syntax.ast import Binary, Call, Conditional, LabelReference, Literal, Name, Type, Unary
+
+_LEAVES = st.one_of(
+    st.integers(-4, 5).map(lambda i: (Literal(i, Type.INT), "int")),
+    st.sampled_from([Fraction(1, 2), Fraction(-3, 4), Fraction(2), Fraction(1, 10)]).map(lambda f: (Literal(f, Type.DOUBLE), "double")),
+    st.sampled_from([(Name("x"), "int"), (Name("y"), "int"), (Name("b"), "bool")]),
+)
+
+
+def _number(pair):
+    return pair if pair[1] != "bool" else (Conditional(pair[0], Literal(1, Type.INT), Literal(2, Type.INT)), "int")
+
+
+def _boolean(pair):
+    return pair[0] if pair[1] == "bool" else Binary(">", pair[0], Literal(1, Type.INT))
+
+
+def _join(operator, left, right):
+    if operator in {"&", "|", "=>", "<=>"}:
+        return Binary(operator, _boolean(left), _boolean(right)), "bool"
+    (x, a), (y, b) = _number(left), _number(right)
+    if operator in {"=", "!=", "<", "<=", ">", ">="}:
+        return Binary(operator, x, y), "bool"
+    kind = "int" if a == b == "int" else "double"
+    if operator in {"min", "max", "pow"}:
+        return Call(operator, (x, y)), kind
+    if operator == "mod":
+        x = x if a == "int" else Call("floor", (x,))
+        y = y if b == "int" else Call("ceil", (y,))
+        return Call("mod", (x, y)), "int"
+    if operator == "log":
+        return Call("log", (x, y)), "double"
+    return Binary(operator, x, y), "double" if operator == "/" else kind
+
+
+_OPERATORS = ["+", "-", "*", "/", "^", "=", "!=", "<", "<=", ">", ">=", "&", "|", "=>", "<=>", "min", "max", "pow", "mod", "log"]
+
+
+def _unary(operator, operand):
+    if operator == "!":
+        return Unary("!", _boolean(operand)), "bool"
+    x, kind = _number(operand)
+    return (Unary("-", x), kind) if operator == "-" else (Call(operator, (x,)), "int")
+
+
+def _choose(condition, then, otherwise):
+    (x, a), (y, b) = _number(then), _number(otherwise)
+    return Conditional(_boolean(condition), x, y), "int" if a == b == "int" else "double"
+
+
+_EXPRESSIONS = st.recursive(
+    _LEAVES,
+    lambda inner: st.one_of(
+        st.builds(_join, st.sampled_from(_OPERATORS), inner, inner),
+        st.builds(_unary, st.sampled_from(["!", "-", "floor", "ceil", "round"]), inner),
+        st.builds(_choose, inner, inner, inner),
+    ),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(_EXPRESSIONS)
+def test_agrees_with_the_scalar_evaluator(pair):
+    expression, _ = pair
+    x, y, b = np.arange(-2, 4), np.arange(0, 3), np.array([False, True])
+    columns = {"x": x.reshape(-1, 1, 1), "y": y.reshape(1, -1, 1), "b": b.reshape(1, 1, -1)}
+    values = np.broadcast_to(evaluate_columns(expression, columns), (6, 3, 2))
+    for (i, j, k), value in np.ndenumerate(values):
+        try:
+            expected = evaluate(expression, {"x": int(x[i]), "y": int(y[j]), "b": bool(b[k])})
+        except InputError:
+            continue  # no value: what the lane holds is not to be used, see the next test
+        if isinstance(expected, float) and math.isnan(expected):
+            assert np.isnan(value)
+        elif isinstance(expected, float):
+            assert value == pytest.approx(expected, rel=1e-13, abs=1e-300)
+        else:
+            assert value == expected
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        Call("mod", (Name("x"), Literal(0, Type.INT))),
+        Call("pow", (Literal(2, Type.INT), Literal(-1, Type.INT))),
+        Call("floor", (Binary("/", Literal(1, Type.INT), Literal(0, Type.INT)),)),
+        Binary("^", Literal(10, Type.INT), Literal(30, Type.INT)),
+    ],
+)
+def test_what_has_no_integer_value_is_nan(expression):
+    with pytest.raises(InputError):
+        evaluate(expression, {"x": 3})
+    assert np.isnan(evaluate_columns(expression, {"x": np.array([3, 4])})).all()
+
+
+def test_lanes_that_have_a_value_keep_it():
+    x = np.array([0, 1, 2])
+    quotient = Call("floor", (Binary("/", Literal(6, Type.INT), Name("x")),))
+    assert evaluate_columns(quotient, {"x": x})[1:].tolist() == [6, 3]
+    remainder = evaluate_columns(Call("mod", (Literal(7, Type.INT), Name("x"))), {"x": x})
+    assert np.isnan(remainder[0])
+    assert remainder[1:].tolist() == [0, 1]
+
+
+def test_only_the_variables_that_occur_give_the_shape():
+    columns = {"x": np.arange(4).reshape(4, 1), "y": np.arange(3).reshape(1, 3)}
+    assert evaluate_columns(Name("y"), columns).shape == (1, 3)
+    assert evaluate_columns(Literal(1, Type.INT), columns).shape == ()
+    assert evaluate_columns(Binary("+", Name("x"), Name("y")), columns).tolist() == [[i + j for j in range(3)] for i in range(4)]
+
+
+def test_temporal_nodes_are_refused():
+    with pytest.raises(TypeError, match="LabelReference"):
+        evaluate_columns(LabelReference("done"), {})
