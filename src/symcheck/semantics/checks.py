@@ -9,9 +9,8 @@ from typing import assert_never
 
 from symcheck.errors import NO_SPAN, NameFault, Span
 from symcheck.semantics.copies import Copy, copies
-from symcheck.semantics.names import Given, Names, Table, undefined
+from symcheck.semantics.names import Given, Names, Table, names_in, undefined
 from symcheck.semantics.report import suggest
-from symcheck.semantics.rewrite import names_in
 from symcheck.semantics.types import rounding_hint
 from symcheck.syntax.ast import (
     Assignment,

@@ -23,6 +23,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from symcheck.errors import Diagnostic, InputError, ModelFault, NameFault, UnsupportedError
+from symcheck.semantics.depth import deeply
 from symcheck.semantics.literals import convert, format_value, to_float
 from symcheck.semantics.model import Value
 from symcheck.semantics.types import type_from_values
@@ -57,6 +58,10 @@ def evaluate(expression: Expression, valuation: Mapping[str, Value], *, exact: b
 
     Gives bool, int, and float or (exact) Fraction. Raises ModelFault where there is no value (see the module's text).
     """
+    return deeply(lambda: _evaluate(expression, valuation, exact))
+
+
+def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: bool) -> Value:
     match expression:
         case Literal(value, kind):
             return convert(_checked(value, expression), kind, exact)
@@ -66,21 +71,21 @@ def evaluate(expression: Expression, valuation: Mapping[str, Value], *, exact: b
             given = valuation[name]
             return convert(given, Type.DOUBLE, exact) if isinstance(given, float | Fraction) else given
         case Unary("!", operand):
-            return not evaluate(operand, valuation, exact=exact)
+            return not _evaluate(operand, valuation, exact)
         case Unary(_, operand):
-            return _checked(-evaluate(operand, valuation, exact=exact), expression)
+            return _checked(-_evaluate(operand, valuation, exact), expression)
         case Binary("&" | "|" | "=>" as operator, left, right):
             decided = {"&": False, "|": True, "=>": False}[operator]
-            if evaluate(left, valuation, exact=exact) is decided:
+            if _evaluate(left, valuation, exact) is decided:
                 return operator != "&"
-            return evaluate(right, valuation, exact=exact)
+            return _evaluate(right, valuation, exact)
         case Binary(operator, left, right):
-            a, b = evaluate(left, valuation, exact=exact), evaluate(right, valuation, exact=exact)
+            a, b = _evaluate(left, valuation, exact), _evaluate(right, valuation, exact)
             return _binary(operator, a, b, exact, expression)
         case Conditional():
             return _conditional(expression, valuation, exact)
         case Call(function, arguments):
-            return _call(function, [evaluate(a, valuation, exact=exact) for a in arguments], exact, expression)
+            return _call(function, [_evaluate(a, valuation, exact) for a in arguments], exact, expression)
         case (
             LabelReference()
             | ProbabilityOperator()
@@ -101,9 +106,9 @@ def _describe(node: Node) -> str:
 
 
 def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact: bool) -> Value:
-    holds = evaluate(expression.condition, valuation, exact=exact)
+    holds = _evaluate(expression.condition, valuation, exact)
     chosen, other = (expression.then, expression.otherwise) if holds else (expression.otherwise, expression.then)
-    value = evaluate(chosen, valuation, exact=exact)
+    value = _evaluate(chosen, valuation, exact)
     # An int is made a double if the branch that is not taken is one: the type of an expression is known beforehand.
     if isinstance(value, int) and not isinstance(value, bool) and type_from_values(other, valuation) is Type.DOUBLE:
         return convert(value, Type.DOUBLE, exact)

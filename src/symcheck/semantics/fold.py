@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 from symcheck.errors import InputError, UnsupportedError
+from symcheck.semantics.depth import deeply
 from symcheck.semantics.evaluate import evaluate
 from symcheck.semantics.literals import as_expression
 from symcheck.semantics.report import Report
-from symcheck.semantics.rewrite import rewrite
 from symcheck.semantics.types import Typer
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.walk import Tree, transform
 
 __all__ = ["fold", "fold_node"]
 
@@ -23,10 +23,10 @@ def fold(expression: Expression, *, exact: bool = False, types: Mapping[str, Typ
     With `types` of the names, `?:` with a constant condition is resolved in more cases. Values that no literal can hold
     (infinities, NaN, -0.0) and parts without a value (`mod(1, 0)`) are left as they are.
     """
-    return rewrite(expression, lambda node: fold_node(node, exact, types or {}))
+    return deeply(lambda: transform(expression, lambda node: fold_node(node, exact, types or {})))
 
 
-def fold_node(node: Any, exact: bool, types: Mapping[str, Type]) -> Any:
+def fold_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
     """Simplify one node whose operands are simplified already."""
     match node:
         case Unary() | Binary() | Call() | Conditional() if all(isinstance(x, Literal) for x in _operands(node)):

@@ -11,11 +11,11 @@ from symcheck.semantics.fold import fold_node
 from symcheck.semantics.literals import as_expression, convert, format_value
 from symcheck.semantics.model import Value
 from symcheck.semantics.report import Report, suggest
-from symcheck.semantics.rewrite import names_in, rewrite
 from symcheck.semantics.types import Typer, type_of
 from symcheck.syntax.ast import Constant, Expression, Formula, LabelReference, Literal, Name, Type
+from symcheck.syntax.walk import Tree, nodes, transform
 
-__all__ = ["Given", "Names", "Table", "read_value"]
+__all__ = ["Given", "Names", "Table", "names_in", "read_value", "undefined", "unknown"]
 
 Given = Value | str
 
@@ -121,7 +121,7 @@ class Table:
         return convert(evaluate(bare, {}, exact=self.exact), constant.type, self.exact)
 
     def _without_variables(self, expression: Expression) -> Expression:
-        def replace(node: Expression) -> Expression:
+        def replace(node: Tree) -> Tree:
             if not isinstance(node, Name):
                 return node
             if node.name in self.constants:
@@ -130,7 +130,7 @@ class Table:
                 return self._without_variables(self.formulas[node.name].expression)
             raise NameFault(unknown(node, self, "the value of a constant can depend on constants only"))
 
-        return rewrite(expression, replace)
+        return transform(expression, replace)
 
     def _read_given(self, constant: Constant, given: Given) -> Value:
         if isinstance(given, str):
@@ -146,6 +146,11 @@ class Table:
         except TypeError:
             message = f"constant {constant.name} is of type {constant.type.value}: it cannot be {format_value(given)}"
             raise TypeFault(Diagnostic(message, constant.span, "constant-type")) from None
+
+
+def names_in(tree: Tree) -> list[Name]:
+    """Every use of a name below a node."""
+    return [n for n in nodes(tree) if isinstance(n, Name)]
 
 
 def read_value(text: str) -> Expression:
@@ -238,16 +243,15 @@ class Names:
 
     def expand(self, expression: Expression) -> Expression:
         """The expression over variables and literals, folded. It must be well typed. Raises InputError."""
-        return rewrite(expression, self._replace)
+        return transform(expression, self._replace)
 
     def constant(self, expression: Expression, kind: Type) -> Value:
         """The value of an expression over constants. Raises InputError."""
         return convert(evaluate(self.expand(expression), {}, exact=self.table.exact), kind, self.table.exact)
 
-    def _replace(self, node: Expression) -> Expression:
+    def _replace(self, node: Tree) -> Tree:
         if not isinstance(node, Name):
-            folded: Expression = fold_node(node, self.table.exact, self.table.variables)
-            return folded
+            return fold_node(node, self.table.exact, self.table.variables)
         name, table = self.renamed(node.name), self.table
         if name in table.constants:
             return as_expression(table.value(name), table.constants[name].type, node.span)

@@ -9,6 +9,7 @@ from symcheck.errors import InputError, Span
 from symcheck.semantics.checks import CheckedProgram, Owner, check_program, give, require
 from symcheck.semantics.compose import events
 from symcheck.semantics.copies import Copy
+from symcheck.semantics.depth import deeply
 from symcheck.semantics.literals import format_value
 from symcheck.semantics.model import (
     BoundCommand,
@@ -48,9 +49,13 @@ def bind(
     exact: doubles stay the fractions that they are.
     Raises NameFault, TypeFault or InputError with everything that is wrong, in the order of the text.
     """
+    return deeply(lambda: _bind(program, constants or {}, model_type, exact))
+
+
+def _bind(program: Program, constants: Mapping[str, Given], model_type: ModelType | None, exact: bool) -> BoundModel:
     report = Report()
     table = Table(report, exact)
-    give(table, program.constants, constants or {})
+    give(table, program.constants, constants)
     require(table, program.constants)
     checked = check_program(program, table)
     report.raise_found()

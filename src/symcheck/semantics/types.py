@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from symcheck.errors import Span
+from symcheck.semantics.depth import deeply
 from symcheck.semantics.model import Value
 from symcheck.semantics.report import Report
 from symcheck.syntax.ast import (
@@ -77,7 +78,7 @@ def type_of(expression: Expression, lookup: Mapping[str, Type], labels: Mapping[
             report.name("unknown-label", f'unknown label "{node.name}"', node.span)
         return (labels or {}).get(node.name)
 
-    found = Typer(report, name, None if labels is None else label).state(expression)
+    found = deeply(lambda: Typer(report, name, None if labels is None else label).state(expression))
     report.raise_found()
     assert found is not None
     return found
