@@ -3,5 +3,24 @@
 from __future__ import annotations
 
 from symcheck.semantics.programs import bind, undefined_constants
+from symcheck.semantics.properties import (
+    BoundProperties,
+    BoundProperty,
+    bind_expression,
+    bind_properties,
+    needed_constants,
+    reward_index,
+    split_constants,
+)
 
-__all__ = ["bind", "undefined_constants"]
+__all__ = [
+    "BoundProperties",
+    "BoundProperty",
+    "bind",
+    "bind_expression",
+    "bind_properties",
+    "needed_constants",
+    "reward_index",
+    "split_constants",
+    "undefined_constants",
+]

@@ -152,9 +152,9 @@ def assign(table: Table, what: str, wanted: Type, found: Type | None, span: Span
     table.report.type(f"{what} is of type {wanted.value}: its value cannot be a {found.value}", span, rounding_hint(found, (wanted,)))
 
 
-def check_labels(names: Names, labels: Iterable[Label]) -> None:
+def check_labels(names: Names, labels: Iterable[Label], taken: Iterable[str] = ()) -> None:
     """Check that label names are free and not reserved."""
-    seen: set[str] = set()
+    seen = set(taken)
     for label in labels:
         if label.name in RESERVED_LABELS:
             names.table.report.name("reserved-label", f'label "{label.name}" has a fixed meaning and cannot be defined', label.span)
