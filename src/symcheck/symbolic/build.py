@@ -1,0 +1,101 @@
+"""Building: a bound model becomes guards, updates and relations; with `construct`, everything an engine needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from symcheck.semantics.model import BoundModel
+from symcheck.symbolic.commands import encode_event
+from symcheck.symbolic.encode import Encoding, encode
+from symcheck.symbolic.model import EncodedEvent, Relation, SymbolicModel, Transitions
+from symcheck.symbolic.translate import Limits, Translator
+
+if TYPE_CHECKING:
+    from symcheck.check.options import Options
+    from symcheck.dd.manager import Bdd, DiagramManager
+
+__all__ = ["Observer", "build", "construct", "group_relations", "initial_states"]
+
+Observer = Callable[[object], None]
+
+
+def build(
+    model: BoundModel,
+    options: Options,
+    observer: Observer | None = None,
+    *,
+    order: Sequence[str] | None = None,
+    manager: DiagramManager | None = None,
+    limits: Limits | None = None,
+) -> SymbolicModel:
+    """Encode a model: bits, guards, updates, relations. Reachability and matrices come after (`reach`, `transitions`).
+
+    `observer` gets each EncodedEvent as it is made. `order`: names of variables from the top of the diagrams down.
+    `manager`: a fresh diagram manager to build in. Raises UnsupportedError for unbounded integers, ResourceError at a limit.
+    """
+    if manager is None:
+        from symcheck.dd.manager import DiagramManager
+
+        manager = DiagramManager(max_memory=options.max_memory, time_limit=options.time_limit)
+    encoding = encode(model, order)
+    manager.add_variables(encoding.bits)
+    translator = Translator(manager, encoding, limits)
+    events: list[EncodedEvent] = []
+    for event in model.events:
+        encoded = encode_event(translator, event)
+        events.append(encoded)
+        if observer is not None:
+            observer(encoded)
+    initial = initial_states(model, translator)
+    return SymbolicModel(model, manager, encoding, translator, initial, tuple(events), group_relations(manager, encoding, events))
+
+
+def construct(
+    model: BoundModel, options: Options, observer: Observer | None = None, *, order: Sequence[str] | None = None
+) -> Transitions:
+    """Build, explore and make the matrices, in one call. `observer` gets events, iterations and the results between.
+
+    Raises ModelFault for a model that breaks a rule at a reachable state, and what `build` raises.
+    """
+    from symcheck.symbolic.reach import reach
+    from symcheck.symbolic.transitions import transitions
+
+    symbolic = build(model, options, observer, order=order)
+    space = reach(symbolic, options, observer)
+    if observer is not None:
+        observer(space)
+    return transitions(space, options, observer)
+
+
+def initial_states(model: BoundModel, translator: Translator) -> Bdd:
+    """The initial states: those that satisfy `init … endinit`, or the one that the declarations give."""
+    encoding = translator.encoding
+    if model.initial is None:
+        return translator.state({v.name: v.variable.initial for v in encoding.variables if v.variable.initial is not None})
+    states = translator.boolean(model.initial)
+    for variable in reversed(encoding.ordered):
+        states = states & translator.valid(variable)
+    return states
+
+
+def group_relations(manager: DiagramManager, encoding: Encoding, events: Sequence[EncodedEvent]) -> tuple[Relation, ...]:
+    """One relation for all events that touch the same variables, from the lowest-touching to the highest."""
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for number, event in enumerate(events):
+        if event.relation or event.learned:
+            groups.setdefault(event.touched, []).append(number)
+    relations = [make_relation(manager, encoding, events, numbers) for numbers in groups.values()]
+    return tuple(sorted(relations, key=lambda r: -r.top))
+
+
+def make_relation(manager: DiagramManager, encoding: Encoding, events: Sequence[EncodedEvent], numbers: Iterable[int]) -> Relation:
+    """The union of events that touch the same variables."""
+    numbers = tuple(numbers)
+    touched = events[numbers[0]].touched
+    relation = manager.disjunction([events[n].relation for n in numbers])
+    variables = encoding.sorted(encoding.variables[i].name for i in touched)
+    rows = [bit for v in variables for bit in v.rows]
+    columns = [bit for v in variables for bit in v.columns]
+    top = min((encoding.rank[v.name] for v in variables), default=len(encoding.variables))
+    return Relation(numbers, touched, relation, manager.transition(rows, columns), top)

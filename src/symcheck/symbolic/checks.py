@@ -1,0 +1,87 @@
+"""Rules that reachable states must keep, checked on the diagrams: sums, signs, ranges, deadlocks.
+
+What breaks a rule is found as a set of states; its lowest state is the example. What exactly is wrong there is said by
+the scalar semantics (`symcheck.semantics.step`), which every way of building shares, so all engines report alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from symcheck.errors import Diagnostic, InputError, ModelFault
+from symcheck.semantics import faults, step
+from symcheck.symbolic.commands import positive
+from symcheck.symbolic.model import EncodedCommand, StateSpace, SymbolicModel
+from symcheck.syntax.ast import ModelType
+
+if TYPE_CHECKING:
+    from symcheck.check.options import Options
+    from symcheck.dd.manager import Bdd
+
+__all__ = ["check_initial", "check_model"]
+
+
+def check_initial(symbolic: SymbolicModel) -> None:
+    """Raise ModelFault where `init … endinit` holds in no state."""
+    if not symbolic.initial and symbolic.model.initial is not None:
+        raise ModelFault(faults.no_initial_state(symbolic.model.initial.span))
+
+
+def check_model(space: StateSpace, options: Options) -> None:
+    """Raise ModelFault with what is wrong at reachable states, an example of each fault found."""
+    found: dict[Diagnostic, None] = {}
+    for states in _violations(space, options):
+        found.update(dict.fromkeys(_explain(space, states, options)))
+    if space.deadlocks and not options.fix_deadlocks:
+        some = [faults.describe_state(space.symbolic.model.variables, s) for s in space.valuations(space.deadlocks, 3)]
+        found[faults.deadlocks(some, space.symbolic.manager.count(space.deadlocks, space.symbolic.encoding.rows))] = None
+    if found:
+        raise ModelFault(*found)
+
+
+def _explain(space: StateSpace, states: Bdd, options: Options) -> tuple[Diagnostic, ...]:
+    state = next(space.valuations(states, 1))
+    try:
+        step.choices(space.symbolic.model, state, check_sums=options.check_sums)
+    except InputError as fault:
+        return fault.diagnostics
+    return ()
+
+
+def _violations(space: StateSpace, options: Options) -> Iterator[Bdd]:
+    """Non-empty sets of reachable states that break a rule, one per command and rule."""
+    for event in space.symbolic.events:
+        enabled = event.guard & space.states
+        for commands in event.participants if enabled else ():
+            for command in commands:
+                where = command.guard & enabled
+                if where:
+                    yield from filter(None, _command_violations(space, command, where, options))
+
+
+def _command_violations(space: StateSpace, command: EncodedCommand, where: Bdd, options: Options) -> Iterator[Bdd]:
+    translator = space.symbolic.translator
+    for update in command.updates:
+        if isinstance(update.probability, float):
+            if not 0 <= update.probability < float("inf"):
+                yield where
+        else:
+            infinite = update.probability.compare("=", float("inf"))
+            yield where & (update.probability.compare("<", 0.0) | infinite | translator.undefined(update.update.probability))
+        if not update.in_range.is_true:
+            yield (where & positive(translator, update)) - update.in_range
+    if options.check_sums and space.symbolic.model.type is not ModelType.CTMC:
+        yield _wrong_sum(space, command, where)
+
+
+def _wrong_sum(space: StateSpace, command: EncodedCommand, where: Bdd) -> Bdd:
+    manager = space.symbolic.manager
+    constant = sum(u.probability for u in command.updates if isinstance(u.probability, float))
+    variable = [u.probability for u in command.updates if not isinstance(u.probability, float)]
+    if not variable:
+        return manager.false if faults.sums_to_one(constant) else where
+    total = manager.sum([p.times_bdd(where) for p in variable]) + constant
+    # The bounds as the scalar rule computes them: |total - 1| <= tolerance.
+    distance = (total - 1.0).maximum(1.0 - total)
+    return where & distance.compare(">", faults.SUM_TOLERANCE)

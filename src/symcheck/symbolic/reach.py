@@ -1,0 +1,197 @@
+"""The reachable states, by image computation with partitioned relations.
+
+Schedules (`schedule` of `search`):
+
+- `frontier`: breadth first. Each iteration takes the images of the states found last, by every relation.
+- `chaining`: each relation in turn is applied to all states found so far, so one sweep does the work of many steps
+  (Roig, Cortadella & Pastor 1995). Few sweeps, but each image is of a larger set.
+- `saturation`: fixpoints from the bottom of the order upwards: a relation that touches only low variables is exhausted
+  before any relation above it is applied again (Ciardo, Lüttgen & Siminiscalco 2001). Best where events are local.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from symcheck.symbolic.build import group_relations
+from symcheck.symbolic.commands import encode_event
+from symcheck.symbolic.model import EncodedEvent, Iteration, Relation, StateSpace, SymbolicModel
+
+if TYPE_CHECKING:
+    from symcheck.check.options import Options
+    from symcheck.dd.manager import Bdd
+
+__all__ = ["Found", "SCHEDULES", "reach", "search"]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the search knows after an iteration: states, those found last, and the model as far as it is learned."""
+
+    symbolic: SymbolicModel
+    states: Bdd
+    frontier: Bdd
+    iteration: Iteration
+
+
+def reach(
+    symbolic: SymbolicModel, options: Options, observer: Callable[[object], None] | None = None, *, schedule: str | None = None
+) -> StateSpace:
+    """All reachable states, and those of them that have no transition (deadlocks).
+
+    `observer` gets each Iteration (with numbers of states, which are counted only then). `options` sets the limits of
+    the manager already; none is read here. Raises ResourceError at a limit.
+    """
+    del options
+    started = time.perf_counter()
+    schedule = schedule or choose_schedule(symbolic)
+    iterations: list[Iteration] = []
+    last: Found | None = None
+    for last in search(symbolic, schedule, counting=observer is not None):
+        iterations.append(last.iteration)
+        if observer is not None:
+            observer(last.iteration)
+    assert last is not None
+    complete = last.symbolic
+    deadlocks = last.states & ~enabled(complete)
+    count = symbolic.manager.count(last.states, symbolic.encoding.rows)
+    return StateSpace(complete, last.states, deadlocks, count, schedule, time.perf_counter() - started, tuple(iterations))
+
+
+def enabled(symbolic: SymbolicModel) -> Bdd:
+    """States with some transition."""
+    return symbolic.manager.disjunction([r.relation.exists(r.transition.columns) for r in symbolic.relations])
+
+
+def choose_schedule(symbolic: SymbolicModel) -> str:
+    """A schedule by the model's structure (the reasons are in benchmarks/README.md)."""
+    if any(e.learned for e in symbolic.events):
+        return "frontier"
+    return "saturation"
+
+
+def search(symbolic: SymbolicModel, schedule: str = "frontier", *, counting: bool = True) -> Iterator[Found]:
+    """Explore step by step; the last value has all reachable states. `counting`: fill in the numbers of states.
+
+    Raises ValueError for an unknown schedule, or one that cannot learn (all but frontier) where something is to learn.
+    """
+    if schedule not in SCHEDULES:
+        raise ValueError(f"unknown schedule {schedule}: one of {', '.join(SCHEDULES)}")
+    if schedule != "frontier" and any(e.learned for e in symbolic.events):
+        raise ValueError(f"schedule {schedule} cannot learn relations on the way: use frontier")
+    number = 0
+    before = symbolic.manager.false
+    started = time.perf_counter()
+    for model, states in SCHEDULES[schedule](symbolic):
+        frontier = states & ~before
+        yield Found(model, states, frontier, _measure(model, number, states, frontier, started, counting))
+        before, number = states, number + 1
+
+
+def _measure(symbolic: SymbolicModel, number: int, states: Bdd, frontier: Bdd, started: float, counting: bool) -> Iteration:
+    count, bits = symbolic.manager.count, symbolic.encoding.rows
+    seconds = time.perf_counter() - started
+    if not counting:
+        return Iteration(number, None, states.node_count, None, frontier.node_count, seconds)
+    return Iteration(number, count(states, bits), states.node_count, count(frontier, bits), frontier.node_count, seconds)
+
+
+# ------------------------------------------------------------------------------------------------ schedules
+
+Progress = Iterator[tuple[SymbolicModel, "Bdd"]]
+
+
+def _by_frontier(symbolic: SymbolicModel) -> Progress:
+    states = frontier = symbolic.initial
+    yield symbolic, states
+    while frontier:
+        symbolic = learn(symbolic, frontier)
+        frontier = symbolic.successors(frontier) - states
+        states = states | frontier
+        if frontier:
+            yield symbolic, states
+    yield symbolic, states
+
+
+def _by_chaining(symbolic: SymbolicModel) -> Progress:
+    states, before = symbolic.initial, symbolic.manager.false
+    while states != before:
+        yield symbolic, states
+        before = states
+        for relation in symbolic.relations:
+            states = states | relation.image(states)
+    yield symbolic, states
+
+
+def _by_saturation(symbolic: SymbolicModel) -> Progress:
+    yield symbolic, symbolic.initial
+    states = symbolic.initial
+    levels = _levels(symbolic.relations)
+    before = symbolic.manager.false
+    while states != before:
+        before = states
+        states = _saturate(symbolic, levels, len(levels) - 1, states)
+    yield symbolic, states
+
+
+def _levels(relations: Sequence[Relation]) -> list[list[Relation]]:
+    """Relations by the topmost variable that they touch, lowest in the order first."""
+    levels: dict[int, list[Relation]] = {}
+    for relation in relations:
+        levels.setdefault(relation.top, []).append(relation)
+    return [levels[top] for top in sorted(levels, reverse=True)]
+
+
+def _saturate(symbolic: SymbolicModel, levels: Sequence[Sequence[Relation]], level: int, states: Bdd) -> Bdd:
+    """Close `states` under the relations of this level and of all below it."""
+    if level < 0:
+        return states
+    before = symbolic.manager.false
+    while states != before:
+        before = states
+        states = _saturate(symbolic, levels, level - 1, states)
+        for relation in levels[level]:
+            states = states | relation.image(states)
+    return states
+
+
+SCHEDULES: dict[str, Callable[[SymbolicModel], Progress]] = {
+    "frontier": _by_frontier,
+    "chaining": _by_chaining,
+    "saturation": _by_saturation,
+}
+
+
+# ------------------------------------------------------------------------------------------------ learning
+
+
+def learn(symbolic: SymbolicModel, states: Bdd) -> SymbolicModel:
+    """Complete the learned events on `states`; the same model if nothing is new."""
+    if not any(e.learned for e in symbolic.events):
+        return symbolic
+    events = list(symbolic.events)
+    changed = False
+    for number, event in enumerate(events):
+        if event.learned and _learn_event(symbolic, event, states):
+            events[number] = encode_event(symbolic.translator, event.event)
+            changed = True
+    if not changed:
+        return symbolic
+    return replace(symbolic, events=tuple(events), relations=group_relations(symbolic.manager, symbolic.encoding, events))
+
+
+def _learn_event(symbolic: SymbolicModel, event: EncodedEvent, states: Bdd) -> bool:
+    translator, changed = symbolic.translator, False
+    for commands in event.participants:
+        for command in commands:
+            always, guarded = translator.learned_parts(command.command)
+            for part in always:
+                changed |= part.extend(states)
+            if guarded:
+                here = states & translator.boolean(command.command.guard)
+                for part in guarded:
+                    changed |= part.extend(here)
+    return changed
