@@ -7,11 +7,11 @@ neither Lark nor the time to build an automaton. A test compares the tables with
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib import resources
 from pathlib import Path
 
 __all__ = ["Grammar", "Packed", "Rule", "load", "read"]
@@ -87,6 +87,8 @@ class Grammar:
 
 def read(name: str) -> str:
     """Text of a grammar file, such as 'prism.lark': the installed one, else the repository's."""
+    from importlib import resources  # here, as it costs 5 ms and no run needs the texts
+
     packaged = resources.files("symcheck").joinpath("grammar", name)
     if packaged.is_file():
         return packaged.read_text(encoding="utf-8")
@@ -98,7 +100,7 @@ def load(name: str) -> Grammar:
     """The tables of 'prism' or 'properties'."""
     from symcheck.syntax import tables
 
-    return unpack(tables.PRISM if name == "prism" else tables.PROPERTIES)
+    return unpack(json.loads((tables.PRISM if name == "prism" else tables.PROPERTIES).replace("\n", "")))
 
 
 def unpack(packed: Packed) -> Grammar:
@@ -106,10 +108,10 @@ def unpack(packed: Packed) -> Grammar:
     terminals, literals, patterns, rules, rows, row_of, gotos, starts = packed
     unique = [dict(zip(row[::2], row[1::2], strict=True)) for row in rows]
     return Grammar(
-        terminals=terminals,
+        terminals=tuple(terminals),
         literals=dict(literals),
-        patterns=patterns,
-        rules=tuple(Rule(*rule) for rule in rules),
+        patterns=tuple((kind, pattern) for kind, pattern in patterns),
+        rules=tuple(Rule(head, length, action, tuple(shape)) for head, length, action, shape in rules),
         rows=tuple(unique[i] for i in row_of),
         gotos=tuple(dict(zip(g[::2], g[1::2], strict=True)) for g in gotos),  # type: ignore[arg-type]
         starts={symbol: (first, last) for symbol, first, last in starts},

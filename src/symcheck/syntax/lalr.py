@@ -107,7 +107,7 @@ class Parser:
                 states[-1] = gotos[states[-2]][rule.head]
             elif n:
                 start, end = starts[-n], ends[-1]
-                depth = max(depths[-n:]) + 1
+                depth = max(depths[-n:]) + (rule.action != "")
                 values[-n:] = [self._reduce(number, values[-n:], start, end)]
                 del states[-n:], starts[-n:], ends[-n:], depths[-n:]
                 states.append(gotos[states[-1]][rule.head])
