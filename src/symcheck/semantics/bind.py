@@ -6,6 +6,7 @@ from symcheck.semantics.programs import bind, undefined_constants
 from symcheck.semantics.properties import (
     BoundProperties,
     BoundProperty,
+    SplitConstants,
     bind_expression,
     bind_properties,
     needed_constants,
@@ -16,6 +17,7 @@ from symcheck.semantics.properties import (
 __all__ = [
     "BoundProperties",
     "BoundProperty",
+    "SplitConstants",
     "bind",
     "bind_expression",
     "bind_properties",

@@ -116,18 +116,15 @@ def _check(checked: CheckedProgram) -> None:
 
 
 def give(table: Table, declared: Iterable[Constant], given: Mapping[str, Given], where: str = "model") -> None:
-    """Take over given constants; note those that are unknown or already defined."""
+    """Take over given constants; note those that are unknown."""
     known = {c.name: c for c in declared}
     for name, value in given.items():
         if name not in known:
             hint = suggest(name, known)
             table.report.name("unknown-constant", f"constant {name} is given a value, but the {where} has no such constant", NO_SPAN, hint)
-        elif known[name].value is not None:
-            message = f"constant {name} is given a value, but the {where} defines it"
-            hint = f"write `const {known[name].type.value} {name};` to leave it open"
-            table.report.name("constant-defined", message, known[name].span, hint)
-        else:
-            table.given[name] = value.item() if hasattr(value, "item") else value  # numpy's scalars
+            continue
+        store = table.given if known[name].value is None else table.repeated
+        store[name] = value.item() if hasattr(value, "item") else value  # numpy's scalars
 
 
 def check_constants(names: Names, constants: Iterable[Constant]) -> None:

@@ -21,7 +21,10 @@ Given = Value | str
 
 
 class Table:
-    """Constants, formulas and variables by name, and the values of constants, computed when first asked for."""
+    """Constants, formulas and variables by name, and the values of constants, computed when first asked for.
+
+    given: values for constants that the text leaves open; repeated: for constants that it defines, with which they must agree.
+    """
 
     def __init__(self, report: Report, exact: bool) -> None:
         self.report = report
@@ -30,6 +33,7 @@ class Table:
         self.formulas: dict[str, Formula] = {}
         self.variables: dict[str, Type] = {}
         self.given: dict[str, Given] = {}
+        self.repeated: dict[str, Given] = {}
         self._values: dict[str, Value | InputError] = {}
 
     # -------------------------------------------------------------------------------------------- filling
@@ -112,6 +116,15 @@ class Table:
             raise value
         return value
 
+    def check_repeated(self) -> None:
+        """Note given values that differ from what the text defines. Raises InputError where a value is missing."""
+        for name, given in self.repeated.items():
+            constant, value = self.constants[name], self.value(name)
+            if self._read_given(constant, given) != value:
+                message = f"constant {name} is given the value {given}, but it is defined as {format_value(value)}"
+                hint = f"write `const {constant.type.value} {name};` to leave it open"
+                self.report.name("constant-defined", message, constant.span, hint)
+
     def _compute(self, constant: Constant) -> Value:
         if constant.name in self.given:
             return self._read_given(constant, self.given[constant.name])
@@ -156,8 +169,8 @@ def names_in(tree: Tree) -> list[Name]:
 def read_value(text: str) -> Expression:
     """The expression that a text such as `5`, `0.25`, `1/3` or `2*N` writes. Raises SyntaxFault."""
     plain = text.strip()
-    if plain in ("true", "false"):
-        return Literal(plain == "true", Type.BOOL)
+    if plain.lower() in ("true", "false"):
+        return Literal(plain.lower() == "true", Type.BOOL)
     digits = plain.removeprefix("-")
     if digits.isascii() and digits.isdigit():
         return Literal(int(plain), Type.INT)

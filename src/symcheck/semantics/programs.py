@@ -76,6 +76,7 @@ class _Builder:
         root = self.checked.root
         constants = {c.name: v for c in self.program.constants if (v := self._value(c)) is not None}
         self.report.raise_found()
+        self.table.check_repeated()
         variables = tuple(self._variable(name, owner) for name, owner in self.checked.owners.items())
         modules = tuple(self._module(i, copy, names) for i, (copy, names) in enumerate(self.checked.modules))
         labels = {x.name: root.expand(x.expression) for x in self.program.labels}

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
-from symcheck.errors import NO_SPAN, InputError, NameFault, Span
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.semantics.checks import check_constants, check_labels, give
 from symcheck.semantics.conditions import check_conditions, reward_index
 from symcheck.semantics.depth import deeply
@@ -19,7 +20,16 @@ from symcheck.semantics.texts import PropertyTexts
 from symcheck.syntax.ast import Constant, Expression, Formula, LabelReference, Program, PropertiesFile, Type
 from symcheck.syntax.walk import Tree, transform
 
-__all__ = ["BoundProperties", "BoundProperty", "bind_expression", "bind_properties", "needed_constants", "reward_index", "split_constants"]
+__all__ = [
+    "BoundProperties",
+    "BoundProperty",
+    "SplitConstants",
+    "bind_expression",
+    "bind_properties",
+    "needed_constants",
+    "reward_index",
+    "split_constants",
+]
 
 
 @dataclass(frozen=True)
@@ -69,12 +79,8 @@ class BoundProperties:
                     return p
         if str(which).isdecimal() and 1 <= int(which) <= len(self.properties):
             return self.properties[int(which) - 1]
-        report = Report()
-        names = [p.name for p in self.properties if p.name is not None]
-        report.name(
-            "unknown-property", f"there is no property {which} among the {len(self.properties)}", NO_SPAN, suggest(str(which), names)
-        )
-        raise report.fault() or NameFault()
+        hint = suggest(str(which), (p.name for p in self.properties if p.name is not None))
+        raise NameFault(Diagnostic(f"there is no property {which} among the {len(self.properties)}", NO_SPAN, "unknown-property", hint))
 
     def raise_faults(self) -> None:
         """Raise all faults of all properties at once, other than missing constants, if there are any."""
@@ -95,17 +101,33 @@ def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str,
     return tuple(texts.undefined(p.formula, program.constants) for p in file.properties)
 
 
-def split_constants(program: Program, file: PropertiesFile | None, given: Mapping[str, Given]) -> tuple[dict[str, Given], dict[str, Given]]:
-    """Given constants as those of the model and those of the properties. Raises NameFault for names that neither has."""
-    report = Report()
+class SplitConstants(NamedTuple):
+    """Given constants: those of the model, those of the properties, and a warning for each that neither has."""
+
+    of_model: dict[str, Given]
+    of_properties: dict[str, Given]
+    warnings: tuple[Diagnostic, ...]
+
+
+def split_constants(program: Program, file: PropertiesFile | None, given: Mapping[str, Given]) -> SplitConstants:
+    """Share out given constants, as `bind` and `bind_properties` want only their own.
+
+    A misspelt name leaves the right one undefined, which is an error, so that a warning is enough for unknown names.
+    """
     of_model = {c.name for c in program.constants}
     of_file = {c.name for c in file.constants} if file is not None else set()
-    for name in given.keys() - of_model - of_file:
-        where = "the model has" if file is None else "neither the model nor the properties have"
-        hint = suggest(name, of_model | of_file)
-        report.name("unknown-constant", f"constant {name} is given a value, but {where} no such constant", NO_SPAN, hint)
-    report.raise_found()
-    return {n: v for n, v in given.items() if n in of_model}, {n: v for n, v in given.items() if n not in of_model}
+    split = SplitConstants({}, {}, tuple(_unknown(n, of_model | of_file) for n in given if n not in of_model | of_file))
+    for name, value in given.items():
+        if name in of_model:
+            split.of_model[name] = value
+        elif name in of_file:
+            split.of_properties[name] = value
+    return split
+
+
+def _unknown(name: str, known: Iterable[str]) -> Diagnostic:
+    message = f"constant {name} is given a value, but there is no such constant in the model and its properties"
+    return Diagnostic(message, NO_SPAN, "unknown-constant", suggest(name, known), "warning")
 
 
 def bind_properties(file: PropertiesFile, model: BoundModel, constants: Mapping[str, Given] | None = None) -> BoundProperties:
@@ -199,6 +221,7 @@ class _Properties:
         check_labels(self.names, self.file.labels, self.model.labels)
         self.texts.check_names()
         report.raise_found()
+        self.table.check_repeated()
         for label in self.file.labels:
             self.names.typer().boolean(self.texts.label(label.expression), f'label "{label.name}"')
 
