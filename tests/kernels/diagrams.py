@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-LEAF = 2**31 - 1
+LEAF = 10**6
 
 
 class Builder:
@@ -63,22 +63,15 @@ class Builder:
             node = self.high[node] if bits[self.level[node]] else self.low[node]
         return self.value[node]
 
-    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        return (np.array(self.level, np.int32), np.array(self.low, np.int32), np.array(self.high, np.int32), np.array(self.value))
-
-    def leaves(self) -> tuple[np.ndarray, np.ndarray]:
-        """The number of each leaf's value, and the values (0 first)."""
-        values = [0.0]
-        numbers = []
-        for low, value in zip(self.low, self.value, strict=True):
-            if low >= 0:
-                numbers.append(-1)
-            elif value == 0:
-                numbers.append(0)
-            else:
-                numbers.append(len(values))
-                values.append(value)
-        return np.array(numbers, np.int32), np.array(values)
+    def arrays(self, *roots: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(level, low, high, value, roots) with the leaves first and their own children, as the kernels take them."""
+        order = sorted(range(len(self.level)), key=lambda i: self.low[i] >= 0)
+        place = {node: i for i, node in enumerate(order)}
+        place[-1] = -1
+        low, high = (np.array([place[x[i]] for i in order], np.int32) for x in (self.low, self.high))
+        values = np.array([self.value[i] for i in order if self.low[i] < 0])
+        low[: len(values)] = high[: len(values)] = np.arange(len(values))
+        return np.array([self.level[i] for i in order], np.int32), low, high, values, np.array([place[r] for r in roots], np.int32)
 
 
 def points(k: int) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels.diagrams import Builder, points
 
+from kernels.diagrams import Builder, points
 from symcheck.kernels import odd
 
 
@@ -27,10 +27,15 @@ def levels_of(k: int) -> np.ndarray:
     return (3 * np.arange(k) + 1).astype(np.int32)  # with gaps: rows seldom have all levels to themselves
 
 
+def odd_of(builder: Builder, root: int, levels: np.ndarray) -> tuple:
+    *table, roots = builder.arrays(root)
+    return odd.build(*table, roots[0], levels)
+
+
 def build(k: int, member: np.ndarray) -> tuple[tuple, Builder, np.ndarray]:
     builder = Builder()
     root = builder.dense(levels_of(k).tolist(), member.astype(float))
-    return odd.build(*builder.arrays(), root, levels_of(k)), builder, levels_of(k)
+    return odd_of(builder, root, levels_of(k)), builder, levels_of(k)
 
 
 @given(sets())
@@ -88,12 +93,13 @@ def test_expand_and_collapse_are_inverse(case: tuple[int, np.ndarray], data: st.
     o, builder, levels = build(k, member)
     root = builder.dense(levels.tolist(), sub.astype(float))
     out = np.zeros(member.sum(), np.uint8)
-    odd.expand(*o, *builder.arrays(), root, levels, out)
+    *table, roots = builder.arrays(root)
+    odd.expand(*o, *table, roots[0], levels, out)
     np.testing.assert_array_equal(out, sub[member])
 
     words = np.zeros(len(out) // 64 + 2, np.uint64)
     words.view(np.uint8)[: (len(out) + 7) // 8] = np.packbits(out, bitorder="little")
-    level, low, high, croot = odd.collapse(*o, words, levels)
+    level, low, high, croot = odd.collapse(*o, words, levels, 99)
     # the same, node by node: the diagram of (sub & member) is unique
     again = Builder()
     again.leaf(0)
@@ -116,11 +122,9 @@ def test_vectors_there_and_back(case: tuple[int, np.ndarray], seed: int, distinc
     leaves = odd.number(values, ids)
     np.testing.assert_array_equal(leaves[ids], values)
     assert len(set(leaves.tolist())) == len(leaves)
-    level, low, high, root = odd.vector_table(*o, ids, len(leaves), levels)
-    value = np.zeros(len(level))
-    value[: len(leaves)] = leaves
+    level, low, high, root = odd.vector_table(*o, ids, len(leaves), levels, 99)
     out = np.zeros(len(values))
-    odd.expand(*o, level, low, high, value, root, levels, out)
+    odd.expand(*o, level, low, high, leaves, root, levels, out)
     np.testing.assert_array_equal(out, values)
     assert len(set(zip(level[len(leaves) :], low[len(leaves) :], high[len(leaves) :], strict=True))) == len(level) - len(leaves)
     assert (low[len(leaves) :] != high[len(leaves) :]).all()
@@ -137,16 +141,16 @@ def test_a_level_outside_of_the_list_is_refused() -> None:
     builder = Builder()
     root = builder.dense([1, 2], np.array([0.0, 1, 1, 0]))
     with pytest.raises(ValueError, match="levels"):
-        odd.build(*builder.arrays(), root, np.array([1], np.int32))
+        odd_of(builder, root, np.array([1], np.int32))
     with pytest.raises(ValueError, match="levels"):
-        odd.build(*builder.arrays(), root, np.array([2], np.int32))
+        odd_of(builder, root, np.array([2], np.int32))
 
 
 def test_huge_sets_are_counted_or_refused() -> None:
     builder = Builder()
     one = builder.leaf(1)
     builder.leaf(0)
-    depth, low, high, count, root = odd.build(*builder.arrays(), one, levels_of(62))
+    depth, low, high, count, root = odd_of(builder, one, levels_of(62))
     assert count[root] == 2**62
     bits = np.empty((2, 62), np.uint8)
     odd.unrank(depth, low, high, count, root, np.array([0, 2**62 - 1]), bits)
@@ -155,7 +159,7 @@ def test_huge_sets_are_counted_or_refused() -> None:
     with pytest.raises(IndexError):
         odd.unrank(depth, low, high, count, root, np.array([2**62]), bits[:1])
     with pytest.raises(OverflowError):
-        odd.build(*builder.arrays(), one, levels_of(63))
+        odd_of(builder, one, levels_of(63))
 
 
 def test_a_small_subset_of_a_huge_set_needs_its_own_odd_only() -> None:
@@ -166,8 +170,8 @@ def test_a_small_subset_of_a_huge_set_needs_its_own_odd_only() -> None:
     for level in levels[::-1]:  # bits 3, 20 and 41 free, the others 1
         free = level in (levels[3], levels[20], levels[41])
         node = node if free else builder.node(int(level), zero, node)
-    sub = odd.build(*builder.arrays(), node, levels)
-    sup = odd.build(*builder.arrays(), one, levels)
+    sub = odd_of(builder, node, levels)
+    sup = odd_of(builder, one, levels)
     out = np.empty(8, np.int64)
     odd.embed(sub, sup, out)
     bits = np.ones((8, 60), np.uint8)
@@ -183,7 +187,7 @@ def test_long_blocks_collapse(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k = 14
     member = np.kron(rng.random(2**7) < 0.7, np.ones(2**7)).astype(bool) & (rng.random(2**14) < 0.999)
-    o, builder, levels = build(k, member)
+    o, _, levels = build(k, member)
     n = member.sum()
     flags = np.zeros(n, np.uint8)
     edges = np.sort(rng.integers(0, n + 1, 6))
@@ -191,9 +195,7 @@ def test_long_blocks_collapse(seed: int) -> None:
         flags[a:b] = 1
     words = np.zeros(n // 64 + 2, np.uint64)
     words.view(np.uint8)[: (n + 7) // 8] = np.packbits(flags, bitorder="little")
-    level, low, high, root = odd.collapse(*o, words, levels)
-    value = np.zeros(len(level))
-    value[1] = 1
+    level, low, high, root = odd.collapse(*o, words, levels, 99)
     out = np.zeros(n, np.uint8)
-    odd.expand(*o, level, low, high, value, root, levels, out)
+    odd.expand(*o, level, low, high, np.array([0.0, 1]), root, levels, out)
     np.testing.assert_array_equal(out, flags)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels.diagrams import Builder
 
+from kernels.diagrams import Builder
 from symcheck.kernels import odd
 from symcheck.kernels.quad import Blocks, Quad
 
@@ -33,11 +34,10 @@ def make(k: int, matrices: list[np.ndarray], rows: np.ndarray, columns: np.ndarr
     row_root = builder.dense(row_levels.tolist(), rows.astype(float))
     col_root = builder.dense(col_levels.tolist(), columns.astype(float))
     roots = [builder.dense(levels, interleave(m, k)) for m in matrices]
-    level, low, high, value = builder.arrays()
-    leaf, values = builder.leaves()
-    row = odd.build(level, low, high, value, row_root, row_levels)
-    col = odd.build(level, low, high, value, col_root, col_levels)
-    quad = Quad(level, low, high, leaf, values, np.array(roots, np.int32), row, col, row_levels, col_levels)
+    *table, numbers = builder.arrays(row_root, col_root, *roots)
+    row = odd.build(*table, numbers[0], row_levels)
+    col = odd.build(*table, numbers[1], col_levels)
+    quad = Quad(*table, numbers[2:], row, col, row_levels, col_levels)
     return Case(quad, [m[np.ix_(rows, columns)] for m in matrices])
 
 
@@ -109,7 +109,7 @@ def test_products(case: Case, budget: int, seed: int) -> None:
         np.testing.assert_allclose(y, 1 + z @ dense, rtol=1e-13)
         parts = np.zeros(dense.shape[0])
         cuts = [0, *sorted(rng.integers(0, dense.shape[0] + 1, 3).tolist()), dense.shape[0]]
-        for low, high in zip(cuts, cuts[1:], strict=False):
+        for low, high in pairwise(cuts):
             blocks.multiply_rows(root, x, parts, low, high)
         np.testing.assert_allclose(parts, dense @ x, rtol=1e-13, atol=1e-15)
         if dense.shape[0] == dense.shape[1]:
@@ -149,9 +149,8 @@ def test_arrays_of_another_length_are_refused() -> None:
 def test_a_foreign_variable_is_refused() -> None:
     builder = Builder()
     root = builder.dense([0, 1], np.array([0.0, 1, 1, 0]))
-    level, low, high, value = builder.arrays()
-    leaf, values = builder.leaves()
+    *table, numbers = builder.arrays(root, builder.leaf(1))
     levels = np.array([1], np.int32)
-    o = odd.build(level, low, high, value, builder.unique[("leaf", 1.0)], levels)
+    o = odd.build(*table, numbers[1], levels)
     with pytest.raises(ValueError, match="neither"):
-        Quad(level, low, high, leaf, values, np.array([root], np.int32), o, o, levels, np.array([2], np.int32))
+        Quad(*table, numbers[:1], o, o, levels, np.array([2], np.int32))

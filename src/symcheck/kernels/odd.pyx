@@ -8,7 +8,8 @@ lexicographic order of their bits. Four arrays hold it, children before parents:
     low, high  the branches; node 0 is the empty set, node 1 the leaf of a member
     count[M]   members below
 
-A diagram (BDD or MTBDD) comes as a node table: level[N], low[N], high[N] and value[N], where a leaf has low < 0.
+A diagram (BDD or MTBDD) comes as a node table: level[N], low[N], high[N] and value[leaves]; the nodes below `leaves` are
+the leaves, with their values (a BDD has two, of values 0 and 1).
 
 Every expansion to an array runs in O(nodes + length): the first placement of a node in the output is remembered, and
 later placements are block copies of it.
@@ -45,6 +46,7 @@ cdef struct Table:
     const int32_t* low
     const int32_t* high
     const double* value
+    int32_t leaves
 
 cdef struct Odd:
     const int32_t* depth
@@ -95,7 +97,7 @@ cdef int64_t _grow(Growing* g, int32_t node, int32_t depth) noexcept nogil:
     cdef int64_t low, high, result
     cdef uint64_t key
     cdef Slot* slot
-    if g.table.low[node] < 0:
+    if node < g.table.leaves:
         if g.table.value[node] == 0:
             return 0
         if depth == g.k:
@@ -107,9 +109,9 @@ cdef int64_t _grow(Growing* g, int32_t node, int32_t depth) noexcept nogil:
     if not memo_free(slot):
         return slot.node
     level = g.levels[depth]
-    if g.table.low[node] >= 0 and g.table.level[node] < level:
+    if node >= g.table.leaves and g.table.level[node] < level:
         return FOREIGN_LEVEL
-    if g.table.low[node] >= 0 and g.table.level[node] == level:
+    if node >= g.table.leaves and g.table.level[node] == level:
         low = _grow(g, g.table.low[node], depth + 1)
         if low < 0:
             return low
@@ -151,7 +153,7 @@ def build(const int32_t[::1] level, const int32_t[::1] low, const int32_t[::1] h
     cdef int64_t result = OUT_OF_MEMORY
     cdef int32_t dummy = 0
     memset(&g, 0, sizeof(Growing))
-    g.table = Table(&level[0], &low[0], &high[0], &value[0])
+    g.table = Table(&level[0], &low[0], &high[0], &value[0], <int32_t>value.shape[0])
     g.k = <int32_t>levels.shape[0]
     g.levels = &levels[0] if g.k else &dummy
     g.room = 1024
@@ -429,7 +431,7 @@ cdef int _expand(Expansion* e, int32_t node, int32_t f, int64_t at) noexcept nog
     cdef Slot* slot
     cdef int status
     while True:
-        if e.table.low[f] < 0:
+        if f < e.table.leaves:
             _fill(e, at, n, e.table.value[f])
             return 0
         depth = e.odd.depth[node]
@@ -485,7 +487,7 @@ def expand(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] 
         e.out = <char*>&bytes_[0]
         e.width = 1
     e.odd = _odd(depth, low, high, count)
-    e.table = Table(&level[0], &tlow[0], &thigh[0], &value[0])
+    e.table = Table(&level[0], &tlow[0], &thigh[0], &value[0], <int32_t>value.shape[0])
     e.k = <int32_t>levels.shape[0]
     e.levels = &levels[0] if e.k else &dummy
     if memo_open(&e.memo, 1024) < 0:
@@ -639,7 +641,7 @@ cdef int64_t _split(Writer* w, int32_t node, int64_t at) noexcept nogil:
     return _node(w, level, first, _collapse(w, high, at + w.odd.count[low]))
 
 
-cdef int _open(Writer* w, int64_t leaves, int64_t nodes) except -1:
+cdef int _open(Writer* w, int64_t leaves, int32_t bottom) except -1:
     cdef int64_t i
     w.room = leaves + 1024
     w.level = <int32_t*>malloc(w.room * 4)
@@ -648,8 +650,8 @@ cdef int _open(Writer* w, int64_t leaves, int64_t nodes) except -1:
     if w.level == NULL or w.low == NULL or w.high == NULL or memo_open(&w.unique, 1024) < 0 or memo_open(&w.memo, 1024) < 0:
         raise MemoryError
     for i in range(leaves):
-        w.level[i] = 0x7FFFFFFF
-        w.low[i] = w.high[i] = -1
+        w.level[i] = bottom
+        w.low[i] = w.high[i] = <int32_t>i
     w.used = leaves
     return 0
 
@@ -666,8 +668,10 @@ cdef void _close(Writer* w) noexcept:
 
 
 def collapse(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count, int root,
-             const uint64_t[::1] bits, const int32_t[::1] levels):
-    """The BDD of the members whose bit is set, as a node table (level, low, high, root); nodes 0 and 1 are the leaves.
+             const uint64_t[::1] bits, const int32_t[::1] levels, int bottom):
+    """The BDD of the members whose bit is set, as a node table (level, low, high, root).
+
+    Nodes 0 and 1 are the leaves, of level `bottom` and their own children; other children come before their parents.
 
     bits: member i is bit i % 64 of word i // 64; one spare word at the end. Blocks of equal bits cost one look at their
     words; blocks of up to 64 members are memoised by their content.
@@ -688,7 +692,7 @@ def collapse(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1
             w.whole[i] = -1
         w.whole[0] = 0
         w.whole[1] = 1
-        _open(&w, 2, nodes)
+        _open(&w, 2, bottom)
         with nogil:
             result = _collapse(&w, root, 0)
         if result < 0:
@@ -789,8 +793,8 @@ def number(const double[::1] values, int32_t[::1] ids):
 
 
 def vector_table(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count, int root,
-                 const int32_t[::1] ids, int leaves, const int32_t[::1] levels):
-    """The MTBDD of a vector over the members, 0 elsewhere: (level, low, high, root); nodes 0 .. leaves-1 are the leaves.
+                 const int32_t[::1] ids, int leaves, const int32_t[::1] levels, int bottom):
+    """The MTBDD of a vector over the members, 0 elsewhere: (level, low, high, root); leaves as in `collapse`.
 
     ids: int32[n], the number of each member's value, where 0 is the value 0. Blocks of one value cost one comparison run.
     """
@@ -809,7 +813,7 @@ def vector_table(const int32_t[::1] depth, const int32_t[::1] low, const int32_t
             raise MemoryError
         for i in range(nodes):
             w.last[i] = -1
-        _open(&w, leaves, nodes)
+        _open(&w, leaves, bottom)
         if ids.shape[0]:
             with nogil:
                 result = _vector(&w, root, 0)

@@ -154,7 +154,8 @@ cdef struct Walk:
     const int32_t* level
     const int32_t* low
     const int32_t* high
-    const int32_t* leaf   # per diagram node: number of its value (0 for the value 0), -1 for an inner node
+    const double* values  # of the leaves, which are the nodes below `leaves`
+    int32_t leaves
     const int32_t* row_levels
     const int32_t* col_levels
     int32_t k
@@ -330,8 +331,12 @@ cdef int _combine(Walk* w, Edge* edges, int32_t* quadrants, int n, Edge* out) no
     return 0
 
 
+cdef inline bint _zero(const Walk* w, int32_t m) noexcept nogil:
+    return m < w.leaves and w.values[m] == 0
+
+
 cdef inline int32_t _branch(const Walk* w, int32_t m, int32_t level, int bit) noexcept nogil:
-    if w.low[m] >= 0 and w.level[m] == level:
+    if m >= w.leaves and w.level[m] == level:
         return w.high[m] if bit else w.low[m]
     return m
 
@@ -346,18 +351,18 @@ cdef int _walk(Walk* w, int32_t m, int32_t r, int32_t c, Edge* out) noexcept nog
     cdef Slot* slot
     cdef uint64_t key
     while True:
-        if r == 0 or c == 0 or w.leaf[m] == 0:
+        if r == 0 or c == 0 or _zero(w, m):
             memset(out, 0, sizeof(Edge))
             return 0
         depth = w.row.depth[r]
         if depth == w.k:
-            if w.leaf[m] < 0:
+            if m >= w.leaves:
                 return FOREIGN_LEVEL
-            number = _run(w, 1, w.leaf[m])
+            number = _run(w, 1, m)
             out.node = <int32_t>number
             out.row = out.col = 0
             return 0 if number >= 0 else OUT_OF_MEMORY
-        if w.low[m] >= 0 and w.level[m] < w.row_levels[depth]:
+        if m >= w.leaves and w.level[m] < w.row_levels[depth]:
             return FOREIGN_LEVEL
         # where the bits are forced, step on: such triples need no memory
         if w.row.low[r] == 0 and w.col.low[c] == 0:
@@ -388,12 +393,12 @@ cdef int _walk(Walk* w, int32_t m, int32_t r, int32_t c, Edge* out) noexcept nog
     for a in range(2):
         ra = w.row.high[r] if a else w.row.low[r]
         ma = _branch(w, m, w.row_levels[depth], a)
-        if ra == 0 or w.leaf[ma] == 0:
+        if ra == 0 or _zero(w, ma):
             continue
         for b in range(2):
             cb = w.col.high[c] if b else w.col.low[c]
             mab = _branch(w, ma, w.col_levels[depth], b)
-            if cb == 0 or w.leaf[mab] == 0:
+            if cb == 0 or _zero(w, mab):
                 continue
             status = _walk(w, mab, ra, cb, &edges[n])
             if status < 0:
@@ -438,9 +443,9 @@ cdef class Quad:
         free(self.w.unique)
         free(self.roots)
 
-    def __init__(self, const int32_t[::1] level, const int32_t[::1] low, const int32_t[::1] high, const int32_t[::1] leaf,
-                 values, const int32_t[::1] roots, row, col, const int32_t[::1] row_levels, const int32_t[::1] col_levels):
-        """leaf: int32 per diagram node, the number in `values` (float64, values[0] = 0) of a leaf's value, -1 elsewhere.
+    def __init__(self, const int32_t[::1] level, const int32_t[::1] low, const int32_t[::1] high,
+                 const double[::1] values, const int32_t[::1] roots, row, col, const int32_t[::1] row_levels, const int32_t[::1] col_levels):
+        """level, low, high: int32 per diagram node, where the nodes below len(values) are leaves with these values.
 
         row, col: ODDs (depth, low, high, count, root) with as many levels as row_levels and col_levels.
         Raises OverflowError for 2**31 rows or columns or more, ValueError where a diagram reads another level.
@@ -457,13 +462,14 @@ cdef class Quad:
             raise OverflowError(f"a matrix of {self.rows} rows and {self.columns} columns: 2**31 is too many")
         if row_levels.shape[0] != col_levels.shape[0]:
             raise ValueError("rows and columns have different numbers of bits")
-        self.w.level, self.w.low, self.w.high, self.w.leaf = &level[0], &low[0], &high[0], &leaf[0]
+        self.w.level, self.w.low, self.w.high = &level[0], &low[0], &high[0]
+        self.w.values, self.w.leaves = &values[0], <int32_t>values.shape[0]
         self.w.k = <int32_t>row_levels.shape[0]
         self.w.row_levels = &row_levels[0] if self.w.k else &dummy
         self.w.col_levels = &col_levels[0] if self.w.k else &dummy
         self.w.row = Odd(&rd[0], &rl[0], &rh[0], &rc[0])
         self.w.col = Odd(&cd[0], &cl[0], &ch[0], &cc[0])
-        self.table_values = np.ascontiguousarray(values, np.float64)
+        self.table_values = np.array(values)
         self.w.room = self.w.unique_size = 4096
         self.w.nodes = <Node*>malloc(self.w.room * sizeof(Node))
         self.w.unique = <int32_t*>malloc(self.w.unique_size * 4)
