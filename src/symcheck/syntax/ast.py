@@ -52,8 +52,8 @@ __all__ = [
     "PropertiesFile",
     "Property",
     "Release",
-    "Renaming",
     "RenamedModule",
+    "Renaming",
     "RewardBound",
     "RewardItem",
     "RewardOperator",
@@ -207,7 +207,8 @@ class PathQuantifier(Node):
 @dataclass(frozen=True, slots=True)
 class Filter(Node):
     """`filter(operator, formula, states)`; `states` None means true. Operators: min max sum avg count range
-    forall exists first state argmin argmax print printall (and their symbols + & |, already spelled out)."""
+    forall exists first state argmin argmax print printall (and their symbols + & |, already spelled out).
+    """
 
     operator: str
     formula: Expression
@@ -439,7 +440,7 @@ class RenamedModule(Node):
 class RewardItem(Node):
     """`guard : value;` on states (action False), `[] guard : value;` (action None) or `[a] guard : value;`."""
 
-    action: str | None | Choice[False]
+    action: str | Choice[False] | None
     guard: Expression
     value: Expression
 

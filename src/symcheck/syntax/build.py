@@ -1,10 +1,12 @@
-"""Makes syntax trees: one function for every action of the grammars, f(values, start, end).
+"""Makes syntax trees: one method for every action of the grammars, f(values, start, end), so they need no docstrings.
 
 `values` holds what the rule keeps: nodes, and the characters of words. `start` and `end` are character offsets.
 """
 
+# ruff: noqa: D102
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, cast
@@ -55,7 +57,8 @@ class Builder:
         if len(digits) > 1 and digits[0] == "0":
             return self.real(values, start, end)
         if len(digits) > 19 or int(digits) > _LARGEST_INT:
-            self._wrong("this integer is too large", start, end, "number", f"integers end at {_LARGEST_INT}; a double may be larger, such as 1e20")
+            hint = f"integers end at {_LARGEST_INT}; a double may be larger, such as 1e20"
+            self._wrong("this integer is too large", start, end, "number", hint)
             return ast.Literal(0, ast.Type.INT, span=span)
         return ast.Literal(int(digits), ast.Type.INT, span=span)
 
@@ -253,6 +256,10 @@ class PropertiesBuilder(Builder):
 
     def property(self, values: Values, start: int, end: int) -> ast.Property:
         name, formula = values
+        called = _CALLED.search(self.source.text, start, min(end + 40, len(self.source.text)))
+        if called and called.end(1) == end:
+            hint = f"the functions are {', '.join(FUNCTIONS)}"
+            self._wrong(f"there is no function '{called[1]}'", called.start(1), end, "function", hint)
         return ast.Property(name and _unquoted(name), formula, comments_above(self.source.text, start), span=Span(self.source, start, end))
 
     def reference(self, values: Values, start: int, end: int) -> ast.LabelReference:
@@ -262,11 +269,11 @@ class PropertiesBuilder(Builder):
 
     def unary_path(self, values: Values, start: int, end: int) -> ast.PathFormula:
         operator, bound, operand = values
-        return _UNARY_PATHS[operator](operand, bound, span=Span(self.source, start, end))
+        return cast(ast.PathFormula, _UNARY_PATHS[operator](operand, bound, span=Span(self.source, start, end)))
 
     def binary_path(self, values: Values, start: int, end: int) -> ast.PathFormula:
         left, operator, bound, right = values
-        return _BINARY_PATHS[operator](left, right, bound, span=Span(self.source, start, end))
+        return cast(ast.PathFormula, _BINARY_PATHS[operator](left, right, bound, span=Span(self.source, start, end)))
 
     def time_bound(self, values: Values, start: int, end: int) -> ast.TimeBound:
         operator, limit = values
@@ -343,6 +350,7 @@ class PropertiesBuilder(Builder):
     # -------------------------------------------------------------------------------------------- filters
 
     def filter(self, values: Values, start: int, end: int) -> ast.Filter:
+        word: str
         word, formula, states = values
         operator = _FILTER_SIGNS.get(word, word)
         if operator not in FILTERS:
@@ -366,6 +374,10 @@ _MODEL_TYPES = {
 }
 _UNARY_PATHS: dict[str, Any] = {"X": ast.Next, "F": ast.Eventually, "G": ast.Globally}
 _BINARY_PATHS: dict[str, Any] = {"U": ast.Until, "W": ast.WeakUntil, "R": ast.Release}
+
+
+# A name before a parenthesis on the same line is meant as a function, though it could be two properties.
+_CALLED = re.compile(r"([A-Za-z_][A-Za-z_0-9]*)[ \t]*\(")
 
 
 def _unquoted(word: str) -> str:

@@ -15,9 +15,12 @@ RESERVED = -2
 """Kind of a word that is reserved, but has no place in this kind of text."""
 
 KEYWORDS = frozenset(
-    "A bool clock const ctmc C double dtmc E endinit endinvariant endmodule endrewards endsystem false F filter formula func G global "
-    "I init int invariant label max mdp min module nondeterministic P Pmax Pmin prob probabilistic pta R rate rewards Rmax Rmin S "
-    "stochastic system true U W X".split()
+    {
+        *("A", "C", "E", "F", "G", "I", "P", "Pmax", "Pmin", "R", "Rmax", "Rmin", "S", "U", "W", "X", "bool", "clock", "const", "ctmc"),
+        *("double", "dtmc", "endinit", "endinvariant", "endmodule", "endrewards", "endsystem", "false", "filter", "formula", "func"),
+        *("global", "init", "int", "invariant", "label", "max", "mdp", "min", "module", "nondeterministic", "prob", "probabilistic"),
+        *("pta", "rate", "rewards", "stochastic", "system", "true"),
+    }
 )
 """The reserved words of models and properties together: none of them can be a name in either."""
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any, cast
 
-from symcheck.errors import Source, SyntaxFault, UsageError
+from symcheck.errors import Diagnostic, Source, SyntaxFault, UsageError
 from symcheck.syntax.ast import Expression, Program, PropertiesFile
 from symcheck.syntax.build import Builder, ModelBuilder, PropertiesBuilder
 from symcheck.syntax.faults import diagnose
@@ -17,11 +17,12 @@ from symcheck.syntax.lexer import scan
 __all__ = ["parse_expression", "parse_model", "parse_model_file", "parse_properties", "parse_properties_file"]
 
 _MODEL_PARTS = frozenset({"item", "variable", "command", "reward_item"})
-_MODEL_OPENERS = (
-    "CONST FORMULA GLOBAL LABEL MODULE ENDMODULE REWARDS ENDREWARDS INIT SYSTEM LSQB CTMC DTMC MDP RATE PROB".split()
-)
+_MODEL_OPENERS = [
+    *("CONST", "RATE", "PROB", "FORMULA", "GLOBAL", "LABEL", "MODULE", "ENDMODULE", "REWARDS", "ENDREWARDS", "INIT", "SYSTEM"),
+    *("LSQB", "DTMC", "CTMC", "MDP"),
+]
 _PROPERTY_PARTS = frozenset({"property"})
-_PROPERTY_OPENERS = "CONST FORMULA LABEL P PMIN PMAX RELEASE RMIN RMAX S FILTER MULTI STRING".split()
+_PROPERTY_OPENERS = ["CONST", "FORMULA", "LABEL", "P", "PMIN", "PMAX", "RELEASE", "RMIN", "RMAX", "S", "FILTER", "MULTI", "STRING"]
 
 _EASY_NESTING = 100
 _FRAMES_PER_LEVEL = 12
@@ -68,6 +69,14 @@ def _read(path: str | Path) -> str:
         return data.decode("latin-1")
 
 
+def _first_of_each_line(found: list[Diagnostic]) -> list[Diagnostic]:
+    """One diagnostic a line: what comes after it there mostly follows from it."""
+    lines: dict[int, Diagnostic] = {}
+    for diagnostic in found:
+        lines.setdefault(diagnostic.span.source.position(diagnostic.span.start)[0], diagnostic)
+    return list(lines.values())
+
+
 def _parse(grammar_name: str, start: str, source: Source, build: Builder, parts: frozenset[str], openers: list[str]) -> Any:
     grammar = load(grammar_name)
     words = scan(source.text, grammar)
@@ -75,7 +84,7 @@ def _parse(grammar_name: str, start: str, source: Source, build: Builder, parts:
     value = parser.parse(start)
     if parser.faults or build.diagnostics:
         found = [diagnose(fault, source, grammar, words) for fault in parser.faults] + build.diagnostics
-        raise SyntaxFault(*sorted(found, key=lambda d: d.span.start))
+        raise SyntaxFault(*_first_of_each_line(sorted(found, key=lambda d: d.span.start)))
     if parser.deepest > _EASY_NESTING:
         # Later stages follow expressions by recursion, of which Python allows 1000 calls at first.
         sys.setrecursionlimit(max(sys.getrecursionlimit(), 1000 + _FRAMES_PER_LEVEL * min(parser.deepest, MAX_NESTING)))
