@@ -1,0 +1,254 @@
+"""Explicit exploration: from a bound model to states and a sparse matrix, without diagrams.
+
+The search itself runs in compiled code (`symcheck.kernels.explore`), some tens of milliseconds at a time; between
+these slices the limits are looked at, the observer is told, and Ctrl-C is heard.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from symcheck.errors import (
+    Diagnostic,
+    Interrupted,
+    MemoryLimitError,
+    ModelFault,
+    ResourceError,
+    TimeLimitError,
+    UnsupportedError,
+)
+from symcheck.explicit.initial import initial_rows
+from symcheck.explicit.model import ExplicitModel, evaluate_states
+from symcheck.explicit.states import Layout, Rows, StateTable
+from symcheck.explicit.tables import Assignments, tables, total_reward
+from symcheck.kernels.explore import Explorer, Outcome
+from symcheck.kernels.packed import order_rows
+from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics import faults
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.step import transitions
+from symcheck.syntax.ast import ModelType
+
+if TYPE_CHECKING:
+    from symcheck.check.options import Options
+
+__all__ = ["Exploration", "Observer", "Progress", "explore"]
+
+_SLICE = 0.05  # seconds of search between looks at limits and signals
+_EXAMPLES = 3
+_NO_BUDGET = 1 << 62
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a search is. `level`: breadth-first distance of the states being explored; memory in bytes."""
+
+    states: int
+    explored: int
+    choices: int
+    transitions: int
+    level: int
+    memory: int
+    seconds: float
+
+    @property
+    def frontier(self) -> int:
+        """States that are known and not yet explored."""
+        return self.states - self.explored
+
+    def __str__(self) -> str:
+        rate = self.explored / self.seconds / 1e6 if self.seconds > 0 else 0.0
+        return (
+            f"{self.states} states, {self.transitions} transitions, {self.frontier} to explore, level {self.level}, "
+            f"{self.memory / 1e6:.0f} MB, {self.seconds:.1f} s ({rate:.2f} M states/s)"
+        )
+
+
+Observer = Callable[[Progress], None]
+
+
+@dataclass(eq=False)
+class Exploration:
+    """A search that can be stopped, looked at and resumed: `run`, then `finish`.
+
+    `seed`: packed states (`layout`) known to be reachable, to begin with besides the initial ones. `canonical`: see
+    `explore`. The states so far are `rows()`, in the order of discovery: the first `progress.explored` of them have
+    been explored, the rest is the frontier.
+    """
+
+    model: BoundModel
+    options: Options
+    seed: Rows | None = None
+    canonical: Assignments = ()
+    layout: Layout = field(init=False)
+    _explorer: Explorer = field(init=False, repr=False)
+    _seconds: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        if self.model.type not in (ModelType.DTMC, ModelType.CTMC, ModelType.MDP):
+            raise UnsupportedError(f"explicit exploration of a model of type {self.model.type.value}")
+        started = time.perf_counter()
+        self.layout = Layout.of(self.model.variables)
+        self._initial = initial_rows(self.model, self.layout)
+        compiled = tables(self.model, self.layout, check_sums=self.options.check_sums, canonical=self.canonical)
+        self._explorer = Explorer(compiled)
+        self._explorer.add(self._initial)
+        if self.seed is not None:
+            self._explorer.add(np.ascontiguousarray(self.seed, np.uint64))
+        self._seconds = time.perf_counter() - started
+
+    def __repr__(self) -> str:
+        return f"Exploration({self.progress})"
+
+    @property
+    def progress(self) -> Progress:
+        """How far the search is."""
+        e = self._explorer
+        return Progress(len(e.states), e.explored, e.choices, e.transitions, e.level, e.nbytes, self._seconds)
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to explore."""
+        return self._explorer.explored == len(self._explorer.states)
+
+    def rows(self) -> Rows:
+        """All states known so far, packed, in the order of discovery: uint64[states, words]."""
+        rows = np.empty((len(self._explorer.states), self.layout.words), np.uint64)
+        self._explorer.copy_states(rows)
+        return rows
+
+    def run(self, state_budget: int | None = None, observer: Observer | None = None) -> bool:
+        """Explore until nothing is left, or `state_budget` states are known; whether nothing is left.
+
+        Raises ModelFault where the model breaks a rule, and TimeLimitError, MemoryLimitError or Interrupted, after which
+        the states so far are still here and `run` can go on.
+        """
+        while True:
+            started = time.perf_counter()
+            try:
+                outcome = self._explorer.run(_NO_BUDGET if state_budget is None else state_budget, self._slice())
+            except KeyboardInterrupt:
+                outcome = None
+            self._seconds += time.perf_counter() - started
+            if outcome is None:
+                self._stop(Interrupted, "interrupted")
+            if observer is not None:
+                observer(self.progress)
+            match outcome:
+                case Outcome.COMPLETE:
+                    return True
+                case Outcome.BUDGET:
+                    return False
+                case Outcome.FAULT:
+                    self._fault()
+                case Outcome.NO_MEMORY:
+                    self._stop(MemoryLimitError, "out of memory")
+                case Outcome.TOO_MANY:
+                    self._stop(MemoryLimitError, "more than 2**31 - 1 states")
+            self._check_limits()
+
+    def _slice(self) -> float:
+        limit = self.options.time_limit
+        return _SLICE if limit is None else max(0.0, min(_SLICE, limit - self._seconds))
+
+    def _check_limits(self) -> None:
+        limit, memory = self.options.time_limit, self.options.max_memory
+        if limit is not None and self._seconds >= limit:
+            self._stop(TimeLimitError, f"the time limit of {limit:g} s is reached")
+        if memory is not None and self._explorer.nbytes > memory:
+            self._stop(MemoryLimitError, f"the memory limit of {memory / 1e6:.0f} MB is reached")
+
+    def _stop(self, error: type[ResourceError], why: str) -> NoReturn:
+        raise error(f"explicit exploration: {why}, after {self.progress}")
+
+    def _fault(self) -> NoReturn:
+        """Raise what the scalar semantics raises in the state where the search stopped."""
+        state = self.layout.unpack(self.rows()[self._explorer.fault_state])
+        transitions(self.model, state, check_sums=self.options.check_sums)
+        shown = faults.describe_state(self.model.variables, state)
+        unbounded = ", ".join(v.name for v in self.model.variables if v.low is None)
+        if not unbounded:
+            raise AssertionError(f"status {self._explorer.fault_status} in {shown}, where the scalar semantics finds no fault")
+        message = f"a variable without bounds ({unbounded}) leaves 32 bits, after the state {shown}"
+        raise ModelFault(Diagnostic(message, code="unbounded", hint="give it a range, or a guard that stops it"))
+
+    def finish(self) -> ExplicitModel:
+        """The model, once `run` is complete. Only once: the search gives its memory back."""
+        if not self.complete:
+            raise ValueError("the search is not complete")
+        started = time.perf_counter()
+        e, words = self._explorer, self.layout.words
+        n = len(e.states)
+        rows, order, rank = self.rows(), np.empty(n, np.int32), np.empty(n, np.int32)
+        order_rows(rows, order, rank)
+        states = StateTable(self.layout, rows[order].reshape(-1, words))
+        del rows
+        deadlocks = np.empty(e.deadlock_count, np.int64)
+        e.copy_deadlocks(deadlocks)
+        deadlocks = np.sort(rank[deadlocks].astype(np.int64))
+        self._check_deadlocks(states, deadlocks)
+        matrix, actions, choice_rewards = self._matrix(order, rank)
+        initial = states.find(self._initial).astype(np.int64)
+        levels = e.level + 1
+        state_rewards = self._state_rewards(states)
+        self._seconds += time.perf_counter() - started
+        return ExplicitModel(
+            self.model, states, matrix, actions, np.unique(initial), deadlocks, state_rewards, choice_rewards, levels, self._seconds
+        )
+
+    def _check_deadlocks(self, states: StateTable, deadlocks: Int64s) -> None:
+        if len(deadlocks) and not self.options.fix_deadlocks:
+            examples = [faults.describe_state(self.model.variables, states.row(int(i))) for i in deadlocks[:_EXAMPLES]]
+            raise ModelFault(faults.deadlocks(examples, len(deadlocks)))
+
+    def _matrix(self, order: Int32s, rank: Int32s) -> tuple[SparseMatrix, Int32s, list[Floats]]:
+        e, n = self._explorer, len(order)
+        groups = np.empty(n + 1, np.int64) if self.model.type is ModelType.MDP else None
+        indptr, indices, data = np.empty(e.choices + 1, np.int64), np.empty(e.transitions, np.int32), np.empty(e.transitions)
+        actions = np.empty(e.choices, np.int32)
+        having = [any(not i.on_states for i in r.items) for r in self.model.rewards]
+        choice_rewards = [np.empty(e.choices) if h else np.zeros(e.choices) for h in having]
+        e.finish(order, rank, indptr, indices, data, groups, actions, [r for r, h in zip(choice_rewards, having, strict=True) if h])
+        return SparseMatrix(indptr, indices, data, n, groups), actions, choice_rewards
+
+    def _state_rewards(self, states: StateTable) -> list[Floats]:
+        found = []
+        for structure in self.model.rewards:
+            items = [i for i in structure.items if i.on_states]
+            values = evaluate_states(self.model, states, total_reward(items)) if items else np.zeros(len(states))
+            if not np.isfinite(values).all():
+                self._reward_fault(states, int(np.flatnonzero(~np.isfinite(values))[0]))
+            found.append(values)
+        return found
+
+    def _reward_fault(self, states: StateTable, state: int) -> NoReturn:
+        from symcheck.semantics.step import state_rewards
+
+        state_rewards(self.model, states.row(state))
+        raise AssertionError("a state reward that is not finite, where the scalar semantics finds no fault")
+
+
+def explore(
+    model: BoundModel,
+    options: Options,
+    observer: Observer | None = None,
+    seed: Rows | None = None,
+    *,
+    canonical: Assignments = (),
+) -> ExplicitModel:
+    """All reachable states and transitions of a model, breadth first.
+
+    observer: called with the progress every 50 ms or so. seed: packed states that another search has reached already.
+    canonical: pairs (variable index, expression over the variables) by which every successor is changed before it is
+    looked up; for reductions that identify states. Limits: `options.time_limit` (seconds), `options.max_memory` (bytes
+    of the search's own arrays). Accuracy: probabilities as floating point gives them.
+    Raises ModelFault where the model breaks a rule, TimeLimitError, MemoryLimitError, Interrupted.
+    """
+    exploration = Exploration(model, options, seed, canonical)
+    exploration.run(None, observer)
+    return exploration.finish()

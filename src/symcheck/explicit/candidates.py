@@ -1,0 +1,159 @@
+"""Which commands can be enabled at all, given the values of a few variables: decision forests.
+
+A model with hundreds of commands mostly has one variable that says where each module stands (`s=3`, `count=7`). Conjuncts
+of a guard that read a single variable tell for which of its values the command is ruled out; a switch on the variable
+that rules out most leaves a few candidates, whose guards are then evaluated in full.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.explicit.compile import compile_expression
+from symcheck.numerics.matrix import Bools
+from symcheck.semantics.model import Variable
+from symcheck.syntax.ast import Binary, Conditional, Call, Expression, Literal, Name, Type, Unary
+
+__all__ = ["Forest", "Masks", "conjuncts", "every", "masks", "some"]
+
+Masks = Mapping[int, Bools]
+_DOMAIN = 2048  # values of a variable up to which a switch is considered
+_SELECTIVE = 0.5  # share of the values that a mask may leave
+_FEW = 3  # so many candidates are evaluated without further ado
+_DEPTH = 3
+_COMPARE = {"=": np.equal, "!=": np.not_equal, "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
+
+
+def conjuncts(guard: Expression) -> list[Expression]:
+    """The parts of a conjunction, in order."""
+    if isinstance(guard, Binary) and guard.operator == "&":
+        return [*conjuncts(guard.left), *conjuncts(guard.right)]
+    return [guard]
+
+
+def masks(guard: Expression, variables: tuple[Variable, ...], index: Mapping[str, int]) -> Masks:
+    """Per variable, for which values (from its low bound on) no conjunct that reads only this variable is false."""
+    found: dict[int, Bools] = {}
+    for part in conjuncts(guard):
+        v = _single(part, index)
+        if v is None:
+            continue
+        low, high = variables[v].low, variables[v].high
+        if low is None or high is None or not 1 < high - low + 1 <= _DOMAIN:
+            continue
+        mask = _mask(part, variables, v, low, high)
+        found[v] = found[v] & mask if v in found else mask
+    return found
+
+
+def _single(part: Expression, index: Mapping[str, int]) -> int | None:
+    """The only variable that an expression reads, if there is exactly one."""
+    names = _names(part)
+    return index[names.pop()] if len(names) == 1 else None
+
+
+def _names(expression: Expression) -> set[str]:
+    match expression:
+        case Name(name):
+            return {name}
+        case Unary(_, operand):
+            return _names(operand)
+        case Binary(_, left, right):
+            return _names(left) | _names(right)
+        case Conditional(condition, then, otherwise):
+            return _names(condition) | _names(then) | _names(otherwise)
+        case Call(_, arguments):
+            return set().union(*map(_names, arguments))
+        case _:
+            return set()
+
+
+def _mask(part: Expression, variables: tuple[Variable, ...], v: int, low: int, high: int) -> Bools:
+    domain = np.arange(low, high + 1)
+    match part:
+        case Binary(operator, Name(), Literal(value, Type.INT)) if operator in _COMPARE:
+            return np.asarray(_COMPARE[operator](domain, int(value)))
+        case Name():
+            return domain == 1
+        case Unary("!", Name()):
+            return domain == 0
+    values, valid = compile_expression(part, variables).run_masked({v: domain})
+    return np.asarray(values | ~valid)  # where it has no value, the evaluation in full will say so
+
+
+def some(alternatives: Sequence[Masks]) -> Masks:
+    """What holds where at least one of the alternatives does."""
+    shared = reduce(lambda a, b: a & b, (set(m) for m in alternatives)) if alternatives else set()
+    return {v: reduce(np.logical_or, [m[v] for m in alternatives]) for v in shared}
+
+
+def every(parts: Sequence[Masks]) -> Masks:
+    """What holds where all of the parts do."""
+    found: dict[int, Bools] = {}
+    for part in parts:
+        for v, mask in part.items():
+            found[v] = found[v] & mask if v in found else mask
+    return found
+
+
+class Forest:
+    """Builds forests into one int32 array. Nodes: (0, n, items…), or (1, variable, low, next, children…) with -1 for none."""
+
+    def __init__(self, lows: Sequence[int]) -> None:
+        self._lows = lows
+        self._nodes: list[int] = []
+        self._known: dict[tuple[int, ...], int] = {}
+
+    def array(self) -> NDArray[np.int32]:
+        """All forests, one after the other."""
+        return np.array(self._nodes or [0, 0], np.int32)
+
+    def add(self, items: Sequence[int], masks_of: Sequence[Masks]) -> int:
+        """A forest that finds, among `items`, those that their masks (in the same order) allow. Gives its root, or -1."""
+        self._known = {}
+        self._masks = dict(zip(items, masks_of, strict=True))
+        return self._build(tuple(items), frozenset(), _DEPTH)
+
+    def _build(self, items: tuple[int, ...], used: frozenset[int], depth: int) -> int:
+        if not items:
+            return -1
+        key = (*sorted(used), -1, *items)
+        if key not in self._known:
+            self._known[key] = self._node(items, used, depth)
+        return self._known[key]
+
+    def _node(self, items: tuple[int, ...], used: frozenset[int], depth: int) -> int:
+        variable = self._best(items, used) if len(items) > _FEW and depth else None
+        if variable is None:
+            return self._append([0, len(items), *items])
+        group = [i for i in items if self._selective(i, variable)]
+        rest = tuple(i for i in items if not self._selective(i, variable))
+        allowed = np.stack([self._masks[i][variable] for i in group])
+        children = [
+            self._build(tuple(np.array(group)[allowed[:, value]].tolist()), used | {variable}, depth - 1) for value in range(allowed.shape[1])
+        ]
+        following = self._build(rest, used | {variable}, depth)
+        return self._append([1, variable, self._lows[variable], following, *children])
+
+    def _append(self, node: list[int]) -> int:
+        self._nodes.extend(node)
+        return len(self._nodes) - len(node)
+
+    def _selective(self, item: int, variable: int) -> bool:
+        mask = self._masks[item].get(variable)
+        return mask is not None and bool(mask.mean() <= _SELECTIVE)
+
+    def _best(self, items: tuple[int, ...], used: frozenset[int]) -> int | None:
+        """The variable whose values rule out most."""
+        gain: dict[int, float] = {}
+        for i in items:
+            for v, mask in self._masks[i].items():
+                share = float(mask.mean())
+                if v not in used and share <= _SELECTIVE:
+                    gain[v] = gain.get(v, 0.0) + 1 - share
+        best = max(gain, key=lambda v: gain[v], default=None)
+        return best if best is not None and gain[best] > 1.5 else None

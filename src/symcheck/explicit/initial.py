@@ -1,0 +1,105 @@
+"""Initial states: one, or all that satisfy the expression between init and endinit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from symcheck.errors import ModelFault, UnsupportedError
+from symcheck.explicit.candidates import conjuncts, masks
+from symcheck.explicit.compile import Code, compile_expression
+from symcheck.explicit.states import Layout, Rows
+from symcheck.numerics.matrix import Int64s
+from symcheck.semantics.faults import no_initial_state
+from symcheck.semantics.model import BoundModel, Variable
+from symcheck.syntax.ast import Binary, Expression, Literal, Name
+
+__all__ = ["initial_rows"]
+
+_LANES = 1 << 20  # valuations that are tried at a time
+
+
+def initial_rows(model: BoundModel, layout: Layout) -> Rows:
+    """The initial states, packed: uint64[n, words], in lexicographic order.
+
+    Variables are given values one after the other, those first that complete a conjunct, so that only products of domains
+    which no conjunct cuts down are enumerated. Raises ModelFault if there is no initial state, UnsupportedError for a
+    variable without bounds that no conjunct sets to a number.
+    """
+    if model.initial is None:
+        values = [np.array([int(cast("bool | int", v.initial))], np.int64) for v in model.variables]
+        return layout.pack(values)
+    found = [layout.pack(columns) for columns in _Enumeration.of(model, model.initial).blocks()]
+    if not found:
+        raise ModelFault(no_initial_state(model.initial.span))
+    rows = np.concatenate(found)
+    return np.ascontiguousarray(rows[np.lexsort(rows.T[::-1])])
+
+
+@dataclass(frozen=True, eq=False)
+class _Enumeration:
+    """`order`: variables in the order of their assignment; after number i, the codes `checks[i]` can be run."""
+
+    domains: tuple[Int64s, ...]
+    order: tuple[int, ...]
+    checks: tuple[tuple[Code, ...], ...]
+
+    @staticmethod
+    def of(model: BoundModel, condition: Expression) -> _Enumeration:
+        parts = conjuncts(condition)
+        codes = [compile_expression(p, model) for p in parts]
+        domains = tuple(_domain(model, i, parts) for i in range(len(model.variables)))
+        allowed = masks(condition, model.variables, {v.name: i for i, v in enumerate(model.variables)})
+        domains = tuple(d[allowed[i]] if i in allowed and len(allowed[i]) == len(d) else d for i, d in enumerate(domains))
+        order: list[int] = []
+        for code in sorted(codes, key=lambda c: float(np.prod([max(1.0, len(domains[v])) for v in c.support]))):
+            order.extend(v for v in code.support if v not in order)
+        order.extend(i for i in range(len(domains)) if i not in order)
+        place = {v: i for i, v in enumerate(order)}
+        last = [max((place[v] for v in c.support), default=0) for c in codes]
+        checks = tuple(tuple(c for c, at in zip(codes, last, strict=True) if at == i) for i in range(len(order)))
+        return _Enumeration(domains, tuple(order), checks)
+
+    def blocks(self) -> Iterator[list[Int64s]]:
+        """Columns of valuations that satisfy all checks, some at a time."""
+        return self._extend([], 0)
+
+    def _extend(self, columns: list[Int64s], at: int) -> Iterator[list[Int64s]]:
+        if at == len(self.order):
+            by_variable = dict(zip(self.order, columns, strict=True))
+            yield [by_variable[i] for i in range(len(self.order))]
+            return
+        domain = self.domains[self.order[at]]
+        lanes = len(columns[0]) if columns else 1
+        size = max(1, _LANES // max(1, lanes))
+        for start in range(0, len(domain), size):
+            part = domain[start : start + size]
+            extended = [np.repeat(c, len(part)) for c in columns] + [np.tile(part, lanes)]
+            for code in self.checks[at]:
+                holds = code.run(dict(zip(self.order, extended, strict=False)))
+                extended = [c[np.broadcast_to(holds, c.shape)] for c in extended]
+            if len(extended[0]):
+                yield from self._extend(extended, at + 1)
+
+
+def _domain(model: BoundModel, index: int, parts: list[Expression]) -> Int64s:
+    variable = model.variables[index]
+    fixed = _fixed(variable, parts)
+    if fixed is not None:
+        return np.array([fixed], np.int64)
+    if variable.low is None or variable.high is None:
+        raise UnsupportedError(f"{variable.name} has no bounds: between init and endinit, set it to a number ({variable.name}=0 & …)")
+    return np.arange(variable.low, variable.high + 1)
+
+
+def _fixed(variable: Variable, parts: list[Expression]) -> int | None:
+    """The value that a conjunct `x=3` gives, if there is one (and it lies in the range)."""
+    for part in parts:
+        match part:
+            case Binary("=", Name(name), Literal(int(value))) | Binary("=", Literal(int(value)), Name(name)) if name == variable.name:
+                if variable.low is None or variable.high is None or variable.low <= value <= variable.high:
+                    return int(value)
+    return None

@@ -1,0 +1,88 @@
+"""What explicit exploration gives: states, a sparse matrix, rewards; everything indexed by state number or row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.explicit.compile import compile_expression, raise_fault
+from symcheck.explicit.states import StateTable
+from symcheck.kernels.vm import run_packed
+from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression, Type
+
+__all__ = ["ExplicitModel"]
+
+
+@dataclass(frozen=True, eq=False)
+class ExplicitModel:
+    """A model with n reachable states, numbered in lexicographic order of the variables in declaration order.
+
+    matrix: probabilities (rates in a CTMC); the choices of an MDP are its row groups. Deadlocks have a loop of weight 1.
+    choice_actions: per row, index into `model.actions`; -1 for none, or where a DTMC's or CTMC's row merges several.
+    initial, deadlocks: state numbers, ascending. `levels`: of the breadth-first search, the first one included.
+    state_rewards: per structure float64[n]. choice_rewards: per structure float64[rows], the transition rewards weighted
+    with probability (rate) and summed over the row. `seconds`: time of the exploration.
+    """
+
+    model: BoundModel = field(repr=False)
+    states: StateTable
+    matrix: SparseMatrix = field(repr=False)
+    choice_actions: Int32s = field(repr=False)
+    initial: Int64s
+    deadlocks: Int64s
+    state_rewards: list[Floats] = field(repr=False)
+    choice_rewards: list[Floats] = field(repr=False)
+    levels: int = 0
+    seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        m = self.matrix
+        choices = f", {m.rows} choices" if m.groups is not None else ""
+        dead = f", {len(self.deadlocks)} deadlocks" if len(self.deadlocks) else ""
+        return (
+            f"ExplicitModel({self.model.type.value}: {len(self.states)} states ({len(self.initial)} initial){choices}, "
+            f"{m.entries} transitions{dead}, {self.nbytes / 1e6:.1f} MB, {self.seconds:.3g} s)"
+        )
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all arrays, in bytes."""
+        rewards = sum(r.nbytes for r in (*self.state_rewards, *self.choice_rewards))
+        return self.states.rows.nbytes + self.matrix.nbytes + self.choice_actions.nbytes + rewards
+
+    def evaluate(self, expression: Expression) -> NDArray[Any]:
+        """The value of an expression over the variables in each state: bool[n], int64[n] or float64[n] by its type.
+
+        Raises ModelFault if it has no value in some state.
+        """
+        return evaluate_states(self.model, self.states, expression)
+
+
+def evaluate_states(model: BoundModel, states: StateTable, expression: Expression) -> NDArray[Any]:
+    """The value of an expression in each of the states."""
+    code = compile_expression(expression, model)
+    n = len(states)
+    reals = np.empty(n, np.float64) if code.type is Type.DOUBLE else None
+    integers = np.empty(n, np.int64) if reals is None else None
+    layout, support = states.layout, list(code.support)
+    fault, status = run_packed(
+        code.program,
+        code.slots,
+        np.ascontiguousarray(layout.fields[support]),
+        np.ascontiguousarray(layout.lows[support]),
+        states.rows,
+        code.result,
+        reals,
+        integers,
+    )
+    if fault >= 0:
+        raise_fault(expression, model.variables, dict(enumerate(map(int, states.row(fault)))), status)
+    if reals is not None:
+        return reals
+    assert integers is not None
+    return integers.astype(np.bool_) if code.type is Type.BOOL else integers

@@ -1,0 +1,132 @@
+"""States as packed rows of 64-bit words, and tables of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.kernels.packed import find_rows
+from symcheck.numerics.matrix import Int64s
+from symcheck.semantics.model import Variable
+from symcheck.syntax.ast import Type
+
+__all__ = ["UNBOUNDED_BITS", "Layout", "Rows", "StateTable"]
+
+Rows = NDArray[np.uint64]
+UNBOUNDED_BITS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where each variable lies in a row. Rows compared word by word are in lexicographic order of the variables.
+
+    fields: int32[variables, 4], per variable its index, word, shift and number of bits; what is stored is value - low.
+    ranges: uint64[variables], high - low. A variable without bounds gets 32 bits, from -2**31.
+    """
+
+    variables: tuple[Variable, ...]
+    words: int
+    fields: NDArray[np.int32] = field(repr=False)
+    lows: Int64s = field(repr=False)
+    ranges: NDArray[np.uint64] = field(repr=False)
+
+    @staticmethod
+    def of(variables: tuple[Variable, ...]) -> Layout:
+        """The layout of these variables. Raises OverflowError for a domain of 2**63 values or more."""
+        bounds = [_bounds(v) for v in variables]
+        fields: list[tuple[int, int, int, int]] = []
+        word, left = 0, 64
+        for i, (low, high) in enumerate(bounds):
+            bits = (high - low).bit_length()
+            if bits > 63:
+                raise OverflowError(f"the range of {variables[i].name} has more than 2**63 values")
+            if bits > left:
+                word, left = word + 1, 64
+            left -= bits
+            fields.append((i, word, min(left, 63), bits))
+        return Layout(
+            variables,
+            word + 1,
+            np.array(fields, np.int32).reshape(-1, 4),
+            np.array([low for low, _ in bounds], np.int64),
+            np.array([high - low for low, high in bounds], np.uint64),
+        )
+
+    @property
+    def bits(self) -> int:
+        """Bits that a state needs."""
+        return int(self.fields[:, 3].sum())
+
+    def pack(self, columns: Sequence[Int64s]) -> Rows:
+        """Rows (uint64[n, words]) from one int64[n] of values per variable, all within their ranges."""
+        n = len(columns[0]) if columns else 1
+        rows = np.zeros((n, self.words), np.uint64)
+        for (i, word, shift, _), low in zip(self.fields.tolist(), self.lows, strict=True):
+            rows[:, word] |= (np.asarray(columns[i], np.int64) - low).astype(np.uint64) << np.uint64(shift)
+        return rows
+
+    def column(self, rows: Rows, variable: int) -> Int64s:
+        """Values of a variable in packed rows: int64[n]."""
+        _, word, shift, bits = self.fields[variable].tolist()
+        return ((rows[:, word] >> np.uint64(shift)) & np.uint64((1 << bits) - 1)).astype(np.int64) + self.lows[variable]
+
+    def unpack(self, row: NDArray[np.uint64]) -> tuple[bool | int, ...]:
+        """The values in one packed row (uint64[words])."""
+        words = row.tolist()
+        values = ((words[w] >> s & (1 << b) - 1) + low for (_, w, s, b), low in zip(self.fields.tolist(), self.lows.tolist(), strict=True))
+        return tuple(bool(x) if v.type is Type.BOOL else x for v, x in zip(self.variables, values, strict=True))
+
+
+def _bounds(variable: Variable) -> tuple[int, int]:
+    half = 1 << (UNBOUNDED_BITS - 1)
+    low, high = variable.low, variable.high
+    if low is None and high is None:
+        return -half, half - 1
+    if low is None or high is None:
+        raise ValueError(f"{variable.name} has one bound only")
+    return low, high
+
+
+@dataclass(frozen=True, eq=False)
+class StateTable:
+    """Packed states, by default in lexicographic order in declaration order of the variables."""
+
+    layout: Layout
+    rows: Rows = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[tuple[bool | int, ...]]:
+        return (self.row(i) for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        names = ", ".join(v.name for v in self.layout.variables)
+        return f"StateTable({len(self)} states of ({names}), {self.layout.bits} bits each)"
+
+    def column(self, variable: int) -> Int64s:
+        """Values of a variable (by index): int64[n]; of a bool, 0 and 1."""
+        return self.layout.column(self.rows, variable)
+
+    def row(self, index: int) -> tuple[bool | int, ...]:
+        """The values of state `index`, in declaration order."""
+        return self.layout.unpack(self.rows[index])
+
+    def find(self, rows: Rows) -> NDArray[np.int32]:
+        """Indices of packed states in this table, which is sorted; -1 where one is not in it."""
+        found = np.empty(len(rows), np.int32)
+        find_rows(self.rows, np.ascontiguousarray(rows), found)
+        return found
+
+    def index(self, values: Sequence[bool | int]) -> int:
+        """Index of the state with these values; the table is sorted. Raises KeyError if it is not there."""
+        for variable, low, span, value in zip(self.layout.variables, self.layout.lows, self.layout.ranges, values, strict=True):
+            if not 0 <= int(value) - int(low) <= int(span):
+                raise KeyError(f"{variable.name}={value}")
+        found = int(self.find(self.layout.pack([np.array([int(v)], np.int64) for v in values]))[0])
+        if found < 0:
+            raise KeyError(tuple(values))
+        return found

@@ -1,0 +1,296 @@
+"""A bound model as plain arrays, which the compiled exploration works on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.explicit.assembler import Assembler, Register, is_constant
+from symcheck.explicit.candidates import Forest, Masks, conjuncts, every, masks, some
+from symcheck.explicit.states import Layout
+from symcheck.explicit.translate import Translator
+from symcheck.numerics.matrix import Int32s, Int64s
+from symcheck.semantics.faults import SUM_TOLERANCE
+from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
+from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
+
+__all__ = ["Tables", "tables"]
+
+Assignments = Sequence[tuple[int, Expression]]
+_KINDS = {ModelType.DTMC: 0, ModelType.CTMC: 1, ModelType.MDP: 2}
+_MANY = 4  # from so many events (commands of a participant) on, candidates are looked up
+_ALL = (1 << 64) - 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tables:
+    """What `symcheck.kernels.explore.Explorer` reads.
+
+    Commands, updates and assignments are numbered through; `x_ys[i]` to `x_ys[i+1]` are the ys of x number i. Codes are
+    places in `program` (-1: none), registers places in the register file `slots`.
+
+    command_guard (of synchronised commands only) ends with DONE where the command is enabled; command_code goes on to compute its probabilities, and the
+    new values too where all probabilities are constants. update_keep has a bit for each bit of the state that the update
+    leaves alone, update_preset the new values that are constants; the others are assignments.
+    action_rewards[a+1] (a: index of the event's action, -1 none) lists rows (structure, code, register) of `rewards`.
+    canonical: rows (variable, register) to which `canonical_code` sets each successor.
+    """
+
+    kind: int
+    words: int
+    tolerance: float
+    check_sums: bool
+    fields: NDArray[np.int32]
+    lows: Int64s
+    ranges: NDArray[np.uint64]
+    program: NDArray[np.int32] = field(repr=False)
+    slots: Int64s = field(repr=False)
+    command_guard: Int32s = field(repr=False)
+    command_code: Int32s = field(repr=False)
+    command_updates: Int32s = field(repr=False)
+    update_probability: Int32s = field(repr=False)
+    update_code: Int32s = field(repr=False)
+    update_assignments: Int32s = field(repr=False)
+    update_keep: NDArray[np.uint64] = field(repr=False)
+    update_preset: NDArray[np.uint64] = field(repr=False)
+    assignment_register: Int32s = field(repr=False)
+    assignment_variable: Int32s = field(repr=False)
+    event_action: Int32s = field(repr=False)
+    event_parts: Int32s = field(repr=False)
+    part_commands: Int32s = field(repr=False)
+    part_list: Int32s = field(repr=False)
+    part_forest: Int32s = field(repr=False)
+    forest: Int32s = field(repr=False)
+    root: int
+    action_rewards: Int32s = field(repr=False)
+    rewards: NDArray[np.int32] = field(repr=False)
+    structures: int
+    canonical_code: int
+    canonical: NDArray[np.int32] = field(repr=False)
+    most_updates: int
+    most_commands: int
+    most_parts: int
+
+
+def tables(model: BoundModel, layout: Layout, *, check_sums: bool = True, canonical: Assignments = ()) -> Tables:
+    """Compile a model. `canonical`: (variable index, expression) that every successor is changed by before it is looked up."""
+    return _Builder(model, layout).build(check_sums, canonical)
+
+
+@dataclass
+class _Events:
+    """The arrays that describe events."""
+
+    action: list[int] = field(default_factory=list)
+    parts: list[int] = field(default_factory=lambda: [0])
+    commands: list[int] = field(default_factory=lambda: [0])
+    listed: list[int] = field(default_factory=list)
+    forests: list[int] = field(default_factory=list)
+
+
+class _Builder:
+    def __init__(self, model: BoundModel, layout: Layout) -> None:
+        self.model = model
+        self.layout = layout
+        self.assembler = Assembler(len(model.variables))
+        self.translator = Translator(self.assembler, model.variables)
+        self.index = {v.name: i for i, v in enumerate(model.variables)}
+        self.fails = self.assembler.label()
+        self.assembler.place(self.fails)
+        self.assembler.fail()
+        self.synchronised = {id(c) for e in model.events if len(e.participants) > 1 for p in e.participants for c in p}
+        self.numbers: dict[int, int] = {}  # id of a command -> its number
+        self.guard: list[int] = []
+        self.code: list[int] = []
+        self.updates: list[int] = [0]
+        self.probability: list[Register] = []
+        self.update_code: list[int] = []
+        self.assignments: list[int] = [0]
+        self.keep: list[list[int]] = []
+        self.preset: list[list[int]] = []
+        self.register: list[Register] = []
+        self.variable: list[int] = []
+
+    def build(self, check_sums: bool, canonical: Assignments) -> Tables:
+        forest = Forest(self.layout.lows.tolist())
+        events, root = self.events(forest)
+        action_rewards, rewards, structures = self.rewards()
+        canonical_code, changed = self.canonical(canonical)
+        self.assembler.halt()
+        program, slots = self.assembler.finish()
+        place = self.assembler.place_of
+        sizes = [[sum(len(c.updates) for c in p) for p in e.participants] for e in self.model.events]
+        return Tables(
+            kind=_KINDS[self.model.type],
+            words=self.layout.words,
+            tolerance=SUM_TOLERANCE,
+            check_sums=check_sums and self.model.type is not ModelType.CTMC,
+            fields=self.layout.fields,
+            lows=self.layout.lows,
+            ranges=self.layout.ranges,
+            program=program,
+            slots=slots,
+            command_guard=_ints(self.guard),
+            command_code=_ints(self.code),
+            command_updates=_ints(self.updates),
+            update_probability=_ints([place(r) for r in self.probability]),
+            update_code=_ints(self.update_code),
+            update_assignments=_ints(self.assignments),
+            update_keep=np.array(self.keep, np.uint64).reshape(-1, self.layout.words),
+            update_preset=np.array(self.preset, np.uint64).reshape(-1, self.layout.words),
+            assignment_register=_ints([place(r) for r in self.register]),
+            assignment_variable=_ints(self.variable),
+            event_action=_ints(events.action),
+            event_parts=_ints(events.parts),
+            part_commands=_ints(events.commands),
+            part_list=_ints(events.listed),
+            part_forest=_ints(events.forests),
+            forest=forest.array(),
+            root=root,
+            action_rewards=_ints(action_rewards),
+            rewards=_ints([[s, c, place(r)] for s, c, r in rewards]).reshape(-1, 3),
+            structures=structures,
+            canonical_code=canonical_code,
+            canonical=_ints([[v, place(r)] for v, r in changed]).reshape(-1, 2),
+            most_updates=max(map(sum, sizes), default=0),
+            most_commands=max((sum(map(len, e.participants)) for e in self.model.events), default=0),
+            most_parts=max((len(e.participants) for e in self.model.events), default=1),
+        )
+
+    # -------------------------------------------------------------------------------------------- events
+
+    def events(self, forest: Forest) -> tuple[_Events, int]:
+        """The events, and the root of the forest that finds those that may happen."""
+        found = _Events()
+        actions = {a: i for i, a in enumerate(self.model.actions)}
+        known: dict[int, Masks] = {}
+        many = len(self.model.events) >= _MANY
+        event_masks: list[Masks] = []
+        for event in self.model.events:
+            found.action.append(-1 if event.action is None else actions[event.action])
+            found.parts.append(found.parts[-1] + len(event.participants))
+            part_masks = [[self.masks(c, known) if many or len(p) >= _MANY else {} for c in p] for p in event.participants]
+            for commands, of_commands in zip(event.participants, part_masks, strict=True):
+                numbers = [self.command(c) for c in commands]
+                found.listed.extend(numbers)
+                found.commands.append(len(found.listed))
+                found.forests.append(forest.add(numbers, of_commands) if self._worth(numbers) else -1)
+            event_masks.append(every([some(of) for of in part_masks]))
+        return found, forest.add(range(len(self.model.events)), event_masks)
+
+    @staticmethod
+    def _worth(numbers: Sequence[int]) -> bool:
+        return len(numbers) >= _MANY and len(set(numbers)) == len(numbers)
+
+    def masks(self, command: BoundCommand, known: dict[int, Masks]) -> Masks:
+        if id(command) not in known:
+            known[id(command)] = masks(command.guard, self.model.variables, self.index)
+        return known[id(command)]
+
+    # -------------------------------------------------------------------------------------------- commands
+
+    def command(self, command: BoundCommand) -> int:
+        """The number of a command, whose code is written on first sight."""
+        if id(command) not in self.numbers:
+            self.numbers[id(command)] = len(self.guard)
+            self.guard.append(self.assembler.position)
+            if id(command) in self.synchronised:
+                self.assembler.forget()
+                self.guarded(command.guard)
+                self.assembler.halt()
+            self.code.append(self.assembler.position)
+            self.assembler.forget()
+            self.guarded(command.guard)
+            self.effects(command.updates)
+        return self.numbers[id(command)]
+
+    def guarded(self, guard: Expression) -> None:
+        """Code that ends with DISABLED unless the guard holds. Cheap conjuncts that always have a value come first."""
+        translator = self.translator
+        parts = sorted(conjuncts(guard), key=lambda p: (not translator.total(p), translator.cost(p) if translator.total(p) else 0))
+        for part in parts:
+            translator.jump(part, False, self.fails)
+
+    def effects(self, updates: tuple[BoundUpdate, ...]) -> None:
+        """Code for probabilities, then (in the same run if they are constants) for the new values."""
+        assembler = self.assembler
+        probabilities = [self.translator.real(u.probability) for u in updates]
+        at_once = all(is_constant(p) and assembler.bits(p) > 0 for p in probabilities)
+        if not at_once:
+            assembler.halt()
+        for update, probability in zip(updates, probabilities, strict=True):
+            self.probability.append(probability)
+            start = assembler.position
+            if at_once:
+                self.assign(update.assignments)
+            else:
+                with assembler.scope():
+                    self.assign(update.assignments)
+            written = assembler.position > start
+            if written and not at_once:
+                assembler.halt()
+            self.update_code.append(start if written and not at_once else -1)
+        if at_once:
+            assembler.halt()
+        self.updates.append(len(self.probability))
+
+    def assign(self, assignments: Assignments) -> None:
+        """Code for the new values of one update."""
+        keep, preset = [_ALL] * self.layout.words, [0] * self.layout.words
+        for v, expression in assignments:
+            if isinstance(expression, Name) and self.index[expression.name] == v:
+                continue
+            _, word, shift, bits = self.layout.fields[v].tolist()
+            keep[word] &= ~(((1 << bits) - 1) << shift)
+            register, _ = self.translator.value(expression)
+            if is_constant(register) and 0 <= self.assembler.bits(register) - int(self.layout.lows[v]) <= int(self.layout.ranges[v]):
+                preset[word] |= (self.assembler.bits(register) - int(self.layout.lows[v])) << shift
+            else:
+                self.register.append(register)
+                self.variable.append(v)
+        self.assignments.append(len(self.register))
+        self.keep.append(keep)
+        self.preset.append(preset)
+
+    # -------------------------------------------------------------------------------------------- the rest
+
+    def rewards(self) -> tuple[list[int], list[tuple[int, int, Register]], int]:
+        """Code for transition rewards, by action; structures that have some are numbered through."""
+        having = [r for r in self.model.rewards if any(not i.on_states for i in r.items)]
+        starts, found = [0], []
+        for action in (None, *self.model.actions):
+            for number, structure in enumerate(having):
+                items = [i for i in structure.items if not i.on_states and i.action == action]
+                if items:
+                    start = self.assembler.position
+                    self.assembler.forget()
+                    register = self.translator.real(total_reward(items))
+                    self.assembler.halt()
+                    found.append((number, start, register))
+            starts.append(len(found))
+        return starts, found, len(having)
+
+    def canonical(self, assignments: Assignments) -> tuple[int, list[tuple[int, Register]]]:
+        if not assignments:
+            return -1, []
+        start = self.assembler.position
+        self.assembler.forget()
+        changed = [(v, self.translator.value(expression)[0]) for v, expression in assignments]
+        self.assembler.halt()
+        return start, changed
+
+
+def total_reward(items: Sequence[BoundReward]) -> Expression:
+    """The sum of the items that apply, as one expression of type double."""
+    zero: Expression = Literal(Fraction(0), Type.DOUBLE)
+    terms: list[Expression] = [Conditional(i.guard, i.value, zero) for i in items]
+    return reduce(lambda a, b: Binary("+", a, b), terms) if terms else zero
+
+
+def _ints(values: Sequence[object]) -> NDArray[np.int32]:
+    return np.array(values, np.int32)

@@ -1,0 +1,18 @@
+# cython: language_level=3
+"""Sets of packed states, numbered in the order of their arrival."""
+
+from libc.stdint cimport int32_t, uint64_t
+
+from symcheck.kernels.memory cimport Buffer
+
+
+cdef class StateSet:
+    cdef readonly int words
+    cdef readonly long long count
+    cdef Buffer rows
+    cdef uint64_t* table
+    cdef uint64_t mask
+
+    cdef int insert(self, const uint64_t* rows, Py_ssize_t n, int32_t* ids) noexcept nogil
+    cdef int _enlarge(self, uint64_t size) noexcept nogil
+    cdef void drop_table(self) noexcept nogil
