@@ -1,0 +1,321 @@
+# The core: one CUDD manager, its limits and its errors.
+
+cdef extern from "Python.h":
+    int PyErr_CheckSignals() noexcept nogil
+
+cdef extern from "<time.h>" nogil:
+    ctypedef long time_t
+    struct timespec:
+        time_t tv_sec
+        long tv_nsec
+    int clock_gettime(int, timespec*)
+    int CLOCK_MONOTONIC
+
+cdef enum:
+    CONSTANT = 0x7FFFFFFF        # index (and level) of a terminal node
+    TICKS = 0x3FFFF              # own recursions look at the clock and at signals once in so many steps
+    CALLS = 0x3FF                # handles look at the clock once in so many calls
+
+cdef enum Reason:
+    NONE = 0
+    SIGNAL = 1
+    TIME = 2
+    UNDEFINED = 3
+    NO_MEMORY = 4
+
+cdef struct Env:
+    DdManager* dd
+    int* perm                    # level by variable index
+    int size
+    bint stale                   # perm must be read again
+    DdNode* one                  # BDD true, and the number 1
+    DdNode* no                   # BDD false
+    DdNode* zero                 # the number 0
+    Reason reason
+    unsigned long steps
+    unsigned long calls
+    double deadline              # on the monotonic clock; 0 is none
+
+
+cdef double now() noexcept nogil:
+    cdef timespec t
+    clock_gettime(CLOCK_MONOTONIC, &t)
+    return t.tv_sec + 1e-9 * t.tv_nsec
+
+
+cdef bint interrupted(Env* e) noexcept nogil:
+    # All of symcheck calls CUDD with the interpreter lock held, so signals may be looked at here.
+    if PyErr_CheckSignals() != 0:
+        e.reason = SIGNAL
+        return True
+    if e.deadline > 0 and now() > e.deadline:
+        e.reason = TIME
+        return True
+    return False
+
+
+cdef int _on_check(const void* env) noexcept nogil:
+    return interrupted(<Env*>env)
+
+
+cdef int _on_collection(DdManager* dd, const char* kind, void* data) noexcept nogil:
+    # CUDD collects garbage before each kind of reordering, also of one that a user starts through dd.
+    cdef Env* e = <Env*>Cudd_ReadApplicationHook(dd)
+    if e is not NULL:
+        e.stale = True
+    return 1
+
+
+cdef int _raise_pending() except -1:
+    return -1
+
+
+cdef DdManager* _find_manager(object bdd) except NULL:
+    """The `DdManager*` that both a dd.cudd.BDD object and its `true` Function hold: found, then validated."""
+    true = bdd.true
+    cdef uintptr_t* a = <uintptr_t*><void*>bdd
+    cdef uintptr_t* b = <uintptr_t*><void*>true
+    cdef uintptr_t node = int(true) - 2, candidate = 0, word
+    cdef Py_ssize_t i, j, n = type(bdd).__basicsize__ // sizeof(void*), m = type(true).__basicsize__ // sizeof(void*)
+    python = {id(bdd), id(true), id(bdd.vars), id(bdd._index_of_var), id(bdd._var_with_index), id(None)}
+    cdef bint owner = False, holder = False
+    for i in range(2, m):
+        owner |= b[i] == <uintptr_t><void*>bdd
+        holder |= b[i] == node
+    for i in range(2, n):
+        word = a[i]
+        if word < 4096 or word % sizeof(void*) or word in python:
+            continue
+        for j in range(2, m):
+            if b[j] == word and word != candidate:
+                if candidate:
+                    raise RuntimeError(_layout("two words could be the manager"))
+                candidate = word
+    if not (owner and holder and candidate):
+        raise RuntimeError(_layout("the manager was not found"))
+    if Cudd_ReadOne(<DdManager*>candidate) is not <DdNode*>node or Cudd_ReadSize(<DdManager*>candidate) < len(bdd.vars):
+        raise RuntimeError(_layout("what was found is not the manager"))
+    return <DdManager*>candidate
+
+
+cdef str _layout(what):
+    return f"dd.cudd's objects are not laid out as in dd {REQUIRED_VERSION} ({what}): pip install dd=={REQUIRED_VERSION}"
+
+
+cdef int _validate_layout() except -1:
+    """Compare our picture of a node with what CUDD's own functions say, in a small manager made for it."""
+    bdd = cudd.BDD(memory_estimate=2**20, initial_cache_size=64)
+    bdd.declare("x")
+    cdef DdManager* dd = _find_manager(bdd)
+    cdef DdNode* one = Cudd_ReadOne(dd)
+    cdef DdNode* zero = Cudd_ReadZero(dd)
+    cdef DdNode* half = cuddUniqueConst(dd, 0.5)
+    cdef DdNode* x = Cudd_bddIthVar(dd, 0)
+    if Cudd_ReadLogicZero(dd) is not negate(one) or Cudd_ReadErrorCode(dd) != 0:
+        raise ImportError(_layout("the constants are others"))
+    if half is NULL or x is NULL or <uintptr_t>half % sizeof(DdNode) or <uintptr_t>x % sizeof(DdNode):
+        raise ImportError(_layout("nodes are aligned otherwise"))
+    if Cudd_T(x) is not x.type.kids.T or Cudd_E(x) is not x.type.kids.E or Cudd_T(x) is not one or Cudd_E(x) is not negate(one):
+        raise ImportError(_layout("the children of a node are elsewhere"))
+    if x.index != 0 or x.ref < 1 or half.ref != 0 or one.index != CONSTANT or zero.index != CONSTANT:
+        raise ImportError(_layout("the index of a node is elsewhere"))
+    if Cudd_V(half) != 0.5 or half.type.value != 0.5 or one.type.value != 1.0 or zero.type.value != 0.0:
+        raise ImportError(_layout("the value of a node is elsewhere"))
+    half.ref += 1
+    Cudd_RecursiveDeref(dd, half)
+    return 0
+
+
+@cython.final
+@cython.no_gc
+cdef class Core:
+    """One CUDD manager, kept alive by every handle of a node in it.
+
+    Handles and cores are exempt from cyclic garbage collection: it clears the objects of a dead cycle in any order, and
+    a handle that lost its manager could not give its node back. They refer to nothing but the core, so they are in no cycle.
+    """
+
+    cdef Env e
+    cdef readonly object bdd
+    cdef readonly object max_memory
+    cdef unsigned long renamings
+
+    def __cinit__(self, bdd, max_memory=None):
+        if not isinstance(bdd, cudd.BDD):
+            raise TypeError("a dd.cudd.BDD is needed")
+        self.bdd = bdd
+        bdd.configure(reordering=False)
+        cdef DdManager* dd = _find_manager(bdd)
+        self.e.dd = dd
+        self.e.one = Cudd_ReadOne(dd)
+        self.e.no = negate(self.e.one)
+        self.e.zero = Cudd_ReadZero(dd)
+        self.e.stale = True
+        Cudd_AutodynDisable(dd)
+        # CUDD's epsilon of 1e-12 merges leaves that differ by less; this one keeps every two numbers apart.
+        Cudd_SetEpsilon(dd, 5e-324)
+        Cudd_RegisterOutOfMemoryCallback(dd, Cudd_OutOfMemSilent)
+        Cudd_RegisterTerminationCallback(dd, _on_check, &self.e)
+        Cudd_SetApplicationHook(dd, &self.e)
+        if not Cudd_AddHook(dd, _on_collection, 0):
+            raise MemoryError
+        if max_memory is not None:
+            self.limit_memory(max_memory)
+
+    def __dealloc__(self):
+        if self.e.dd is not NULL:
+            # The dd.cudd.BDD may outlive us.
+            Cudd_UnregisterTerminationCallback(self.e.dd)
+            Cudd_RemoveHook(self.e.dd, _on_collection, 0)
+            Cudd_SetApplicationHook(self.e.dd, NULL)
+        free(self.e.perm)
+
+    cdef inline Env* begin(self) except NULL:
+        """Called before each operation: levels read again where they may have changed; the clock looked at now and then."""
+        cdef Env* e = &self.e
+        e.calls += 1
+        if e.stale or Cudd_ReadSize(e.dd) != e.size or (e.calls & CALLS) == 0:
+            self._refresh()
+        return e
+
+    cdef int _refresh(self) except -1:
+        cdef Env* e = &self.e
+        cdef int i, size = Cudd_ReadSize(e.dd)
+        if e.deadline > 0 and now() > e.deadline:
+            raise TimeLimitError(_TIME)
+        if e.stale or size != e.size:
+            perm = <int*>realloc(e.perm, (size + 1) * sizeof(int))
+            if perm is NULL:
+                raise MemoryError
+            e.perm = perm
+            e.size = size
+            for i in range(size):
+                perm[i] = Cudd_ReadPerm(e.dd, i)
+            e.stale = False
+        return 0
+
+    cdef int fail(self) except -1:
+        """Raise what stopped an operation; the manager is in order again afterwards."""
+        cdef Env* e = &self.e
+        cdef int code = Cudd_ReadErrorCode(e.dd)
+        cdef Reason reason = e.reason
+        e.reason = NONE
+        Cudd_ClearErrorCode(e.dd)
+        if PyErr_Occurred():
+            try:
+                _raise_pending()
+            except KeyboardInterrupt as interrupt:
+                raise Interrupted("interrupted while working on decision diagrams") from interrupt
+        if reason == TIME:
+            raise TimeLimitError(_TIME)
+        if reason == UNDEFINED:
+            raise NumericalError("arithmetic on diagrams gave an undefined value, such as infinity minus infinity or 0 * infinity")
+        cuddGarbageCollect(e.dd, 1)
+        if reason == NO_MEMORY or code in (1, 2, 3):
+            raise MemoryLimitError(
+                f"the decision diagrams need more than the {self.max_memory / 2**20:,.0f} MiB they may use "
+                f"({Cudd_ReadKeys(e.dd) - Cudd_ReadDead(e.dd):,} live nodes): raise the limit (-cuddmaxmem, max_memory), try another "
+                "order of the variables, or the explicit engine"
+            )
+        raise RuntimeError(f"CUDD stopped with error code {code}")
+
+    def limit_memory(self, limit):
+        """Set the memory limit in bytes. CUDD looks at it when it needs fresh memory, so it may be passed by up to half."""
+        Cudd_SetMaxMemory(self.e.dd, limit)
+        self.max_memory = limit
+
+    def limit_time(self, seconds):
+        """Stop with TimeLimitError after so many seconds from now; None: no limit."""
+        self.e.deadline = 0 if seconds is None else now() + max(float(seconds), 1e-9)
+
+    def from_dd(self, function):
+        """The Bdd of a dd Function of this manager; nothing is copied."""
+        if not isinstance(function, cudd.Function) or function.bdd is not self.bdd:
+            raise TypeError("a Function of this manager's dd.cudd.BDD is needed")
+        return wrap_bdd(self, <DdNode*><uintptr_t>(int(function) - 2))
+
+    def from_any(self, states):
+        """A Bdd as it is, a dd Function as a Bdd; TypeError or ValueError for what is not of this manager."""
+        return as_bdd(self, states)
+
+    def true(self):
+        """The BDD of every assignment."""
+        return wrap_bdd(self, self.e.one)
+
+    def literal(self, int index):
+        """The BDD of the variable with this index."""
+        if not 0 <= index < Cudd_ReadSize(self.e.dd):
+            raise IndexError(index)
+        return wrap_bdd(self, Cudd_bddIthVar(self.e.dd, index))
+
+    def constant(self, double value):
+        """The MTBDD with one leaf."""
+        return wrap_mtbdd(self, number(self.begin(), value))
+
+    def size(self):
+        """Number of variables."""
+        return Cudd_ReadSize(self.e.dd)
+
+    def level(self, int index):
+        """Level of a variable, by its index."""
+        return Cudd_ReadPerm(self.e.dd, index)
+
+    def index_at(self, int level):
+        """Index of the variable at a level."""
+        return Cudd_ReadInvPerm(self.e.dd, level)
+
+    def statistics(self):
+        """Counters of the manager, as a dict."""
+        cdef DdManager* dd = self.e.dd
+        return {
+            "variables": Cudd_ReadSize(dd),
+            "live_nodes": Cudd_ReadKeys(dd) - Cudd_ReadDead(dd),
+            "dead_nodes": Cudd_ReadDead(dd),
+            "peak_live_nodes": Cudd_ReadPeakLiveNodeCount(dd),
+            "peak_nodes": Cudd_ReadPeakNodeCount(dd),
+            "memory": Cudd_ReadMemoryInUse(dd),
+            "collections": Cudd_ReadGarbageCollections(dd),
+            "collection_seconds": Cudd_ReadGarbageCollectionTime(dd) / 1000,
+            "reorderings": Cudd_ReadReorderings(dd),
+            "reordering_seconds": Cudd_ReadReorderingTime(dd) / 1000,
+            "cache_slots": Cudd_ReadCacheSlots(dd),
+            "cache_lookups": Cudd_ReadCacheLookUps(dd),
+            "cache_hits": Cudd_ReadCacheHits(dd),
+        }
+
+    def collect(self):
+        """Free dead nodes now; returns how many."""
+        return cuddGarbageCollect(self.e.dd, 1)
+
+    def check(self):
+        """CUDD's own consistency check of all nodes and the cache; raises AssertionError. For tests."""
+        if Cudd_DebugCheck(self.e.dd) != 0:
+            raise AssertionError("CUDD's tables are inconsistent")
+
+    def sift(self, groups, double growth=1.2):
+        """Sift; `groups`: pairs (index of the topmost variable, number of adjacent variables), moved as blocks."""
+        cdef unsigned int low, size
+        self.begin()
+        Cudd_FreeTree(self.e.dd)
+        Cudd_SetMaxGrowth(self.e.dd, growth)
+        try:
+            for low, size in groups:
+                if Cudd_MakeTreeNode(self.e.dd, low, size, 4) is NULL:
+                    raise MemoryError
+            self._reordered(Cudd_ReduceHeap(self.e.dd, 14, 0))
+        finally:
+            Cudd_FreeTree(self.e.dd)
+
+    def shuffle(self, const int[::1] order):
+        """Reorder; `order`: the variable index per level."""
+        self.begin()
+        if sorted(order) != list(range(Cudd_ReadSize(self.e.dd))):
+            raise ValueError("every variable is needed once")
+        self._reordered(Cudd_ShuffleHeap(self.e.dd, <int*>&order[0]))
+
+    cdef int _reordered(self, int done) except -1:
+        # A stop in the middle of a reordering leaves a valid order, and is not an error for CUDD.
+        self.e.stale = True
+        if not done or self.e.reason != NONE:
+            self.fail()
+        return 0

@@ -1,0 +1,582 @@
+# Recursions that the wheel's CUDD lacks, in CUDD's conventions: a result is not referenced for the caller, every
+# intermediate one is before the next allocation, NULL means stopped. Their depth is at most the number of levels.
+
+cdef enum Op:
+    PLUS, TIMES, MINUS, DIVIDE, MINIMUM, MAXIMUM, POWER, MODULO
+    LESS, LESS_EQUAL, EQUAL
+    RESTRICT, TO_ADD, TO_BDD, PERMUTE_BDD, PERMUTE_ADD, NEGATE
+    SUM_OVER, MAX_OVER, MIN_OVER
+    OPS
+
+# A two-operand operation is known to CUDD's cache by an address of its own.
+cdef char[32] _ops
+
+# A renaming: the new index by index; `key`, a constant of its own, stands for it in CUDD's cache.
+cdef struct Mapping:
+    int* to
+    int size
+    DdNode* key
+
+# Tags of three-operand operations, as cuddInt.h describes them; CUDD itself uses 0x02 to 0xa2.
+cdef enum:
+    TAG_ITE = 0xA6
+    TAG_SUM_PRODUCT = 0xAA
+    TAG_IMAGE = 0xAE
+    TAG_PREIMAGE = 0xC2
+    TAG_MAX_PRODUCT = 0xC6
+    TAG_MIN_PRODUCT = 0xCA
+
+
+cdef inline DdNode* regular(DdNode* n) noexcept nogil:
+    return <DdNode*>(<uintptr_t>n & ~<uintptr_t>1)
+
+cdef inline DdNode* negate(DdNode* n) noexcept nogil:
+    return <DdNode*>(<uintptr_t>n ^ 1)
+
+cdef inline uintptr_t sign(DdNode* n) noexcept nogil:
+    return <uintptr_t>n & 1
+
+cdef inline DdNode* signed(DdNode* n, uintptr_t s) noexcept nogil:
+    return <DdNode*>(<uintptr_t>n ^ s)
+
+cdef inline void take(DdNode* n) noexcept nogil:
+    regular(n).ref += 1
+
+cdef inline void give(DdNode* n) noexcept nogil:
+    regular(n).ref -= 1
+
+cdef inline int level_of(Env* e, DdNode* n) noexcept nogil:
+    cdef unsigned int index = regular(n).index
+    return CONSTANT if index == CONSTANT else e.perm[index]
+
+cdef inline bint tick(Env* e) noexcept nogil:
+    e.steps += 1
+    return (e.steps & TICKS) == 0 and interrupted(e)
+
+
+cdef inline DdNode* node(Env* e, int index, DdNode* t, DdNode* u) noexcept nogil:
+    """The MTBDD node with these children, whose references are consumed."""
+    cdef DdNode* r
+    if t is u:
+        give(t)
+        give(u)
+        return t
+    r = cuddUniqueInter(e.dd, index, t, u)
+    if r is NULL:
+        Cudd_RecursiveDeref(e.dd, t)
+        Cudd_RecursiveDeref(e.dd, u)
+        return NULL
+    give(t)
+    give(u)
+    return r
+
+
+cdef inline DdNode* bdd_node(Env* e, int index, DdNode* t, DdNode* u) noexcept nogil:
+    """The same for BDDs: the then-edge of a node is regular."""
+    cdef uintptr_t s = sign(t)
+    cdef DdNode* r = node(e, index, signed(t, s), signed(u, s))
+    return NULL if r is NULL else signed(r, s)
+
+
+cdef inline DdNode* number(Env* e, double value) noexcept nogil:
+    if value == 0:
+        return e.zero            # -0.0 too: it would be a second zero
+    if value != value:
+        e.reason = UNDEFINED
+        return NULL
+    return cuddUniqueConst(e.dd, value)
+
+
+cdef inline void split(Env* e, DdNode* f, int level, DdNode** t, DdNode** u) noexcept nogil:
+    """Cofactors of an MTBDD for the variable at `level`, which is not below f's."""
+    if f.index != CONSTANT and e.perm[f.index] == level:
+        t[0] = f.type.kids.T
+        u[0] = f.type.kids.E
+    else:
+        t[0] = f
+        u[0] = f
+
+
+cdef inline void split_bdd(Env* e, DdNode* f, int level, DdNode** t, DdNode** u) noexcept nogil:
+    cdef DdNode* n = regular(f)
+    if n.index != CONSTANT and e.perm[n.index] == level:
+        t[0] = signed(n.type.kids.T, sign(f))
+        u[0] = signed(n.type.kids.E, sign(f))
+    else:
+        t[0] = f
+        u[0] = f
+
+
+cdef inline double modulo(double a, double b) noexcept nogil:
+    cdef double r = fmod(a, b)
+    return r + b if r != 0 and (r < 0) != (b < 0) else r
+
+
+cdef DdNode* apply_terminal(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
+    """The result where it is known at once, else NULL; may also set e.reason and return NULL."""
+    cdef double a, b
+    if op == PLUS:
+        if f is e.zero: return g
+        if g is e.zero: return f
+    elif op == TIMES:
+        if f is e.zero or g is e.zero: return e.zero
+        if f is e.one: return g
+        if g is e.one: return f
+    elif op == MINUS:
+        if g is e.zero: return f
+        if f is g: return e.zero
+    elif op == DIVIDE:
+        if f is e.zero: return f
+        if g is e.one: return f
+    elif op == MINIMUM or op == MAXIMUM:
+        if f is g: return f
+    elif op == POWER:
+        if g is e.zero: return e.one
+        if g is e.one: return f
+    if f.index != CONSTANT or g.index != CONSTANT:
+        return NULL
+    a = f.type.value
+    b = g.type.value
+    if op == PLUS: return number(e, a + b)
+    if op == TIMES: return number(e, a * b)
+    if op == MINUS: return number(e, a - b)
+    if op == DIVIDE: return number(e, a / b)
+    if op == MINIMUM: return f if a <= b else g
+    if op == MAXIMUM: return f if a >= b else g
+    if op == POWER: return number(e, pow(a, b))
+    return number(e, modulo(a, b))
+
+
+cdef DdNode* apply(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
+    """f op g, leaf by leaf. 0 times and 0 over anything is 0, as sparse matrices need."""
+    cdef Ref r, t, u, ft, fu, gt, gu
+    cdef int lf, lg, index
+    r = apply_terminal(e, op, f, g)
+    if r is not NULL:
+        return r
+    if f.index == CONSTANT and g.index == CONSTANT:
+        return NULL
+    if f > g and op in (PLUS, TIMES, MINIMUM, MAXIMUM):
+        f, g = g, f
+    r = cuddCacheLookup2(e.dd, &_ops[<int>op], f, g)
+    if r is not NULL:
+        return r
+    if tick(e):
+        return NULL
+    lf = level_of(e, f)
+    lg = level_of(e, g)
+    index = f.index if lf <= lg else g.index
+    split(e, f, min(lf, lg), &ft, &fu)
+    split(e, g, min(lf, lg), &gt, &gu)
+    t = apply(e, op, ft, gt)
+    if t is NULL:
+        return NULL
+    take(t)
+    u = apply(e, op, fu, gu)
+    if u is NULL:
+        Cudd_RecursiveDeref(e.dd, t)
+        return NULL
+    take(u)
+    r = node(e, index, t, u)
+    if r is not NULL:
+        cuddCacheInsert2(e.dd, &_ops[<int>op], f, g, r)
+    return r
+
+
+cdef DdNode* compare(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
+    """The BDD of the assignments with f op g."""
+    cdef Ref r, t, u, ft, fu, gt, gu
+    cdef int lf, lg, index
+    cdef double a, b
+    if f is g:
+        return e.no if op == LESS else e.one
+    if f.index == CONSTANT and g.index == CONSTANT:
+        a = f.type.value
+        b = g.type.value
+        return e.one if (a < b if op == LESS else a <= b if op == LESS_EQUAL else a == b) else e.no
+    if op == EQUAL and f > g:
+        f, g = g, f
+    r = cuddCacheLookup2(e.dd, &_ops[<int>op], f, g)
+    if r is not NULL:
+        return r
+    if tick(e):
+        return NULL
+    lf = level_of(e, f)
+    lg = level_of(e, g)
+    index = f.index if lf <= lg else g.index
+    split(e, f, min(lf, lg), &ft, &fu)
+    split(e, g, min(lf, lg), &gt, &gu)
+    t = compare(e, op, ft, gt)
+    if t is NULL:
+        return NULL
+    take(t)
+    u = compare(e, op, fu, gu)
+    if u is NULL:
+        Cudd_IterDerefBdd(e.dd, t)
+        return NULL
+    take(u)
+    r = bdd_node(e, index, t, u)
+    if r is not NULL:
+        cuddCacheInsert2(e.dd, &_ops[<int>op], f, g, r)
+    return r
+
+
+cdef DdNode* to_bdd(Env* e, DdNode* f) noexcept nogil:
+    """The BDD of the assignments with f != 0."""
+    cdef Ref r, t, u
+    if f.index == CONSTANT:
+        return e.no if f is e.zero else e.one
+    r = cuddCacheLookup1(e.dd, &_ops[<int>TO_BDD], f)
+    if r is not NULL:
+        return r
+    if tick(e):
+        return NULL
+    t = to_bdd(e, f.type.kids.T)
+    if t is NULL:
+        return NULL
+    take(t)
+    u = to_bdd(e, f.type.kids.E)
+    if u is NULL:
+        Cudd_IterDerefBdd(e.dd, t)
+        return NULL
+    take(u)
+    r = bdd_node(e, f.index, t, u)
+    if r is not NULL:
+        cuddCacheInsert1(e.dd, &_ops[<int>TO_BDD], f, r)
+    return r
+
+
+cdef DdNode* masked(Env* e, DdNode* m, DdNode* f) noexcept nogil:
+    """m on the set f, 0 elsewhere."""
+    cdef Ref r, t, u, mt, mu, ft, fu
+    cdef int lm, lf, index
+    if f is e.one or m is e.zero:
+        return m
+    if f is e.no:
+        return e.zero
+    r = cuddCacheLookup2(e.dd, &_ops[<int>RESTRICT], m, f)
+    if r is not NULL:
+        return r
+    if tick(e):
+        return NULL
+    lm = level_of(e, m)
+    lf = level_of(e, f)
+    index = m.index if lm <= lf else regular(f).index
+    split(e, m, min(lm, lf), &mt, &mu)
+    split_bdd(e, f, min(lm, lf), &ft, &fu)
+    t = masked(e, mt, ft)
+    if t is NULL:
+        return NULL
+    take(t)
+    u = masked(e, mu, fu)
+    if u is NULL:
+        Cudd_RecursiveDeref(e.dd, t)
+        return NULL
+    take(u)
+    r = node(e, index, t, u)
+    if r is not NULL:
+        cuddCacheInsert2(e.dd, &_ops[<int>RESTRICT], m, f, r)
+    return r
+
+
+cdef DdNode* ite(Env* e, DdNode* f, DdNode* g, DdNode* h) noexcept nogil:
+    """The MTBDD g on the set f, h elsewhere."""
+    cdef Ref r, t, u, ft, fu, gt, gu, ht, hu
+    cdef int lf, l, index
+    if f is e.one or g is h:
+        return g
+    if f is e.no:
+        return h
+    if h is e.zero:
+        return masked(e, g, f)
+    if g is e.zero:
+        return masked(e, h, negate(f))
+    if sign(f):
+        f = negate(f)
+        g, h = h, g
+    r = cuddCacheLookup(e.dd, TAG_ITE, f, g, h)
+    if r is not NULL:
+        return r
+    if tick(e):
+        return NULL
+    lf = level_of(e, f)
+    l = min(level_of(e, g), level_of(e, h))
+    index = f.index if lf <= l else (g.index if level_of(e, g) == l else h.index)
+    l = min(l, lf)
+    split_bdd(e, f, l, &ft, &fu)
+    split(e, g, l, &gt, &gu)
+    split(e, h, l, &ht, &hu)
+    t = ite(e, ft, gt, ht)
+    if t is NULL:
+        return NULL
+    take(t)
+    u = ite(e, fu, gu, hu)
+    if u is NULL:
+        Cudd_RecursiveDeref(e.dd, t)
+        return NULL
+    take(u)
+    r = node(e, index, t, u)
+    if r is not NULL:
+        cuddCacheInsert(e.dd, TAG_ITE, f, g, h, r)
+    return r
+
+
+cdef DdNode* joined(Env* e, Op op, DdNode* t, DdNode* u) noexcept nogil:
+    """t op u, whose references are consumed."""
+    cdef DdNode* r = apply(e, op, t, u)
+    if r is not NULL:
+        take(r)
+    Cudd_RecursiveDeref(e.dd, t)
+    Cudd_RecursiveDeref(e.dd, u)
+    if r is not NULL:
+        give(r)
+    return r
+
+
+cdef DdNode* scaled(Env* e, DdNode* f, DdNode* cube) noexcept nogil:
+    """The leaf f times two to the number of variables in the cube."""
+    cdef int k = 0
+    while cube is not e.one:
+        k += 1
+        cube = cube.type.kids.T
+    return number(e, ldexp(f.type.value, k))
+
+
+cdef DdNode* abstract(Env* e, Op over, DdNode* f, DdNode* cube) noexcept nogil:
+    """Sum, maximum or minimum of f over the assignments of the variables in the (BDD) cube."""
+    cdef Ref r, t, u, rest
+    cdef int lf, lc
+    cdef Op op = PLUS if over == SUM_OVER else MAXIMUM if over == MAX_OVER else MINIMUM
+    if over == SUM_OVER:
+        if f is e.zero or cube is e.one:
+            return f
+        if f.index == CONSTANT:
+            return scaled(e, f, cube)
+    else:
+        while cube is not e.one and level_of(e, cube) < level_of(e, f):
+            cube = cube.type.kids.T
+        if cube is e.one:
+            return f
+    r = cuddCacheLookup2(e.dd, &_ops[<int>over], f, cube)
+    if r is not NULL:
+        return r
+    if tick(e):
+        return NULL
+    lf = level_of(e, f)
+    lc = level_of(e, cube)
+    if lc < lf:
+        t = abstract(e, over, f, cube.type.kids.T)
+        if t is NULL:
+            return NULL
+        take(t)
+        take(t)
+        r = joined(e, op, t, t)
+    else:
+        rest = cube.type.kids.T if lc == lf else cube
+        t = abstract(e, over, f.type.kids.T, rest)
+        if t is NULL:
+            return NULL
+        take(t)
+        u = abstract(e, over, f.type.kids.E, rest)
+        if u is NULL:
+            Cudd_RecursiveDeref(e.dd, t)
+            return NULL
+        take(u)
+        r = joined(e, op, t, u) if lc == lf else node(e, f.index, t, u)
+    if r is not NULL:
+        cuddCacheInsert2(e.dd, &_ops[<int>over], f, cube, r)
+    return r
+
+
+cdef DdNode* sum_product(Env* e, DdNode* f, DdNode* g, DdNode* cube) noexcept nogil:
+    """Sum over the cube's variables of f times g, without the product in between."""
+    cdef Ref r, t, u, ft, fu, gt, gu, rest = cube
+    cdef int l, lf, lg, lc, index
+    if f is e.zero or g is e.zero:
+        return e.zero
+    if cube is e.one:
+        return apply(e, TIMES, f, g)
+    if f is e.one:
+        return abstract(e, SUM_OVER, g, cube)
+    if g is e.one:
+        return abstract(e, SUM_OVER, f, cube)
+    if f.index == CONSTANT and g.index == CONSTANT:
+        t = number(e, f.type.value * g.type.value)
+        if t is NULL:
+            return NULL
+        take(t)
+        r = scaled(e, t, cube)
+        if r is not NULL:
+            take(r)
+        Cudd_RecursiveDeref(e.dd, t)
+        if r is not NULL:
+            give(r)
+        return r
+    if f > g:
+        f, g = g, f
+    r = cuddCacheLookup(e.dd, TAG_SUM_PRODUCT, f, g, cube)
+    if r is not NULL:
+        return r
+    if tick(e):
+        return NULL
+    lf = level_of(e, f)
+    lg = level_of(e, g)
+    lc = level_of(e, cube)
+    l = min(lf, lg)
+    index = f.index if lf <= lg else g.index
+    if lc < l:
+        t = sum_product(e, f, g, cube.type.kids.T)
+        if t is NULL:
+            return NULL
+        take(t)
+        take(t)
+        r = joined(e, PLUS, t, t)
+    else:
+        if lc == l:
+            rest = cube.type.kids.T
+        split(e, f, l, &ft, &fu)
+        split(e, g, l, &gt, &gu)
+        t = sum_product(e, ft, gt, rest)
+        if t is NULL:
+            return NULL
+        take(t)
+        u = sum_product(e, fu, gu, rest)
+        if u is NULL:
+            Cudd_RecursiveDeref(e.dd, t)
+            return NULL
+        take(u)
+        r = joined(e, PLUS, t, u) if lc == l else node(e, index, t, u)
+    if r is not NULL:
+        cuddCacheInsert(e.dd, TAG_SUM_PRODUCT, f, g, cube, r)
+    return r
+
+
+cdef DdNode* permute(Env* e, bint boolean, DdNode* f, Mapping* map) noexcept nogil:
+    """Rename variables. Where the new variable stays above the new children, as in a change between neighbours, the
+    node is simply built; else it is composed by if-then-else."""
+    cdef Ref r, t, u, n = regular(f), x
+    cdef Op op = PERMUTE_BDD if boolean else PERMUTE_ADD
+    cdef int index
+    if n.index == CONSTANT:
+        return f
+    r = cuddCacheLookup2(e.dd, &_ops[<int>op], n, map.key)
+    if r is not NULL:
+        return signed(r, sign(f))
+    if tick(e):
+        return NULL
+    t = permute(e, boolean, n.type.kids.T, map)
+    if t is NULL:
+        return NULL
+    take(t)
+    u = permute(e, boolean, n.type.kids.E, map)
+    if u is NULL:
+        Cudd_RecursiveDeref(e.dd, t)
+        return NULL
+    take(u)
+    index = map.to[n.index] if <int>n.index < map.size else n.index
+    if e.perm[index] < min(level_of(e, t), level_of(e, u)):
+        r = bdd_node(e, index, t, u) if boolean else node(e, index, t, u)
+    else:
+        x = Cudd_bddIthVar(e.dd, index)
+        r = cuddBddIteRecur(e.dd, x, t, u) if boolean else ite(e, x, t, u)
+        if r is not NULL:
+            take(r)
+        Cudd_RecursiveDeref(e.dd, t)
+        Cudd_RecursiveDeref(e.dd, u)
+        if r is not NULL:
+            give(r)
+    if r is NULL:
+        return NULL
+    cuddCacheInsert2(e.dd, &_ops[<int>op], n, map.key, r)
+    return signed(r, sign(f))
+
+
+cdef DdNode* disjoined(Env* e, DdNode* t, DdNode* u) noexcept nogil:
+    """t or u, whose references are consumed; both may be NULL (stopped)."""
+    cdef DdNode* r = NULL
+    if t is not NULL and u is not NULL:
+        r = cuddBddAndRecur(e.dd, negate(t), negate(u))
+        if r is not NULL:
+            take(r)
+    if t is not NULL:
+        Cudd_IterDerefBdd(e.dd, t)
+    if u is not NULL:
+        Cudd_IterDerefBdd(e.dd, u)
+    if r is not NULL:
+        give(r)
+        return negate(r)
+    return NULL
+
+
+cdef inline DdNode* step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
+    cdef DdNode* result = relation_step(e, forward, s, r, pairs)
+    if result is not NULL:
+        take(result)
+    return result
+
+
+cdef DdNode* both(Env* e, bint forward, DdNode* s0, DdNode* r0, DdNode* s1, DdNode* r1, DdNode* pairs) noexcept nogil:
+    """step(s0, r0) or step(s1, r1), referenced."""
+    cdef DdNode* t = step(e, forward, s0, r0, pairs)
+    cdef DdNode* u
+    if t is NULL or t is e.one:
+        return t
+    u = step(e, forward, s1, r1, pairs)
+    t = disjoined(e, t, u)
+    if t is not NULL:
+        take(t)
+    return t
+
+
+cdef DdNode* relation_step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
+    """States reached from s by the relation r (forward), or that reach s by it.
+
+    `pairs` is the cube of the touched variables: a row variable, then its column variable right below it, and so on.
+    Variables that are not touched keep their values. Quantification and renaming happen on the way (as relnext and
+    relprev of van Dijk & van de Pol, Sylvan, TACAS 2015), so no intermediate diagram over columns is built.
+    """
+    cdef Ref result, t, u, s0, s1, a, b, r00, r01, r10, r11
+    cdef int ls, lr, l, row, index
+    cdef uintptr_t tag = TAG_IMAGE if forward else TAG_PREIMAGE
+    if s is e.no or r is e.no:
+        return e.no
+    ls = level_of(e, s)
+    lr = level_of(e, r)
+    l = min(ls, lr)
+    while pairs is not e.one and e.perm[pairs.index] + 1 < l:
+        pairs = pairs.type.kids.T.type.kids.T
+    if pairs is e.one:
+        return cuddBddAndRecur(e.dd, s, r)
+    result = cuddCacheLookup(e.dd, tag, s, r, pairs)
+    if result is not NULL:
+        return result
+    if tick(e):
+        return NULL
+    row = e.perm[pairs.index]
+    if l < row:
+        index = regular(s).index if ls <= lr else regular(r).index
+        split_bdd(e, s, l, &s1, &s0)
+        split_bdd(e, r, l, &a, &b)
+        t = step(e, forward, s1, a, pairs)
+        u = step(e, forward, s0, b, pairs) if t is not NULL else NULL
+    else:
+        index = pairs.index
+        split_bdd(e, s, row, &s1, &s0)
+        split_bdd(e, r, row, &a, &b)
+        split_bdd(e, a, row + 1, &r11, &r10)
+        split_bdd(e, b, row + 1, &r01, &r00)
+        a = pairs.type.kids.T.type.kids.T
+        if forward:
+            t = both(e, forward, s0, r01, s1, r11, a)
+            u = both(e, forward, s0, r00, s1, r10, a) if t is not NULL else NULL
+        else:
+            t = both(e, forward, s0, r10, s1, r11, a)
+            u = both(e, forward, s0, r00, s1, r01, a) if t is not NULL else NULL
+    if u is NULL:
+        if t is not NULL:
+            Cudd_IterDerefBdd(e.dd, t)
+        return NULL
+    result = bdd_node(e, index, t, u)
+    if result is not NULL:
+        cuddCacheInsert(e.dd, tag, s, r, pairs, result)
+    return result

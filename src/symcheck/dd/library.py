@@ -1,0 +1,47 @@
+"""dd's CUDD module, imported without networkx.
+
+`dd` imports networkx at import time if it can, which more than triples the start-up time of a small run, and needs it
+only for `to_nx`. While dd is imported, an entry None in `sys.modules` makes that one import fail (as dd expects where
+networkx is missing); the entry is taken away at once, so that a later `import networkx` of the user works. dd then gets
+a stand-in that imports networkx on first use. Nothing of this happens where networkx or dd is loaded already.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import Any
+
+__all__ = ["REQUIRED_VERSION", "cudd"]
+
+REQUIRED_VERSION = "0.6.0"
+
+
+class _OnDemand(ModuleType):
+    """A module that is imported when an attribute of it is first asked for."""
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(importlib.import_module(self.__name__), attribute)
+
+
+def _import_cudd() -> ModuleType:
+    skip = "networkx" not in sys.modules and "dd._utils" not in sys.modules
+    if skip:
+        sys.modules["networkx"] = None  # type: ignore[assignment]
+    try:
+        module = importlib.import_module("dd.cudd")
+    except ImportError as error:
+        raise ImportError(
+            f"symcheck needs dd {REQUIRED_VERSION} with its compiled module dd.cudd (Linux wheels of CPython 3.11 to 3.13 "
+            f"have it): pip install dd=={REQUIRED_VERSION}"
+        ) from error
+    finally:
+        if skip:
+            del sys.modules["networkx"]
+    if skip:
+        vars(importlib.import_module("dd._utils"))["_nx"] = _OnDemand("networkx")
+    return module
+
+
+cudd = _import_cudd()
