@@ -12,7 +12,7 @@ from fractions import Fraction
 from math import inf, nextafter
 from typing import Any, Protocol
 
-from symcheck.numerics.matrix import Bools, Floats, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
 
@@ -57,6 +57,10 @@ class Values(Protocol):
     @property
     def exact(self) -> bool: ...
 
+    def rounded(self, states: StateSet) -> bool:
+        """Whether some value over the set was computed in floating point (so that equal bounds do not make it exact)."""
+        ...
+
     def at(self, states: StateSet) -> tuple[Floats, Floats]:
         """Lower and upper values over the states of a set, in index order (use small sets only)."""
         ...
@@ -97,8 +101,15 @@ class System(Protocol):
     probabilities (rates in a CTMC) among the states; what leaves them is missing from it. Arrays are float64.
     """
 
-    states: StateSet
-    n: int
+    @property
+    def states(self) -> StateSet: ...
+    @property
+    def n(self) -> int: ...
+
+    @property
+    def groups(self) -> Int64s | None:
+        """Rows of each state, int64[n+1] (see SparseMatrix); None where each state has one row."""
+        ...
 
     @property
     def matrix(self) -> SparseMatrix:
@@ -187,6 +198,8 @@ class Engine(Protocol):
     name: str
     exact: bool
     """Whether the numbers are rationals (arrays of Fraction objects) instead of doubles."""
+    has_rows: bool
+    """Whether `System.matrix` is what the engine works with; else it is made only where `System.operator` is not enough."""
     model: BoundModel
     all: StateSet
     none: StateSet
@@ -209,7 +222,9 @@ class Engine(Protocol):
         """The value of a numeric expression over the variables, at each state."""
         ...
 
-    def constant(self, value: float) -> Values: ...
+    def constant(self, lower: float, upper: float | None = None, *, rounded: bool = False) -> Values:
+        """The same value (or bounds of it) everywhere; `rounded`: it came out of floating-point arithmetic."""
+        ...
 
     def indicator(self, states: StateSet) -> Values:
         """1 on the set and 0 elsewhere."""
@@ -217,6 +232,10 @@ class Engine(Protocol):
 
     def from_bools(self, members: Bools) -> StateSet:
         """The set of the states (bool[states], in index order) that are True."""
+        ...
+
+    def to_bools(self, states: StateSet) -> Bools:
+        """Membership of each reachable state, bool[states] in index order."""
         ...
 
     def system(self, states: StateSet) -> System: ...

@@ -1,0 +1,145 @@
+"""Check a property: the formula's value in the initial states, with its accuracy and how it was found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from math import isinf, isnan
+from time import perf_counter
+from typing import Any
+
+from symcheck.check import ctl
+from symcheck.check.context import Context, Notes
+from symcheck.check.filters import Outcome
+from symcheck.check.formulas import filter_outcome, numbers, satisfying, states_of
+from symcheck.check.options import Options
+from symcheck.check.paths import negated, resolve
+from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result
+from symcheck.engines.base import Engine, StateSet
+from symcheck.syntax.ast import Expression, Filter, PathQuantifier, Property, StateFilter, Type
+
+__all__ = ["check"]
+
+
+def check(
+    engine: Engine,
+    formula: Expression | Property,
+    options: Options | None = None,
+    *,
+    labels: Mapping[str, Expression] | None = None,
+    properties: Mapping[str, Expression] | None = None,
+) -> Result:
+    """Check a bound formula (names resolved, constants folded) on a built model.
+
+    The answer is the value in the initial state; over several initial states, a bool is true where it is true in all of
+    them, and a number is the pair of the lowest and the highest. A filter as the outermost operator answers itself.
+    `labels` are those of the properties file, `properties` the named ones that the formula may refer to.
+
+    Raises InputError, UnsupportedError, and NumericalError where the accuracy asked for is missed.
+    """
+    started = perf_counter()
+    if isinstance(formula, Property):
+        formula = formula.formula
+    notes = Notes()
+    context = Context(engine, options or Options(), labels or {}, properties or {}, notes)
+    type = context.type(formula)
+    if isinstance(formula, Filter | StateFilter):
+        result = _filtered(context, formula, type)
+    elif type is Type.BOOL:
+        result = _boolean(context, formula)
+    else:
+        result = _numeric(context, formula, type)
+    return replace(
+        result,
+        lines=tuple(notes.lines),
+        runs=tuple(notes.runs),
+        warnings=tuple(notes.warnings),
+        witness=notes.witness,
+        seconds=perf_counter() - started,
+        engine=engine,
+    )
+
+
+def _boolean(context: Context, formula: Expression) -> Result:
+    initial = context.engine.initial
+    states = satisfying(context, formula, initial)
+    value = initial <= states
+    if isinstance(formula, PathQuantifier):
+        _explain(context, formula, value)
+    where = _where(initial)
+    return Result(value, Exact(), f"satisfied in {(states & initial).count} of {where}", satisfying=states)
+
+
+def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
+    """Look for a path that shows why E holds, or why A does not."""
+    if value == (formula.quantifier == "E"):
+        path = resolve(formula.path, states_of(context), context.engine.all)
+        context.notes.witness = ctl.witness(context, path if value else negated(path))
+
+
+def _numeric(context: Context, formula: Expression, type: Type) -> Result:
+    initial = context.engine.initial
+    values = numbers(context, formula, initial)
+    if initial.count == 1:
+        value, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
+        return Result(value, accuracy, "value in the initial state", values=values)
+    value, accuracy = _range(context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type)
+    return Result(value, accuracy, f"range of values over {_where(initial)}", values=values)
+
+
+def _filtered(context: Context, formula: Filter | StateFilter, type: Type) -> Result:
+    outcome = filter_outcome(context, formula, context.engine.initial)
+    everywhere: dict[str, Any] = {"satisfying" if type is Type.BOOL else "values": outcome.everywhere}
+    about = "+".join(formula.operators) if isinstance(formula, StateFilter) else formula.operator
+    if isinstance(outcome.value, bool):
+        return Result(outcome.value, Exact(), f"filter '{about}'", **everywhere)
+    value, accuracy = _outcome(context, outcome, type)
+    return Result(value, accuracy, f"filter '{about}'", **everywhere)
+
+
+def _outcome(context: Context, outcome: Outcome, type: Type) -> tuple[Answer, Accuracy]:
+    value = outcome.value
+    if value is None or isinstance(value, bool):
+        return value, Exact()
+    if isinstance(value[0], tuple):
+        return _range(context, value, outcome.rounded, type)  # type: ignore[arg-type]
+    return _answer(context, value, outcome.rounded, type)  # type: ignore[arg-type]
+
+
+def _range(
+    context: Context, bounds: tuple[tuple[float, float], tuple[float, float]], rounded: bool, type: Type
+) -> tuple[Answer, Accuracy]:
+    low, accuracy = _answer(context, bounds[0], rounded, type)
+    high, other = _answer(context, bounds[1], rounded, type)
+    worse = other if _width(other) > _width(accuracy) else accuracy
+    return (low, high), worse
+
+
+def _width(accuracy: Accuracy) -> float:
+    return accuracy.epsilon if isinstance(accuracy, Certified) else 0.0
+
+
+def _answer(context: Context, bounds: tuple[float, float], rounded: bool, type: Type) -> tuple[Number, Accuracy]:
+    """A number between the bounds, and how accurate it is."""
+    low, high = bounds
+    if low != high and not (isnan(low) or isnan(high)):
+        return _middle(low, high), Certified(float(low), float(high))
+    if type is Type.INT and not isinf(low) and not isnan(low):
+        return int(low), Exact()
+    value: Number = low if isinstance(low, Fraction) else float(low)
+    if not all(r.certified for r in context.notes.runs):
+        return value, Estimate()
+    return value, Exact(rounding=rounded and not context.engine.exact)
+
+
+def _middle(low: float, high: float) -> float:
+    if isinf(low) or isinf(high):
+        return high if isinf(low) and not isinf(high) else low
+    return low + (high - low) / 2
+
+
+def _where(initial: StateSet) -> str:
+    count = initial.count
+    return "the initial state" if count == 1 else f"{count} initial states"
+

@@ -1,0 +1,100 @@
+"""What a formula is checked against, and the notes taken on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from symcheck.check.options import Options
+from symcheck.check.result import Line, Run
+from symcheck.engines.base import Engine
+from symcheck.errors import Diagnostic, NameFault
+from symcheck.semantics.types import type_of
+from symcheck.syntax.ast import Expression, LabelReference, Type
+
+__all__ = ["Context", "Notes"]
+
+
+@dataclass
+class Notes:
+    """What is noted while a property is checked: numerical runs, lines to print, warnings, and a path that shows why."""
+
+    runs: list[Run] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    witness: Sequence[Mapping[str, int | bool]] | None = None
+
+    def warn(self, text: str) -> None:
+        """Add a warning, once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+
+@dataclass(frozen=True)
+class Context:
+    """An engine, the options, and what the names in formulas stand for.
+
+    labels: those of the properties file (the model's are with the model). properties: the named properties.
+    open: the properties that are being expanded, so that one that refers to itself is found.
+    """
+
+    engine: Engine
+    options: Options
+    labels: Mapping[str, Expression] = field(default_factory=dict)
+    properties: Mapping[str, Expression] = field(default_factory=dict)
+    notes: Notes = field(default_factory=Notes)
+    open: frozenset[str] = frozenset()
+
+    def referred(self, reference: LabelReference) -> Expression:
+        """The expression that a reference to a label or a property stands for ("init" and "deadlock" are none).
+
+        Raises NameFault for an unknown name and for a property that refers to itself.
+        """
+        for table in (self.labels, self.engine.model.labels, self.properties):
+            if reference.name in table:
+                if reference.name in self.open:
+                    raise NameFault(Diagnostic(f'property "{reference.name}" refers to itself', reference.span, "cyclic-property"))
+                return table[reference.name]
+        known = [*self.engine.model.labels, *self.labels, *self.properties, "init", "deadlock"]
+        hint = "known are " + ", ".join(f'"{k}"' for k in known)
+        raise NameFault(Diagnostic(f'unknown label "{reference.name}"', reference.span, "unknown-label", hint))
+
+    def inside(self, reference: LabelReference) -> Context:
+        """The context for what a reference stands for."""
+        return replace(self, open=self.open | {reference.name})
+
+    def tighter(self, epsilon: float) -> Context:
+        """The same with another accuracy wanted; notes are shared."""
+        return replace(self, options=replace(self.options, epsilon=epsilon))
+
+    @cached_property
+    def _names(self) -> Mapping[str, Type]:
+        return {v.name: v.type for v in self.engine.model.variables}
+
+    def type(self, expression: Expression) -> Type:
+        """The type of a formula."""
+        return type_of(expression, self._names, _LabelTypes(self))
+
+
+@dataclass(frozen=True)
+class _LabelTypes(Mapping[str, Type]):
+    """Types of references: a label is a bool, a property has the type of its formula."""
+
+    context: Context
+
+    def __getitem__(self, name: str) -> Type:
+        context = self.context
+        if name in ("init", "deadlock") or name in context.labels or name in context.engine.model.labels:
+            return Type.BOOL
+        reference = LabelReference(name)
+        return context.inside(reference).type(context.referred(reference))
+
+    def __contains__(self, name: object) -> bool:
+        return True  # an unknown name is reported, with what is known, when it is looked up
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0

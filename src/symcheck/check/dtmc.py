@@ -1,0 +1,38 @@
+"""Measures on discrete-time Markov chains."""
+
+from __future__ import annotations
+
+from symcheck.check import discrete
+from symcheck.check.context import Context
+from symcheck.check.long_run import steady_probability, steady_reward
+from symcheck.check.reach import reach_reward, until
+from symcheck.check.total import total_reward
+from symcheck.check.window import Window
+from symcheck.engines.base import StateSet, Values
+
+__all__ = [
+    "bounded_until",
+    "cumulative_reward",
+    "instantaneous_reward",
+    "next",
+    "positive",
+    "reach_reward",
+    "steady_probability",
+    "steady_reward",
+    "total_reward",
+    "until",
+]
+
+next = discrete.next_probability
+cumulative_reward = discrete.cumulative_reward
+instantaneous_reward = discrete.instantaneous_reward
+
+
+def bounded_until(context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> Values:
+    """Probability of left U[a,b] right, in steps."""
+    return discrete.bounded_until(context, left, right, window, direction, until)
+
+
+def positive(context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> StateSet | None:  # noqa: ARG001
+    """Left to the numbers: products of positive numbers are positive, and zeros are exact."""
+    return None

@@ -1,0 +1,86 @@
+"""What can be measured on a model, and who measures it for which type of model."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Protocol, assert_never
+
+from symcheck.check.context import Context
+from symcheck.check.window import Window
+from symcheck.engines.base import StateSet, Values
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["Measures", "measures"]
+
+
+class Measures(Protocol):
+    """The measures of one type of model: each gives a value per reachable state.
+
+    `direction` is 'min' or 'max' over the strategies of an MDP, and None otherwise. `structure` is the number of a reward
+    structure, from 0. Accuracy: `context.options.epsilon`, certified; what graph analysis decides is exact. Raises
+    UnsupportedError for a measure that the type of model does not have, and NumericalError where the accuracy is missed.
+    """
+
+    def next(self, context: Context, target: StateSet, window: Window, direction: str | None) -> Values:
+        """Probability that the next state is in `target` and is reached within the window."""
+        ...
+
+    def until(self, context: Context, left: StateSet, right: StateSet, direction: str | None) -> Values:
+        """Probability of left U right."""
+        ...
+
+    def bounded_until(self, context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> Values:
+        """Probability of left U right where `right` holds at some time in the window, and `left` before."""
+        ...
+
+    def positive(self, context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> StateSet | None:
+        """Where that probability is greater than 0; None where only numbers tell."""
+        ...
+
+    def reach_reward(self, context: Context, structure: int, target: StateSet, direction: str | None) -> Values:
+        """Expected reward until `target`; infinite where it is missed with positive probability."""
+        ...
+
+    def cumulative_reward(self, context: Context, structure: int, window: Window, direction: str | None) -> Values:
+        """Expected reward up to the end of the window."""
+        ...
+
+    def total_reward(self, context: Context, structure: int, direction: str | None) -> Values:
+        """Expected reward for ever."""
+        ...
+
+    def instantaneous_reward(self, context: Context, structure: int, time: Fraction, direction: str | None) -> Values:
+        """Expected state reward at a time."""
+        ...
+
+    def steady_probability(self, context: Context, states: StateSet) -> Values:
+        """Long-run share of the time that is spent in `states`."""
+        ...
+
+    def steady_reward(self, context: Context, structure: int) -> Values:
+        """Long-run average of the reward per step or unit of time."""
+        ...
+
+
+def measures(context: Context) -> Measures:
+    """Who measures on this engine: by its arithmetic and the type of its model (imported when first needed)."""
+    kind = context.engine.model.type
+    if context.engine.exact:
+        from symcheck.check import exact_measures
+
+        return exact_measures.MEASURES[kind]
+    match kind:
+        case ModelType.DTMC:
+            from symcheck.check import dtmc
+
+            return dtmc
+        case ModelType.CTMC:
+            from symcheck.check import ctmc
+
+            return ctmc
+        case ModelType.MDP:
+            from symcheck.check import mdp
+
+            return mdp
+        case _:
+            assert_never(kind)

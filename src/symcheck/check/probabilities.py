@@ -1,0 +1,100 @@
+"""The probability of a path formula at each state, and which states meet a bound on it."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import assert_never
+
+from symcheck.check.context import Context
+from symcheck.check.ltl import path_probability_ltl
+from symcheck.check.measures import measures
+from symcheck.check.paths import NextPath, Path, StatePath, TemporalPath, UntilPath, negated
+from symcheck.engines.base import StateSet, Values
+
+__all__ = ["flipped", "probability", "qualitative"]
+
+
+def flipped(direction: str | None) -> str | None:
+    """The direction of the complement: the least probability of something is 1 - the greatest one of its negation."""
+    return {"min": "max", "max": "min", None: None}[direction]
+
+
+def complement(context: Context, values: Values) -> Values:
+    """1 - values."""
+    return context.engine.constant(1).map("-", values)
+
+
+def probability(context: Context, path: Path, direction: str | None) -> Values:
+    """Probability of a path formula at each state (of an MDP: the least or greatest one)."""
+    if path.negative and not isinstance(path, StatePath | TemporalPath):
+        return complement(context, probability(context, negated(path), flipped(direction)))
+    match path:
+        case StatePath(states, negative):
+            return context.engine.indicator(~states if negative else states)
+        case NextPath(target, window):
+            return measures(context).next(context, target, window, direction)
+        case UntilPath(left, right, window) if not window.trivial:
+            return measures(context).bounded_until(context, left, right, window, direction)
+        case UntilPath(left, right) if context.options.fairness and direction == "min":
+            return _fair_minimum(context, left, right)
+        case UntilPath(left, right):
+            return measures(context).until(context, left, right, direction)
+        case TemporalPath(formula, negative):
+            if negative:
+                return complement(context, path_probability_ltl(context, formula, flipped(direction)))
+            return path_probability_ltl(context, formula, direction)
+        case _:
+            assert_never(path)
+
+
+def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:
+    """Least probability of left U right over fair strategies.
+
+    A fair run reaches `right`, or a state from where it cannot be reached any more, almost surely; so the least
+    probability of the former is 1 - the greatest one of the latter. Source: Baier & Kwiatkowska (1998).
+    """
+    hopeless = ~context.engine.graph.exists_until(left, right)
+    return complement(context, measures(context).until(context, left - right, hopeless, "max"))
+
+
+def qualitative(context: Context, path: Path, operator: str, threshold: Fraction, direction: str | None) -> StateSet | None:
+    """The states that meet a bound, where graph analysis decides it (> 0, <= 0, >= 1, < 1); None where numbers are needed."""
+    if path.negative and isinstance(path, UntilPath):
+        mirrored = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}[operator]
+        return qualitative(context, negated(path), mirrored, 1 - threshold, flipped(direction))
+    if threshold < 0 or threshold > 1:
+        return context.engine.all if (operator in (">", ">=")) == (threshold < 0) else context.engine.none
+    if (operator, threshold) in ((">=", 0), ("<=", 1)):
+        return context.engine.all
+    if (operator, threshold) in (("<", 0), (">", 1)):
+        return context.engine.none
+    if not isinstance(path, UntilPath) or (operator, threshold) not in ((">", 0), ("<=", 0), (">=", 1), ("<", 1)):
+        return None
+    states = _surely(context, path, direction) if threshold == 1 else _possibly(context, path, direction)
+    if states is None:
+        return None
+    return states if operator in (">", ">=") else ~states
+
+
+def _possibly(context: Context, path: UntilPath, direction: str | None) -> StateSet | None:
+    """Where the probability is greater than 0."""
+    if not path.window.trivial:
+        return measures(context).positive(context, path.left, path.right, path.window, direction)
+    return ~_zero(context, path.left, path.right, direction)
+
+
+def _zero(context: Context, left: StateSet, right: StateSet, direction: str | None) -> StateSet:
+    graph = context.engine.graph
+    if context.options.fairness and direction == "min":
+        return graph.prob1(left - right, ~graph.exists_until(left, right), "max")
+    return graph.prob0(left, right, direction)
+
+
+def _surely(context: Context, path: UntilPath, direction: str | None) -> StateSet | None:
+    """Where the probability is 1."""
+    if not path.window.trivial:
+        return None
+    graph = context.engine.graph
+    if context.options.fairness and direction == "min":
+        return graph.prob0(path.left - path.right, ~graph.exists_until(path.left, path.right), "max")
+    return graph.prob1(path.left, path.right, direction)

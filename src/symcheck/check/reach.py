@@ -1,0 +1,171 @@
+"""Reachability, for all types of model: which states are certain by graph analysis, and equations for the others.
+
+A CTMC is solved as its embedded DTMC: rates divided by the exit rate of their state. Sources: Baier & Katoen (2008),
+10.1.1 and 10.6.1; for rewards, Forejt, Kwiatkowska, Norman & Parker (2011), 'Automated verification techniques'.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.discrete import best, per_row
+from symcheck.check.result import Run
+from symcheck.engines.base import StateSet, System, Values
+from symcheck.errors import UnsupportedError
+from symcheck.kernels import sparse
+from symcheck.numerics.collapse import collapse
+from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.numerics.problem import LinearProblem
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["Equations", "boundary_values", "chosen_rows", "equations", "reach_reward", "until"]
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """An operator whose rows are divided by a factor each."""
+
+    operator: Any
+    factor: Floats
+
+    def multiply(self, x: Floats, /) -> Floats:
+        """The product with a vector: a value per row."""
+        return np.asarray(self.operator.multiply(x) / self.factor)
+
+
+@dataclass(frozen=True)
+class Equations:
+    """One-step probabilities among some states, in the form that the engine prefers, and how to divide rates."""
+
+    context: Context
+    system: System
+    rates: Floats | None = field(repr=False)
+
+    def scaled(self, rows: Floats) -> Floats:
+        """A rate per row as a probability per row (the value itself where there are no rates)."""
+        return rows if self.rates is None else rows / self.rates
+
+    def into(self, target: StateSet) -> Floats:
+        """Per row: the probability of entering `target` with the next step."""
+        return self.scaled(self.system.into(target))
+
+    def problem(self, constant: Floats, upper: Floats | None, direction: str | None, *, probability: bool) -> LinearProblem:
+        """The equations x = A x + constant (bounds: up to `upper`)."""
+        leave = self.into(~self.system.states)
+        if self.context.engine.has_rows:
+            return LinearProblem(constant, self._matrix(), upper, leave, direction, probability)
+        operator = self.system.operator if self.rates is None else Scaled(self.system.operator, self.rates)
+        return LinearProblem(constant, None, upper, leave, direction, probability, operator, self.system.groups)
+
+    def _matrix(self) -> SparseMatrix:
+        matrix = self.system.matrix
+        if self.rates is None:
+            return matrix
+        return replace(matrix, data=matrix.data / np.repeat(self.rates, np.diff(matrix.indptr)))
+
+    def solve(self, problem: LinearProblem, rest: list[tuple[StateSet, float]], *, wait: bool = False) -> Values:
+        """The solution, lifted to all states with constants on the sets in `rest`.
+
+        `wait`: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards).
+        """
+        from symcheck.numerics.methods import solve_linear
+
+        if self.system.n == 0:
+            return self.system.lift(np.empty(0), None, rest)
+        started = perf_counter()
+        # End components without reward are made single states, as for least rewards; rewards are not negative, so
+        # that waiting is never better than leaving and need not be among the choices of these states.
+        smaller = collapse(replace(problem, matrix=self._matrix(), direction="min")) if wait else None
+        if smaller is None:
+            found = solve_linear(problem, self.context.options)
+        else:
+            found = smaller.expand(solve_linear(replace(smaller.problem, direction=problem.direction), self.context.options))
+        seconds = perf_counter() - started
+        point = found.exact or not found.certified
+        self.context.notes.runs.append(
+            Run("linear", found.method, self.system.n, found.iterations, seconds, found.explanation, found.certified)
+        )
+        return self.system.lift(found.middle if point else found.lower, None if point else found.upper, rest, exact=point)
+
+
+def equations(context: Context, states: StateSet) -> Equations:
+    """The equations over some states."""
+    system = context.engine.system(states)
+    rates = system.row_sums() if context.engine.model.type is ModelType.CTMC else None
+    return Equations(context, system, rates)
+
+
+def until(context: Context, left: StateSet, right: StateSet, direction: str | None) -> Values:
+    """Probability of left U right from each state; 0 and 1 exactly where graph analysis finds them."""
+    graph = context.engine.graph
+    no = graph.prob0(left, right, direction)
+    yes = graph.prob1(left, right, direction)
+    part = equations(context, ~(no | yes))
+    if part.system.n == 0:
+        return context.engine.indicator(yes)
+    return part.solve(part.problem(part.into(yes), None, direction, probability=True), [(yes, 1.0)])
+
+
+def boundary_values(context: Context, states: StateSet, outside: Values) -> Values:
+    """The expected value of `outside` where a run leaves `states`, which it must do almost surely (DTMC, CTMC)."""
+    part = equations(context, states)
+    low, high = (part.scaled(v) for v in part.system.into_values(outside))
+    exact = outside.exact
+    inner = part.solve(part.problem(low, None if exact else high, None, probability=False), [])
+    return inner.choose(states, outside)
+
+
+def reach_reward(context: Context, structure: int, target: StateSet, direction: str | None) -> Values:
+    """Expected reward until `target` is reached.
+
+    Infinite where the target is missed with positive probability ('max': under some strategy; 'min': under all), and
+    where an infinite reward is met before.
+    """
+    engine = context.engine
+    # The least expected reward is finite where some strategy reaches almost surely, the greatest where all do.
+    certain = engine.graph.prob1(engine.all, target, {"min": "max", "max": "min", None: None}[direction])
+    part = equations(context, certain - target)
+    reward = _rewards(part, structure)
+    if np.isinf(reward).any():
+        certain = certain - _meets_infinity(context, part, reward, target, direction)
+        part = equations(context, certain - target)
+        reward = _rewards(part, structure)
+    problem = part.problem(reward, None, direction, probability=False)
+    if direction == "min":
+        # A choice that may lead to where the reward is infinite is never best.
+        allowed = part.system.into(~certain) == 0
+        problem = problem if allowed.all() else chosen_rows(problem, part.system.matrix, allowed)
+    return part.solve(problem, [(~certain, np.inf)])
+
+
+def _rewards(part: Equations, structure: int) -> Floats:
+    """Per row: the expected reward of a step (state rewards of a CTMC are earned per unit of time)."""
+    states, rows = part.system.rewards(structure)
+    return part.scaled(per_row(part.system, states) + rows)
+
+
+def _meets_infinity(context: Context, part: Equations, reward: Floats, target: StateSet, direction: str | None) -> StateSet:
+    """States from which an infinite reward of one step is met, with positive probability, before `target`."""
+    if direction == "min":
+        raise UnsupportedError("least expected rewards where some reward of a single step is infinite are not supported")
+    here = best(np.isinf(reward).astype(np.float64), part.system, "max")
+    source, _ = part.system.lift(here, None).compare(">", 0)
+    return context.engine.graph.exists_until(~target, source)
+
+
+def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) -> LinearProblem:
+    """The problem with some choices only (bool[rows]; every state keeps one)."""
+    matrix = problem.matrix if problem.matrix is not None else matrix
+    assert matrix.groups is not None
+    assert problem.exit is not None
+    rows: Int64s = np.flatnonzero(allowed)
+    parts = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, np.arange(matrix.columns, dtype=np.int32))
+    before: Int64s = np.concatenate(([0], np.cumsum(allowed)))
+    chosen = SparseMatrix(*parts, matrix.columns, before[matrix.groups])
+    upper = None if problem.upper is None else problem.upper[rows]
+    return LinearProblem(problem.constant[rows], chosen, upper, problem.exit[rows], problem.direction, problem.probability)

@@ -1,0 +1,164 @@
+"""What a check gives back: a value, how accurate it is, and where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import isinf, isnan
+from typing import Any, assert_never
+
+from symcheck.engines.base import Engine, StateSet, Values
+
+__all__ = [
+    "Accuracy",
+    "Answer",
+    "Certified",
+    "Estimate",
+    "Exact",
+    "Line",
+    "Number",
+    "Result",
+    "Run",
+    "show_number",
+    "show_value",
+]
+
+Number = int | float | Fraction
+Answer = bool | Number | tuple[Number, Number] | list[tuple[Number, Number]] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """The value is right: logically, as a rational, or (`rounding`) up to the rounding of floating-point operations."""
+
+    rounding: bool = False
+
+    def __str__(self) -> str:
+        return "exact up to rounding" if self.rounding else "exact"
+
+
+@dataclass(frozen=True, slots=True)
+class Certified:
+    """The true value is proved to lie between `lower` and `upper`; the value given is in the middle."""
+
+    lower: float
+    upper: float
+
+    @property
+    def epsilon(self) -> float:
+        """The largest distance between the value given and the true one."""
+        return (self.upper - self.lower) / 2
+
+    def __str__(self) -> str:
+        return f"certified: +/- {self.epsilon:.1E}"
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The iteration stopped when its change was below epsilon, which proves nothing."""
+
+    def __str__(self) -> str:
+        return "estimate"
+
+
+Accuracy = Exact | Certified | Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line that a print filter asks for: a state's index, its variable values and the formula's value there."""
+
+    index: int
+    state: tuple[bool | int, ...]
+    value: bool | Number
+
+    def __str__(self) -> str:
+        shown = ",".join(str(v).lower() if isinstance(v, bool) else str(v) for v in self.state)
+        return f"{self.index}:({shown})={show_number(self.value)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One numerical computation behind a result. `kind`: 'linear', 'steps', 'transient', 'steady' or 'exact'."""
+
+    kind: str
+    method: str
+    unknowns: int
+    iterations: int
+    seconds: float = 0.0
+    explanation: str = ""
+    certified: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The answer to one property.
+
+    value: a bool, an int, a float (a Fraction where arithmetic is rational), a pair (lowest, highest) over several initial
+    states, a list of points (Pareto), or None where there is none (argmin and print filters as the outermost).
+    satisfying: the states where a boolean formula holds; values: the numbers per state, of a numeric one.
+    lines: what print filters ask to be printed. runs: the numerical computations. witness: a path that shows why.
+    """
+
+    value: Answer
+    accuracy: Accuracy = field(default_factory=Exact)
+    explanation: str = ""
+    satisfying: StateSet | None = field(default=None, repr=False)
+    values: Values | None = field(default=None, repr=False)
+    lines: tuple[Line, ...] = field(default=(), repr=False)
+    runs: tuple[Run, ...] = field(default=(), repr=False)
+    witness: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
+    strategy: Any = field(default=None, repr=False)
+    warnings: tuple[str, ...] = ()
+    seconds: float = field(default=0.0, repr=False)
+    engine: Engine | None = field(default=None, repr=False)
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of all numerical computations together."""
+        return sum(r.iterations for r in self.runs)
+
+    @property
+    def method(self) -> str:
+        """The numerical methods used, in order; empty where graph analysis was enough."""
+        return ", ".join(dict.fromkeys(r.method for r in self.runs))
+
+    @property
+    def by_steps(self) -> bool:
+        """Whether the numbers come from as many products with the matrix as the property has steps, and nothing else."""
+        return bool(self.runs) and all(r.kind == "steps" for r in self.runs)
+
+    def __str__(self) -> str:
+        shown = show_value(self.value)
+        return shown if isinstance(self.value, bool) or self.value is None else f"{shown} ({self.accuracy})"
+
+
+def show_number(value: bool | Number) -> str:
+    """A number as results print it: shortest digits that give the double back, `Infinity`, `NaN`, `a/b`."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case int() | Fraction():
+            return str(value)
+        case float():
+            if isnan(value):
+                return "NaN"
+            if isinf(value):
+                return "Infinity" if value > 0 else "-Infinity"
+            return repr(value)
+        case _:
+            assert_never(value)
+
+
+def show_value(value: Answer) -> str:
+    """A result's value: a number, `true`, `[low,high]`, or a list of points."""
+    match value:
+        case None:
+            return "none"
+        case tuple():
+            return f"[{show_number(value[0])},{show_number(value[1])}]"
+        case list():
+            return "[" + ", ".join(f"({show_number(x)},{show_number(y)})" for x, y in value) + "]"
+        case _:
+            return show_number(value)

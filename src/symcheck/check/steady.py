@@ -1,0 +1,18 @@
+"""The steady-state operator."""
+
+from __future__ import annotations
+
+from symcheck.check.context import Context
+from symcheck.check.measures import measures
+from symcheck.engines.base import StateSet, Values
+
+__all__ = ["steady_values"]
+
+
+def steady_values(context: Context, states: StateSet) -> Values:
+    """Long-run probability of being in `states`, from each state."""
+    if not states:
+        return context.engine.constant(0)
+    if states == context.engine.all:
+        return context.engine.constant(1)
+    return measures(context).steady_probability(context, states)

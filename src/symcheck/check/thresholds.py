@@ -1,0 +1,87 @@
+"""Comparing computed values with a threshold, so that no verdict is ever wrong.
+
+Where the certified interval holds the threshold at a state that matters, the values are computed again with more
+accuracy, and at last in rational arithmetic. A comparison that stays open raises NumericalError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+from symcheck.check.context import Context
+from symcheck.engines.base import Engine, StateSet, Values
+from symcheck.errors import NumericalError, SymcheckError
+from symcheck.syntax.ast import Expression
+
+__all__ = ["EXACT_LIMIT", "decide"]
+
+EXACT_LIMIT = 20_000
+"""Models with more states are not explored again in rational arithmetic to settle a comparison."""
+
+_REFINEMENTS = (1e-9, 1e-12)
+
+
+def decide(
+    context: Context,
+    compute: Callable[[Context], Values],
+    operator: str,
+    threshold: Fraction | float,
+    matter: StateSet,
+    formula: Expression,
+) -> StateSet:
+    """The states at which `value operator threshold` holds; right at the states that matter, elsewhere where decided.
+
+    `compute` gives the values at the accuracy of the context that it gets; `formula` is the comparison itself, to be
+    checked in rational arithmetic if need be.
+    """
+    tighter = [e for e in _REFINEMENTS if e < context.options.epsilon] if context.options.certify else []
+    failure: SymcheckError | None = None
+    sure, undecided = context.engine.none, matter
+    for epsilon in (context.options.epsilon, *tighter):
+        try:
+            values = compute(context.tighter(epsilon))
+        except NumericalError as error:
+            # More accuracy than the method reaches: rational arithmetic may still decide.
+            failure = error
+            break
+        sure, undecided = values.compare(operator, threshold)
+        if not undecided & matter:
+            return sure
+        if values.exact:
+            break
+    if failure is not None and undecided is matter:
+        raise failure
+    exact = _by_rationals(context, formula)
+    if isinstance(exact, SymcheckError):
+        raise _undecided(context, operator, threshold, undecided & matter, failure or exact)
+    context.notes.warn("a threshold was too close to the value for floating point: decided by rational arithmetic")
+    return (sure - undecided) | (exact & undecided)
+
+
+def _by_rationals(context: Context, formula: Expression) -> StateSet | SymcheckError:
+    """The states that satisfy the formula, in rational arithmetic; or why it cannot be had."""
+    engine: Engine = context.engine
+    if engine.exact:
+        return NumericalError("the value is not a number")
+    if engine.states > EXACT_LIMIT:
+        return NumericalError(f"rational arithmetic is tried up to {EXACT_LIMIT:,} states, and this model has {engine.states:,}")
+    from symcheck.check.exact import satisfying_exactly
+
+    try:
+        return engine.from_bools(satisfying_exactly(context, formula))
+    except SymcheckError as error:
+        return error
+
+
+def _undecided(
+    context: Context, operator: str, threshold: Fraction | float, states: StateSet, reason: SymcheckError
+) -> NumericalError:
+    engine = context.engine
+    names = [v.name for v in engine.model.variables]
+    example = next(iter(engine.valuations(engine.first(states))))
+    state = ",".join(f"{n}={str(v).lower() if isinstance(v, bool) else v}" for n, v in zip(names, example, strict=True))
+    return NumericalError(
+        f"cannot tell whether the value is {operator} {float(threshold)!r}, for example in state ({state}): "
+        f"the two are too close for the accuracy reached ({reason}); a method that is exact (-exact) may decide it"
+    )

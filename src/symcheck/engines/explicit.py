@@ -1,0 +1,257 @@
+"""The explicit engine: states as rows of a table, transitions as compressed rows, sets as bool arrays; no diagrams."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symcheck.engines.arrays import ArraySet, ArrayValues
+from symcheck.engines.explicit_graph import ExplicitGraph
+from symcheck.kernels.rows import sum_into, sum_values
+from symcheck.kernels.sparse import multiply, select
+from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression, Type
+
+if TYPE_CHECKING:
+    from symcheck.engines.explicit_product import ExplicitProduct
+    from symcheck.explicit.model import ExplicitModel
+
+__all__ = ["ExplicitEngine", "ExplicitSystem", "SparseOperator"]
+
+
+@dataclass(frozen=True)
+class ExplicitEngine:
+    """An explored model as an engine."""
+
+    explored: ExplicitModel
+    name: str = "explicit"
+    exact: bool = False
+    has_rows: bool = True
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        return self.explored.model
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities (rates), deadlocks fixed."""
+        return self.explored.matrix
+
+    @property
+    def states(self) -> int:
+        """Number of reachable states."""
+        return self.matrix.states
+
+    @property
+    def transitions(self) -> int:
+        """Number of stored transitions."""
+        return self.matrix.entries
+
+    @property
+    def choices(self) -> int:
+        """Number of choices (states, where there is no nondeterminism)."""
+        return self.matrix.rows
+
+    @cached_property
+    def all(self) -> ArraySet:
+        """Every reachable state."""
+        return ArraySet(np.ones(self.states, bool))
+
+    @cached_property
+    def none(self) -> ArraySet:
+        """The empty set."""
+        return ArraySet(np.zeros(self.states, bool))
+
+    @cached_property
+    def initial(self) -> ArraySet:
+        """The initial states."""
+        return self._of(self.explored.initial)
+
+    @cached_property
+    def deadlocks(self) -> ArraySet:
+        """States that had no transition before they were given a self-loop."""
+        return self._of(self.explored.deadlocks)
+
+    @cached_property
+    def graph(self) -> ExplicitGraph:
+        """Questions that need no numbers."""
+        return ExplicitGraph(self)
+
+    def _of(self, indices: Int64s) -> ArraySet:
+        members = np.zeros(self.states, bool)
+        members[indices] = True
+        return ArraySet(members)
+
+    def where(self, expression: Expression) -> ArraySet:
+        """The states that satisfy a boolean expression over the variables."""
+        value = np.asarray(self.explored.evaluate(expression))
+        return ArraySet(np.array(np.broadcast_to(value, (self.states,)), dtype=bool))
+
+    def values(self, expression: Expression, type: Type) -> ArrayValues:  # noqa: ARG002 (doubles hold all three types)
+        """The value of an expression over the variables, at each state (1 and 0 for a bool)."""
+        value = np.asarray(self.explored.evaluate(expression))
+        array = np.array(np.broadcast_to(value, (self.states,)), dtype=np.float64)
+        return ArrayValues(array, array)
+
+    def constant(self, lower: float, upper: float | None = None, *, rounded: bool = False) -> ArrayValues:
+        """The same value (or bounds of it) everywhere."""
+        low = np.full(self.states, float(lower))
+        high = low if upper is None or upper == lower else np.full(self.states, float(upper))
+        return ArrayValues(low, high, self.all.members if rounded else None)
+
+    def indicator(self, states: ArraySet) -> ArrayValues:
+        """1 on the set and 0 elsewhere."""
+        array = states.members.astype(np.float64)
+        return ArrayValues(array, array)
+
+    def from_bools(self, members: Bools) -> ArraySet:
+        """The states at which the array (in index order) is True."""
+        return ArraySet(np.asarray(members, dtype=bool))
+
+    def to_bools(self, states: ArraySet) -> Bools:
+        """Membership of each state, in index order."""
+        return states.members
+
+    def first(self, states: ArraySet) -> ArraySet:
+        """The singleton of the state with the lowest index."""
+        return self._of(np.array([int(np.argmax(states.members))]))
+
+    def system(self, states: ArraySet) -> ExplicitSystem:
+        """The equations over some states."""
+        return ExplicitSystem(self, states)
+
+    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+        """State rewards [states] and transition rewards per row [rows] of a reward structure (from 0)."""
+        return self.explored.state_rewards[structure], self.explored.choice_rewards[structure]
+
+    def valuations(self, states: ArraySet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order."""
+        indices = np.flatnonzero(states.members)[:limit]
+        columns = [_plain(self.explored.states.column(i)[indices], v.type) for i, v in enumerate(self.model.variables)]
+        return zip(*columns, strict=True) if columns else iter([()] * len(indices))
+
+    def product(self, letters: Sequence[ArraySet], automaton: Any) -> ExplicitProduct:
+        """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
+        from symcheck.engines.explicit_product import product
+
+        return product(self, letters, automaton)
+
+
+def _plain(column: Int64s, type: Type) -> list[bool | int]:
+    values: list[bool | int] = (column.astype(bool) if type is Type.BOOL else column).tolist()
+    return values
+
+
+@dataclass(frozen=True)
+class SparseOperator:
+    """A matrix as an operator."""
+
+    matrix: SparseMatrix
+
+    def multiply(self, x: Floats) -> Floats:
+        """The product with a vector: a value per row."""
+        out = np.empty(self.matrix.rows)
+        multiply(self.matrix.indptr, self.matrix.indices, self.matrix.data, x, out)
+        return out
+
+
+@dataclass(frozen=True)
+class ExplicitSystem:
+    """The equations over some states (see `symcheck.engines.base.System`)."""
+
+    engine: ExplicitEngine = field(repr=False)
+    states: ArraySet
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return self.states.count
+
+    @cached_property
+    def chosen(self) -> Int64s:
+        """Indices of the states, ascending."""
+        return np.flatnonzero(self.states.members)
+
+    @cached_property
+    def rows(self) -> Int64s:
+        """Row numbers, in the whole matrix, of the choices of the states."""
+        groups = self.engine.matrix.groups
+        if groups is None:
+            return self.chosen
+        return np.flatnonzero(np.repeat(self.states.members, np.diff(groups)))
+
+    @cached_property
+    def groups(self) -> Int64s | None:
+        """Which of the rows belong to which state; None where each has one."""
+        groups = self.engine.matrix.groups
+        if groups is None:
+            return None
+        return np.concatenate(([0], np.cumsum(np.diff(groups)[self.chosen])))
+
+    @cached_property
+    def matrix(self) -> SparseMatrix:
+        """The matrix among the states."""
+        whole = self.engine.matrix
+        if self.n == whole.states:
+            return whole
+        number = np.full(whole.states, -1, np.int32)
+        number[self.chosen] = np.arange(self.n, dtype=np.int32)
+        parts = select(whole.indptr, whole.indices, whole.data, self.rows, number)
+        return SparseMatrix(*parts, self.n, self.groups)
+
+    @property
+    def operator(self) -> SparseOperator:
+        """The matrix as an operator."""
+        return SparseOperator(self.matrix)
+
+    def into(self, target: ArraySet) -> Floats:
+        """Per row: the one-step probability (rate) of entering the target."""
+        whole, out = self.engine.matrix, np.empty(len(self.rows))
+        sum_into(whole.indptr, whole.indices, whole.data, self.rows, target.members.view(np.uint8), out)
+        return out
+
+    def into_values(self, values: ArrayValues) -> tuple[Floats, Floats]:
+        """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
+        outside = (~self.states.members).view(np.uint8)
+        lower = self._weighted(outside, values.lower)
+        return lower, lower if values.exact else self._weighted(outside, values.upper)
+
+    def _weighted(self, outside: Any, values: Floats) -> Floats:
+        whole, out = self.engine.matrix, np.empty(len(self.rows))
+        sum_values(whole.indptr, whole.indices, whole.data, self.rows, outside, values, out)
+        return out
+
+    def row_sums(self) -> Floats:
+        """Per row: the total probability (exit rate)."""
+        return self.into(self.engine.all)
+
+    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+        """State rewards per state and transition rewards per row."""
+        states, rows = self.engine.rewards(structure)
+        return states[self.chosen], rows[self.rows]
+
+    def restrict(self, values: ArrayValues | ArraySet) -> Floats:
+        """A lower value (or 0/1 membership) per state of the system."""
+        array = values.members if isinstance(values, ArraySet) else values.lower
+        return array[self.chosen].astype(np.float64)
+
+    def lift(
+        self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[ArraySet, float]] = (), exact: bool = False
+    ) -> ArrayValues:
+        """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
+        low = self._spread(lower, rest)
+        high = low if upper is None or upper is lower else self._spread(upper, rest)
+        return ArrayValues(low, high, self.states.members if exact else None)
+
+    def _spread(self, values: Floats, rest: Sequence[tuple[ArraySet, float]]) -> Floats:
+        out = np.zeros(self.engine.states)
+        for states, constant in rest:
+            out[states.members] = constant
+        out[self.chosen] = values
+        return out

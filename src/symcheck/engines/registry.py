@@ -1,0 +1,63 @@
+"""The engines by name, and how each is built from a bound model. A new engine is a line in `BUILDERS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from symcheck.engines.base import Engine
+from symcheck.errors import UnsupportedError
+from symcheck.semantics.model import BoundModel
+
+__all__ = ["AUTO", "BUILDERS", "BuildOptions", "build"]
+
+
+class BuildOptions(Protocol):
+    """What building a model needs to be told; the options of a check fit this protocol."""
+
+    @property
+    def engine(self) -> str: ...
+    @property
+    def exact(self) -> bool: ...
+    @property
+    def fix_deadlocks(self) -> bool: ...
+    @property
+    def check_sums(self) -> bool: ...
+    @property
+    def max_memory(self) -> int | None: ...
+    @property
+    def time_limit(self) -> float | None: ...
+
+
+Builder = Callable[[BoundModel, Any], Engine]
+
+
+def _explicit(model: BoundModel, options: BuildOptions) -> Engine:
+    from symcheck.engines.explicit import ExplicitEngine
+    from symcheck.explicit.build import explore
+
+    return ExplicitEngine(explore(model, options))
+
+
+def _exact(model: BoundModel, options: BuildOptions) -> Engine:
+    from symcheck.engines.exact import explore_exactly
+
+    return explore_exactly(model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums)
+
+
+BUILDERS: Mapping[str, Builder] = {"explicit": _explicit, "exact": _exact}
+
+AUTO = "explicit"
+"""The engine that 'auto' stands for."""
+
+
+def build(model: BoundModel, options: BuildOptions) -> Engine:
+    """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
+
+    Raises UnsupportedError for an unknown engine, ModelFault for a faulty model, and ResourceError.
+    """
+    name = "exact" if options.exact else AUTO if options.engine == "auto" else options.engine
+    builder = BUILDERS.get(name)
+    if builder is None:
+        raise UnsupportedError(f"there is no engine '{name}'; there are {', '.join(BUILDERS)}")
+    return builder(model, options)
