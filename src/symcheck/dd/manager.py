@@ -207,7 +207,7 @@ class DiagramManager:
         return left.multiply_sum(right, self.cube(variables))
 
     def relational_product(self, states: Bdd, relation: Bdd, quantify: Cube, rename: Renaming | None = None) -> Bdd:
-        """exists quantify: states & relation, then renamed. With neighbouring row and column variables `transition` is faster."""
+        """(states & relation).exists(quantify), then renamed. With neighbouring row and column variables `transition` is faster."""
         result = states.and_exists(relation, quantify)
         return result if rename is None else result.rename(rename)
 
