@@ -1,0 +1,66 @@
+"""symcheck: a symbolic probabilistic model checker for models in the PRISM language.
+
+>>> import symcheck
+>>> symcheck.load("models/die/die.pm").check("P=? [ F d=6 ]")  # doctest: +SKIP
+
+The names here are looked up when they are used, so that importing symcheck costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_HOME = {
+    "BoundModel": "symcheck.semantics.model",
+    "Engine": "symcheck.engines.base",
+    "Model": "symcheck.api",
+    "Options": "symcheck.check.options",
+    "Result": "symcheck.check.result",
+    "SymcheckError": "symcheck.errors",
+    "bind": "symcheck.semantics.bind",
+    "bind_properties": "symcheck.semantics.bind",
+    "build": "symcheck.symbolic.build",
+    "explore": "symcheck.explicit.build",
+    "load": "symcheck.api",
+    "loads": "symcheck.api",
+    "parse_model": "symcheck.syntax.parse",
+    "parse_model_file": "symcheck.syntax.parse",
+    "parse_properties": "symcheck.syntax.parse",
+    "parse_properties_file": "symcheck.syntax.parse",
+    "pretty": "symcheck.syntax.pretty",
+    "reach": "symcheck.symbolic.reach",
+}
+
+__version__ = "0.1.0"
+__all__ = [
+    "BoundModel",
+    "Engine",
+    "Model",
+    "Options",
+    "Result",
+    "SymcheckError",
+    "__version__",
+    "bind",
+    "bind_properties",
+    "build",
+    "explore",
+    "load",
+    "loads",
+    "parse_model",
+    "parse_model_file",
+    "parse_properties",
+    "parse_properties_file",
+    "pretty",
+    "reach",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(_HOME[name]), name)
+    raise AttributeError(f"module 'symcheck' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

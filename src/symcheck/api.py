@@ -1,0 +1,91 @@
+"""The façade: `symcheck.load("die.pm").check("P=? [ F d=6 ]")`.
+
+Everything it does is a call of a stage's own function; `Model` only keeps the values between them, each made on first use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from symcheck.check.checker import check
+from symcheck.check.options import Options
+from symcheck.check.result import Result
+from symcheck.engines import registry
+from symcheck.engines.base import Engine
+from symcheck.errors import UsageError
+from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
+from symcheck.semantics.model import BoundModel, Value
+from symcheck.syntax.ast import ModelType, Program, PropertiesFile
+from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
+
+__all__ = ["Model", "load", "loads"]
+
+Given = Mapping[str, Value | str]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A model text with the constants and options it is checked with.
+
+    program, bound and engine are the stages of the path from text to result; each is made when it is first asked for.
+    """
+
+    program: Program = field(repr=False)
+    constants: Given
+    options: Options
+    type: ModelType | None = None
+
+    @cached_property
+    def bound(self) -> BoundModel:
+        """Constants evaluated, names resolved, types checked. Raises InputError."""
+        return bind(self.program, self.constants, model_type=self.type, exact=self.options.exact)
+
+    @cached_property
+    def engine(self) -> Engine:
+        """The built model: reachable states and matrix. Raises ModelFault, UnsupportedError, ResourceError."""
+        return registry.build(self.bound, self.options)
+
+    def with_options(self, **changes: Any) -> Model:
+        """The same model, to be built and checked otherwise."""
+        return Model(self.program, self.constants, replace(self.options, **changes), self.type)
+
+    def check(self, formula: str, constants: Given | None = None) -> Result:
+        """Check one property, such as `P=? [ F "done" ]`. Raises SymcheckError."""
+        properties = self.properties(parse_properties(formula), constants).properties
+        if len(properties) != 1:
+            raise UsageError(f"one property is wanted here, not {len(properties)}; check_all takes several")
+        return self._check(properties[0])
+
+    def check_all(self, properties: str | Path | PropertiesFile, constants: Given | None = None) -> Iterator[tuple[BoundProperty, Result]]:
+        """Check the properties of a file (a Path), of a text, or parsed already, one after the other."""
+        match properties:
+            case PropertiesFile():
+                file = properties
+            case Path():
+                file = parse_properties_file(properties)
+            case str():
+                file = parse_properties(properties)
+        for p in self.properties(file, constants).properties:
+            yield p, self._check(p)
+
+    def properties(self, file: PropertiesFile, constants: Given | None = None) -> BoundProperties:
+        """Properties bound to this model."""
+        return bind_properties(file, self.bound, constants)
+
+    def _check(self, bound: BoundProperty) -> Result:
+        formula = bound.formula
+        return check(self.engine, formula, self.options)
+
+
+def load(path: str | Path, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:
+    """Read a model file. `options` are the fields of `symcheck.Options`, such as engine="sparse". Raises InputError."""
+    return Model(parse_model_file(path), constants or {}, Options(**options), type)
+
+
+def loads(text: str, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:
+    """A model from its text, as `load`."""
+    return Model(parse_model(text), constants or {}, Options(**options), type)

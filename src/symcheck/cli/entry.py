@@ -1,0 +1,133 @@
+"""From the words of the command line to an exit status, whatever happens on the way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+from symcheck import __version__
+from symcheck.cli.arguments import parse_arguments
+from symcheck.cli.report import Report
+from symcheck.cli.run import Job, internal, results_file, run, sorted_rows
+from symcheck.errors import Interrupted, MemoryLimitError, ResourceError, SymcheckError, TimeLimitError, UsageError
+from symcheck.experiment.table import render
+
+__all__ = ["run_safely"]
+
+_GRACE = 5.0  # seconds that compiled code has to notice that time is up
+
+
+def run_safely(words: list[str] | None = None) -> int:
+    """Run the command line. Every error ends in a message on standard error and an exit status, never in a traceback."""
+    job: Job | None = None
+    try:
+        arguments = parse_arguments(sys.argv[1:] if words is None else words)
+        if arguments.version:
+            print(f"symcheck {__version__}")
+            return 0
+        if arguments.exportresults:
+            results_file_checked(arguments.exportresults)
+        job = Job(arguments, Report(verbose=arguments.verbose))
+        with _limits(arguments.timeout, lambda: _give_up(job)):
+            status = run(job)
+        _export(job)
+        return status
+    except UsageError as error:
+        return _fail(error, 2)
+    except (ResourceError, MemoryError, KeyboardInterrupt) as error:
+        return _stopped(job, _as_resource_error(error))
+    except SymcheckError as error:
+        _export(job)
+        return _fail(error, 1)
+    except RecursionError:
+        return _fail(SymcheckError("the input is nested too deeply"), 1)
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`): nothing more to say, and Python must not complain at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as error:  # never a traceback: the message says that it is ours, and where
+        return _fail(internal(error), 1)
+
+
+def results_file_checked(argument: str) -> None:
+    """Complain about -exportresults before anything is computed. Raises UsageError."""
+    path, kinds = results_file(argument)
+    render([], kinds)
+    if not path.parent.is_dir():
+        raise UsageError(f"-exportresults: there is no folder '{path.parent}'")
+
+
+def _fail(error: SymcheckError, status: int) -> int:
+    sys.stdout.flush()
+    text = str(error)
+    print(text if "error[" in text.splitlines()[0] else f"error: {text}", file=sys.stderr)
+    return status
+
+
+def _as_resource_error(error: BaseException) -> ResourceError:
+    match error:
+        case ResourceError():
+            return error
+        case MemoryError():
+            return MemoryLimitError("there is not enough memory\n  hint: the engines -h and -m need less than -s and -ex")
+        case _:
+            return Interrupted("stopped by Ctrl-C")
+
+
+def _stopped(job: Job | None, error: ResourceError) -> int:
+    """The end of a run that a limit or the user has stopped: finished results are kept."""
+    _export(job)
+    if job is not None and job.rows:
+        print(f"{len(job.rows)} finished result{'s are' if len(job.rows) > 1 else ' is'} above", file=sys.stderr)
+    return _fail(error, 130 if isinstance(error, Interrupted) else 3)
+
+
+def _export(job: Job | None) -> None:
+    """Write the results, whole or not at all."""
+    if job is None or not job.arguments.exportresults or not job.rows:
+        return
+    path, kinds = results_file(job.arguments.exportresults)
+    temporary = path.with_name(f".{path.name}.part")
+    try:
+        temporary.write_text(render(list(sorted_rows(job.rows)), kinds))
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise UsageError(f"-exportresults: cannot write '{path}': {error.strerror}") from None
+
+
+def _give_up(job: Job | None) -> None:
+    """Compiled code did not notice that time is up: end the process from beside it."""
+    _stopped(job, TimeLimitError("the time limit was reached"))
+    sys.stderr.flush()
+    sys.stdout.flush()
+    os._exit(3)
+
+
+@contextmanager
+def _limits(seconds: float | None, last_resort: Callable[[], None]) -> Iterator[None]:
+    """Raise TimeLimitError in the main thread after some seconds; `last_resort` is called where that has no effect."""
+    if seconds is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def expired(_: int, __: FrameType | None) -> None:
+        raise TimeLimitError("the time limit was reached\n  hint: -timeout gives more; finished results are kept")
+
+    watchdog = threading.Timer(seconds + _GRACE, last_resort)
+    watchdog.daemon = True
+    previous = signal.signal(signal.SIGALRM, expired)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    watchdog.start()
+    try:
+        yield
+    finally:
+        watchdog.cancel()
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        with suppress(ValueError):
+            signal.signal(signal.SIGALRM, previous)

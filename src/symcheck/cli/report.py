@@ -1,0 +1,144 @@
+"""What the command line prints: PRISM's wording where other tools read it, and the accuracy of every number."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from typing import TextIO
+
+from symcheck import __version__
+from symcheck.check.result import Estimate, Result
+from symcheck.engines.base import Engine
+from symcheck.semantics.bind import BoundProperty
+from symcheck.semantics.model import BoundModel, Value
+
+__all__ = ["Report"]
+
+_RULE = "-" * 69
+
+
+class Report:
+    """Writes a run to a stream, line by line, flushed after each result so that a stopped run keeps what it found."""
+
+    def __init__(self, out: TextIO | None = None, verbose: bool = False) -> None:
+        self.out = out or sys.stdout
+        self.verbose = verbose
+        self.warnings = 0
+
+    def line(self, text: str = "") -> None:
+        """One line of output."""
+        print(text, file=self.out)
+
+    def warn(self, text: str) -> None:
+        """A warning, counted for the end of the run."""
+        self.warnings += 1
+        self.line(f"Warning: {text.removeprefix('warning: ')}")
+
+    def detail(self, text: str) -> None:
+        """A line that only -v shows."""
+        if self.verbose:
+            self.line(text)
+
+    def header(self, files: Iterable[str]) -> None:
+        """The name of the program and what it reads."""
+        self.line(f"symcheck {__version__}")
+        self.line()
+        for file in files:
+            self.line(file)
+
+    def model(self, model: BoundModel, constants: Mapping[str, str]) -> None:
+        """Type, modules, variables and given constants of a model."""
+        self.line()
+        self.line(f"Type:        {model.type.name}")
+        self.line(f"Modules:     {' '.join(m.name for m in model.modules)}")
+        self.line(f"Variables:   {' '.join(v.name for v in model.variables)}")
+        if constants:
+            self.line(f"Constants:   {_assignment(constants)}")
+
+    def built(self, engine: Engine, seconds: float) -> None:
+        """Counts of a built model."""
+        initial = engine.initial.count
+        self.line()
+        self.line(f"Engine:      {engine.name}")
+        self.line(f"States:      {engine.states} ({initial} initial)")
+        self.line(f"Transitions: {engine.transitions}")
+        if engine.model.type.value == "mdp":
+            self.line(f"Choices:     {engine.choices}")
+        self.line(f"Time for model construction: {seconds:.3f} seconds.")
+        if self.verbose:
+            for text in getattr(engine, "explanation", ()):
+                self.line(f"  {text}")
+        deadlocks = engine.deadlocks.count
+        if deadlocks:
+            self.warn(f"deadlocks were given self-loops in {deadlocks} state{'s' if deadlocks > 1 else ''}, such as {_example(engine)}")
+
+    def property(self, text: str, name: str | None, model_constants: Mapping[str, str], constants: Mapping[str, str]) -> None:
+        """The property that is about to be checked."""
+        self.line()
+        self.line(_RULE)
+        self.line()
+        self.line(f'Model checking: "{name}": {text}' if name else f"Model checking: {text}")
+        if model_constants:
+            self.line(f"Model constants: {_assignment(model_constants)}")
+        if constants:
+            self.line(f"Property constants: {_assignment(constants)}")
+
+    def result(self, result: Result) -> None:
+        """A result, with what print filters ask for, a witness, and (-v) how it was computed."""
+        for line in result.lines:
+            self.line(str(line))
+        for warning in result.warnings:
+            self.warn(warning)
+        if isinstance(result.accuracy, Estimate):
+            self.warn("the result is an estimate: its error is unknown")
+        if result.witness:
+            self.line("Path that shows it:")
+            for number, state in enumerate(result.witness):
+                self.line(f"  {number}: ({_state(state)})")
+        for run in result.runs:
+            self.detail(f"{run.kind}: {run.explanation or run.method} ({run.unknowns} unknowns, {run.iterations} iterations)")
+        self.line()
+        self.line(f"Time for model checking: {result.seconds:.3f} seconds.")
+        self.line()
+        self.line(f"Result: {result}" + (f" ({result.explanation})" if result.explanation else ""))
+        self.out.flush()
+
+    def error(self, error: object) -> None:
+        """An error that stops one property."""
+        self.line()
+        self.line(f"Error: {str(error).removeprefix('error: ')}")
+        self.out.flush()
+
+    def verdict(self, verdict: object) -> None:
+        """The comparison with a RESULT line."""
+        self.line(f"Testing result: {verdict}")
+        self.out.flush()
+
+    def end(self) -> None:
+        """The last words."""
+        if self.warnings:
+            plural = "were" if self.warnings > 1 else "was"
+            self.line()
+            self.line(f"Note: There {plural} {self.warnings} warning{'s' if self.warnings > 1 else ''} during computation.")
+        self.out.flush()
+
+
+def _assignment(values: Mapping[str, str]) -> str:
+    return ",".join(f"{name}={value}" for name, value in values.items())
+
+
+def _state(state: Mapping[str, Value]) -> str:
+    return ",".join(f"{n}={str(v).lower() if isinstance(v, bool) else v}" for n, v in state.items())
+
+
+def _example(engine: Engine) -> str:
+    values = next(iter(engine.valuations(engine.deadlocks, 1)))
+    return f"({_state(dict(zip((v.name for v in engine.model.variables), values, strict=True)))})"
+
+
+def property_text(bound: BoundProperty) -> str:
+    """The property as the user wrote it, on one line."""
+    text = bound.span.text.strip().rstrip(";")
+    if bound.name is not None and text.startswith('"'):
+        text = text.partition(":")[2]
+    return " ".join(text.split())

@@ -1,0 +1,212 @@
+"""One run of the command line: read, bind, build, check, for every choice of constants."""
+
+from __future__ import annotations
+
+import argparse
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+
+from symcheck.check.checker import check
+from symcheck.check.options import Options
+from symcheck.check.result import Result, show_value
+from symcheck.check.resultlines import VerdictKind, judge
+from symcheck.cli.report import Report, property_text
+from symcheck.engines import registry
+from symcheck.engines.base import Engine
+from symcheck.errors import Diagnostic, NameFault, ResourceError, SymcheckError, UsageError
+from symcheck.experiment.constants import combinations, parse_constants
+from symcheck.experiment.table import Row
+from symcheck.semantics.bind import BoundProperty, bind, bind_properties, needed_constants, split_constants
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import ModelType, Program, PropertiesFile
+from symcheck.syntax.parse import parse_model_file, parse_properties, parse_properties_file
+
+__all__ = ["Job", "internal", "options_of", "results_file", "run", "sorted_rows"]
+
+Values = Mapping[str, str]
+
+
+@dataclass
+class Job:
+    """A run in progress: what was asked, where it is reported, and what has come out so far."""
+
+    arguments: argparse.Namespace
+    report: Report
+    rows: list[Row] = field(default_factory=list)
+    failures: int = 0
+
+    @property
+    def testing(self) -> bool:
+        """Whether results are compared with RESULT lines."""
+        return bool(self.arguments.test or self.arguments.testall)
+
+
+class _Stop(Exception):
+    """A test has failed and -test was asked for."""
+
+
+def options_of(arguments: argparse.Namespace) -> Options:
+    """The options of a check that the switches ask for."""
+    return Options(
+        engine=arguments.engine or "auto",
+        method=arguments.method,
+        epsilon=arguments.epsilon,
+        relative=arguments.relative,
+        certify=not arguments.estimate,
+        max_iterations=arguments.maxiters,
+        exact=arguments.exact,
+        max_memory=arguments.cuddmaxmem,
+        time_limit=arguments.timeout,
+        fix_deadlocks=arguments.fix_deadlocks,
+        check_sums=arguments.check_sums,
+        fairness=arguments.fairness,
+        ltl2da=arguments.ltl2datool,
+    )
+
+
+def run(job: Job) -> int:
+    """Carry out a job; gives the exit status. Raises SymcheckError for what concerns the run as a whole."""
+    a = job.arguments
+    if a.model is None:
+        raise UsageError("no model file is given\n  hint: symcheck MODEL [PROPERTIES] [switches]; --help lists the switches")
+    given = parse_constants(a.const)
+    job.report.header([f'Reading model file "{a.model}"', *([f'Reading properties file "{a.properties}"'] if a.properties else [])])
+    program = parse_model_file(a.model)
+    files = [*([parse_properties_file(a.properties)] if a.properties else []), *(parse_properties(t, "-pf") for t in a.pf)]
+    file = _joined(files)
+    for warning in split_constants(program, file, dict.fromkeys(given, "0")).warnings:
+        job.report.warn(str(warning))
+    chosen = _chosen(file, a.prop)
+    of_model = {n: v for n, v in given.items() if any(c.name == n for c in program.constants)}
+    try:
+        for constants in combinations(of_model):
+            _instance(job, program, file, chosen, constants, {n: v for n, v in given.items() if n not in of_model})
+    except _Stop:
+        pass
+    job.report.end()
+    return 1 if job.failures else 0
+
+
+def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
+    def all_of(part: str) -> tuple:  # type: ignore[type-arg]
+        return tuple(x for f in files for x in getattr(f, part))
+
+    return PropertiesFile(*(all_of(part) for part in ("constants", "formulas", "labels", "properties")))
+
+
+def _chosen(file: PropertiesFile, which: str | None) -> list[int]:
+    """Indices of the properties to check, in the order of the file."""
+    if which is None:
+        return list(range(len(file.properties)))
+    chosen = []
+    for item in which.split(","):
+        found = [i for i, p in enumerate(file.properties) if p.name == item or str(i + 1) == item]
+        if not found:
+            names = ", ".join(p.name for p in file.properties if p.name)
+            hint = f"there are {len(file.properties)}" + (f", among them {names}" if names else "")
+            raise NameFault(Diagnostic(f"-prop: there is no property '{item}'", code="unknown-property", hint=hint))
+        chosen.append(next((i for i in found if file.properties[i].name == item), found[0]))
+    return sorted(set(chosen))
+
+
+def _instance(
+    job: Job, program: Program, file: PropertiesFile, chosen: Sequence[int], constants: Values, others: Mapping[str, Sequence[str]]
+) -> None:
+    """Bind and build the model with these constants, and check the chosen properties on it."""
+    options = options_of(job.arguments)
+    kind = ModelType(job.arguments.model_type) if job.arguments.model_type else None
+    try:
+        model = bind(program, constants, model_type=kind, exact=options.exact)
+        job.report.model(model, constants)
+        engine = _build(job, model, options)
+    except ResourceError:
+        raise
+    except SymcheckError as error:
+        if not job.testing:
+            raise
+        # An error is a result that RESULT lines may expect, of every property.
+        job.report.error(error)
+        for i in chosen:
+            known = {n: _plain(v) for n, v in {**constants, **{n: v[0] for n, v in others.items()}}.items()}
+            _conclude(job, judge(file.properties[i].comments, error, known, exact=options.exact))
+        return
+    needed = needed_constants(program, file)
+    for i in chosen:
+        mine = {n: v for n, v in others.items() if n in needed[i]}
+        for choice in combinations(mine):
+            bound = bind_properties(file, model, {**{n: v[0] for n, v in others.items()}, **choice}).properties[i]
+            _check(job, engine, bound, options, constants, choice)
+
+
+def internal(error: Exception) -> SymcheckError:
+    """A defect of symcheck, as an error that can be reported."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    return SymcheckError(
+        f"internal error: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})\n"
+        "  hint: this is a defect of symcheck; please report it with the model"
+    )
+
+
+def _plain(text: str) -> bool | int | float:
+    """A constant's value for the comparison with RESULT lines where nothing could be bound."""
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return int(text)
+    except ValueError:
+        try:
+            return float(text)
+        except ValueError:
+            return float("nan")
+
+
+def _build(job: Job, model: BoundModel, options: Options) -> Engine:
+    started = perf_counter()
+    engine = registry.build(model, options)
+    job.report.built(engine, perf_counter() - started)
+    return engine
+
+
+def _check(job: Job, engine: Engine, bound: BoundProperty, options: Options, constants: Values, choice: Values) -> None:
+    text = property_text(bound)
+    job.report.property(text, bound.name, constants, choice)
+    outcome: Result | SymcheckError
+    try:
+        outcome = check(engine, bound.formula, options)
+        job.report.result(outcome)
+        job.rows.append(Row(bound.name or text, {**constants, **choice}, show_value(outcome.value), str(outcome.accuracy)))
+    except ResourceError:
+        raise
+    except Exception as error:  # a defect in one property must not take the others along
+        outcome = error if isinstance(error, SymcheckError) else internal(error)
+        job.report.error(outcome)
+        job.failures += not job.testing
+        job.rows.append(Row(bound.name or text, {**constants, **choice}, "Error", str(outcome).splitlines()[0]))
+    if job.testing:
+        _conclude(job, judge(bound.comments, outcome, bound.constants, exact=options.exact))
+
+
+def _conclude(job: Job, verdict: object) -> None:
+    job.report.verdict(verdict)
+    kind = getattr(verdict, "kind", None)
+    if kind in (VerdictKind.FAIL, VerdictKind.UNSUPPORTED):
+        job.failures += 1
+        if job.arguments.test and kind is VerdictKind.FAIL:
+            raise _Stop
+
+
+def results_file(argument: str) -> tuple[Path, list[str]]:
+    """`FILE:KIND,KIND` taken apart; a colon that belongs to the file's name is left in it."""
+    path, colon, kinds = argument.rpartition(":")
+    if not colon:
+        return Path(argument), ["text"]
+    return Path(path), kinds.split(",")
+
+
+def sorted_rows(rows: Sequence[Row]) -> Iterator[Row]:
+    """Rows of the same property together, in the order of its first row."""
+    order = {name: i for i, name in enumerate(dict.fromkeys(r.property for r in rows))}
+    return iter(sorted(rows, key=lambda r: order[r.property]))
