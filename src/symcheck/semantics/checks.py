@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import assert_never
@@ -11,7 +10,7 @@ from symcheck.errors import NO_SPAN, NameFault, Span
 from symcheck.semantics.copies import Copy, copies
 from symcheck.semantics.names import Given, Names, Table, names_in, undefined
 from symcheck.semantics.report import suggest
-from symcheck.semantics.types import rounding_hint
+from symcheck.semantics.types import article, rounding_hint
 from symcheck.syntax.ast import (
     Assignment,
     Command,
@@ -69,8 +68,8 @@ def check_program(program: Program, table: Table) -> CheckedProgram:
     found = copies(program, table.report)
     views = tuple(Names(table, c.renaming) for c in found)
     owners: dict[str, Owner] = {}
-    for name, owner in _declared(program, Names(table), found, views):
-        if table.declare("variable", name, owner.declaration.span):
+    for name, owner, span in _declared(program, Names(table), found, views):
+        if table.declare("variable", name, span):
             table.variables[name] = owner.declaration.type
             owners[name] = owner
     table.check_cycles()
@@ -81,12 +80,13 @@ def check_program(program: Program, table: Table) -> CheckedProgram:
     return checked
 
 
-def _declared(program: Program, root: Names, found: Iterable[Copy], views: Iterable[Names]) -> Iterator[tuple[str, Owner]]:
+def _declared(program: Program, root: Names, found: Iterable[Copy], views: Iterable[Names]) -> Iterator[tuple[str, Owner, Span]]:
     for declaration in program.globals:
-        yield declaration.name, Owner(None, declaration, root)
+        yield declaration.name, Owner(None, declaration, root), declaration.span
     for copy, names in zip(found, views, strict=True):
         for declaration in copy.text.variables:
-            yield names.renamed(declaration.name), Owner(copy.name, declaration, names)
+            span = copy.span if copy.renaming else declaration.span
+            yield names.renamed(declaration.name), Owner(copy.name, declaration, names), span
 
 
 def _check(checked: CheckedProgram) -> None:
@@ -146,7 +146,7 @@ def assign(table: Table, what: str, wanted: Type, found: Type | None, span: Span
     """Check that a value of type `found` may be given to something of type `wanted`: only an int may become a double."""
     if found is None or found is wanted or (found is Type.INT and wanted is Type.DOUBLE):
         return
-    table.report.type(f"{what} is of type {wanted.value}: its value cannot be a {found.value}", span, rounding_hint(found, (wanted,)))
+    table.report.type(f"{what} is of type {wanted.value}: its value cannot be {article(found)}", span, rounding_hint(found, (wanted,)))
 
 
 def check_labels(names: Names, labels: Iterable[Label], taken: Iterable[str] = ()) -> None:
@@ -204,7 +204,8 @@ def _check_assignment(checked: CheckedProgram, copy: Copy, names: Names, command
     if owner.module is None and command.action is not None:
         message = f"a command with an action cannot write the global variable {name}, for two such commands may happen at once"
         report.name("global-write", message, assignment.span, "write it in a command with [] or make it local to a module")
-    if owner.module not in (None, copy.name):
+    own = {names.renamed(v.name) for v in copy.text.variables}  # not the owner's where the name is taken twice
+    if owner.module not in (None, copy.name) and name not in own:
         message = f"module {copy.name} cannot write {name}, a variable of module {owner.module}"
         report.name("foreign-write", message, assignment.span, f"let {owner.module} write it in a command with the same action")
 
@@ -259,13 +260,15 @@ def _check_system(checked: CheckedProgram) -> None:
         return
     known = {m.name: m for m in checked.program.modules}
     parts = tuple(_parts(system))
-    used = Counter(p.name for p in parts if isinstance(p, ModuleReference))
+    used: set[str] = set()
     for part in parts:
-        if isinstance(part, ModuleReference) and part.name not in known:
-            report.name("unknown-module", f"unknown module {part.name}", part.span, suggest(part.name, known))
-        elif isinstance(part, ModuleReference) and used[part.name] > 1:
-            report.name("module-twice", f"module {part.name} stands more than once in the composition", part.span)
-    for name in known.keys() - used.keys():
+        if isinstance(part, ModuleReference):
+            if part.name not in known:
+                report.name("unknown-module", f"unknown module {part.name}", part.span, suggest(part.name, known))
+            elif part.name in used:
+                report.name("module-twice", f"module {part.name} stands in the composition already", part.span)
+            used.add(part.name)
+    for name in known.keys() - used:
         report.name("module-missing", f"module {name} does not stand in the composition", system.span, f"add it, such as … || {name}")
     actions = _actions(checked)
     for part in parts:

@@ -301,7 +301,7 @@ def _to_int(function: str, x: Value, exact: bool, node: Node) -> Value:
     if isinstance(x, int):
         return x
     if isinstance(x, float) and not math.isfinite(x):
-        raise _fault(node, "not-integer", f"{function} of {x} is not an integer")
+        raise _fault(node, "not-integer", f"{function} of {format_value(x)} is not an integer")
     if function == "ceil":
         return _checked(math.ceil(x), node)
     return _checked(math.floor(x if function == "floor" else x + (Fraction(1, 2) if exact else 0.5)), node)

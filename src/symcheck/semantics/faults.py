@@ -116,8 +116,6 @@ def _updates_span(command: BoundCommand) -> Span:
 
 def _short(value: Value) -> str:
     """A number without the noise of rounding."""
-    if isinstance(value, Fraction):
+    if isinstance(value, Fraction) or not math.isfinite(value):
         return format_value(value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
     return f"{value:.10g}" if abs(value) > 1e-3 else f"{value:.6g}"

@@ -60,7 +60,9 @@ def as_expression(value: Value, kind: Type, span: Span = NO_SPAN) -> Expression:
 
 
 def format_value(value: Value) -> str:
-    """A value as users write it: `true`, `3`, `0.1`, `1/3`."""
+    """A value as users write it: `true`, `3`, `0.1`, `1/3`; and `Infinity` and `NaN`, which they cannot write."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Fraction) and value.denominator == 1:

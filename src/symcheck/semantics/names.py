@@ -245,7 +245,9 @@ class Names:
         if name in table.constants:
             return table.constants[name].type
         if name not in table.formulas:
-            table.report.absorb(NameFault(unknown(Name(name, span=node.span), table)))
+            given_for = "" if name == node.name else f", which the renaming of the module gives for {node.name}"
+            diagnostic = unknown(Name(name, span=node.span), table)
+            table.report.name(diagnostic.code, diagnostic.message + given_for, diagnostic.span, diagnostic.hint)
             return None
         view = self._plain if node.name in self._renaming else self
         if name not in view._types:

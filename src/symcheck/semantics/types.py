@@ -45,7 +45,7 @@ from symcheck.syntax.ast import (
     WeakUntil,
 )
 
-__all__ = ["NUMERIC_FILTERS", "Typer", "type_from_values", "type_of"]
+__all__ = ["NUMERIC_FILTERS", "Typer", "article", "rounding_hint", "type_from_values", "type_of"]
 
 NUMERIC_FILTERS = frozenset({"min", "max", "sum", "avg", "range", "argmin", "argmax"})
 _FILTER_TYPES = {
@@ -129,7 +129,7 @@ class Typer:
 
     def _expect(self, found: Type | None, wanted: tuple[Type, ...], span: Span, message: str) -> bool:
         if found is not None and found not in wanted:
-            self._report.type(f"{message}, not a {found.value}", span, rounding_hint(found, wanted))
+            self._report.type(f"{message}, not {article(found)}", span, rounding_hint(found, wanted))
         return found in wanted
 
     # -------------------------------------------------------------------------------------------- state expressions
@@ -162,7 +162,7 @@ class Typer:
             case ProbabilityOperator() | RewardOperator() | SteadyState() | PathQuantifier() | Filter() | StateFilter() | MultiObjective():
                 if self._label is not None:
                     return self._operator(expression)
-                self._report.type("this can be asked in properties only, not within a model", expression.span, code="operator")
+                self._report.type("such an operator can stand in a property only", expression.span, code="operator")
                 return None
             case Next() | Eventually() | Globally() | Until() | WeakUntil() | Release():
                 symbol = {Next: "X", Eventually: "F", Globally: "G", Until: "U", WeakUntil: "W", Release: "R"}[type(expression)]
@@ -211,7 +211,7 @@ class Typer:
         if left is right:
             return left
         if Type.BOOL in (left, right):
-            self._report.type(f"a {left.value} and a {right.value} do not go together", span)
+            self._report.type(f"{article(left)} and {article(right)} do not go together", span)
             return None
         return Type.DOUBLE
 
@@ -336,6 +336,11 @@ class Typer:
                 pass
             case _:
                 self.path(query)
+
+
+def article(kind: Type) -> str:
+    """A type as it stands in a sentence: 'an int'."""
+    return f"an {kind.value}" if kind is Type.INT else f"a {kind.value}"
 
 
 def rounding_hint(found: Type, wanted: tuple[Type, ...]) -> str | None:

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from semantics.expressions import TYPES, anything, valuations
+from semantics.test_evaluate import same
+from symcheck.errors import ModelFault
+from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.fold import fold
+from symcheck.semantics.model import Value
+from symcheck.semantics.types import type_of
+from symcheck.syntax.ast import Expression, Literal
+from symcheck.syntax.parse import parse_expression
+from symcheck.syntax.walk import nodes
+
+
+@given(anything, valuations, st.booleans(), st.booleans())
+def test_folding_changes_no_value(expression: Expression, state: dict[str, Value], exact: bool, typed: bool) -> None:
+    folded = fold(expression, exact=exact, types=TYPES if typed else None)
+    assert type_of(folded, TYPES) is type_of(expression, TYPES)
+    try:
+        value = evaluate(expression, state, exact=exact)
+    except ModelFault:
+        return
+    assert same(evaluate(folded, state, exact=exact), value)
+
+
+@given(anything, st.booleans())
+def test_folding_twice_changes_nothing(expression: Expression, exact: bool) -> None:
+    once = fold(expression, exact=exact, types=TYPES)
+    assert fold(once, exact=exact, types=TYPES) == once
+
+
+@pytest.mark.parametrize(
+    ("text", "result"),
+    [
+        ("1+2*3", "7"),
+        ("x+(2-1)", "x+1"),
+        ("x>0 & 1<2", "x>0"),
+        ("1>2 & x>0", "false"),
+        ("x>0 | 1<2", "true"),
+        ("1>2 | x>0", "x>0"),
+        ("1<2 => x>0", "x>0"),
+        ("1>2 => x>0", "true"),
+        ("1<2 ? x : y", "x"),
+        ("1<2 ? x : 0.5", "true ? x : 0.5"),
+        ("1<2 ? 1 : 0.5", "1.0"),
+        ("1<2 ? 0.5 : x", "0.5"),
+        ("x*0", "x*0"),
+        ("1/0", "1/0"),
+        ("mod(1,0)", "mod(1,0)"),
+        ("P>=1-0.5 [ F<=2*3 true & b ]", "P>=0.5 [ F<=6 b ]"),
+    ],
+)
+def test_forms(text: str, result: str) -> None:
+    assert fold(parse_expression(text), types=TYPES) == parse_expression(result)
+
+
+def test_without_types_an_unknown_branch_stays() -> None:
+    assert fold(parse_expression("true ? x : y")) == parse_expression("true ? x : y")
+
+
+def test_float_and_exact_differ() -> None:
+    sum_of_tenths = parse_expression("0.1+0.2=0.3")
+    assert fold(sum_of_tenths) == parse_expression("false")
+    assert fold(sum_of_tenths, exact=True) == parse_expression("true")
+
+
+def test_deep_expressions() -> None:
+    deep = parse_expression(" | ".join(["x=1"] * 1900 + ["true"]))
+    assert [type(n) for n in nodes(fold(deep))] == [Literal]
