@@ -1,0 +1,235 @@
+"""A component's equations as a problem of their own: direct solution and policy iteration, with certified bounds.
+
+The certificate: for x = opt(A x + b) let x' be any approximation and w > 0 any vector with A w < w (along all rows that
+could matter). Then x' ± h w are bounds as soon as the residual of x' is at most h (w - A w), row by row, roundings counted.
+With w about (I - A)^-1 x this is relative accuracy: w/x is the expected number of steps to the target, given that it is reached.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from symcheck.kernels import sparse
+from symcheck.kernels.eliminate import Elimination
+from symcheck.kernels.solve import Block, System, certify
+from symcheck.numerics import graph
+from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.numerics.problem import LinearProblem, Solution
+from symcheck.numerics.settings import Accuracy, Settings
+
+__all__ = ["Bounds", "LocalSystem", "policy_iteration", "solve_direct"]
+
+
+@dataclass
+class Bounds:
+    """Certified bounds, and the policy that attains one of them."""
+
+    lower: Floats
+    upper: Floats
+    policy: Int64s | None = None
+    iterations: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class LocalSystem:
+    """x = opt(b + A x), with self-loops divided out, b between `low` and `high`, and `exit` the mass that leaves per row."""
+
+    matrix: SparseMatrix
+    low: Floats
+    high: Floats
+    exit: Floats
+    mode: int
+    start: Int64s | None = None
+    row_id: Int64s | None = None
+
+    @staticmethod
+    def of(block: Block) -> LocalSystem:
+        """The equations of a block."""
+        n, rows, entries = block.n, block.rows, block.entries
+        groups = np.asarray(block.group)[: n + 1].copy() if block.mode else None
+        matrix = SparseMatrix(
+            np.asarray(block.row_ptr)[: rows + 1].copy(), np.asarray(block.idx)[:entries].copy(),
+            np.asarray(block.val)[:entries].copy(), n, groups,
+        )  # fmt: skip
+        low, high, leave = (np.asarray(a)[:rows].copy() for a in (block.bl, block.bh, block.exit))
+        start = np.asarray(block.choice)[:n].copy() if block.mode else None
+        return LocalSystem(matrix, low, high, leave, block.mode, start, np.asarray(block.row_id)[:rows].copy())
+
+    @staticmethod
+    def whole(problem: LinearProblem) -> LocalSystem:
+        """All equations of a problem."""
+        m = problem.rows
+        system = System(m.indptr, m.indices, m.data, m.groups, problem.constant, problem.high, problem.leaving, problem.mode)
+        return LocalSystem.of(system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2))))
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return self.matrix.states
+
+    def chain(self, policy: Int64s) -> LocalSystem:
+        """The chain that a policy leaves."""
+        everywhere = np.arange(self.n, dtype=np.int32)
+        part = sparse.select(self.matrix.indptr, self.matrix.indices, self.matrix.data, policy, everywhere)
+        matrix = SparseMatrix(*part, self.n)
+        return LocalSystem(matrix, self.low[policy], self.high[policy], self.exit[policy], 0)
+
+    def problem(self, policy: Int64s, constant: Floats, probability: bool = False) -> LinearProblem:
+        """The chain of a policy as a problem of its own, with these constants."""
+        chain = self.chain(policy)
+        return LinearProblem(constant=constant[policy], matrix=chain.matrix, exit=chain.exit, probability=probability)
+
+    def rows_of(self, x: Floats, constant: Floats) -> Floats:
+        """constant + A x, per row."""
+        out = np.empty(self.matrix.rows)
+        sparse.multiply(self.matrix.indptr, self.matrix.indices, self.matrix.data, x, out)
+        return out + constant
+
+    def certify(self, x: Floats, weight: Floats, policy: Int64s | None) -> tuple[float, float]:
+        """Factors (low, high) such that x - low·weight and x + high·weight are proved bounds; infinity where not."""
+        rows = np.zeros(1, dtype=np.int64) if policy is None else policy
+        m = self.matrix
+        return certify(m.indptr, m.indices, m.data, m.groups, self.low, self.high, x, weight, rows, self.mode)
+
+
+def _scale(x: Floats) -> Floats:
+    """|x|, without zeros."""
+    out = np.abs(x)
+    out[out == 0.0] = max(float(out.max(initial=0.0)) * 1e-30, 1e-300)
+    return out
+
+
+def _around(x: Floats, weight: Floats, below: float, above: float) -> Bounds | None:
+    """x - below·weight and x + above·weight, rounded outwards; None where a factor is infinite."""
+    if not (np.isfinite(below) and np.isfinite(above)):
+        return None
+    slip = np.abs(x) * 2.0**-51
+    return Bounds(x - below * weight * (1 + 1e-15) - slip, x + above * weight * (1 + 1e-15) + slip)
+
+
+def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
+    """Sparse elimination without subtraction. None where it needs more than `limit` operations, or some state never leaves."""
+    m = local.matrix
+    factors = Elimination(m.indptr, m.indices, m.data, local.exit, limit)
+    if not factors.complete:
+        return None
+    lower = factors.solve(local.low) * (1.0 - factors.error)
+    upper = factors.solve(local.high)
+    upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + 1e-307, 0.0)
+    return Bounds(lower, upper)
+
+
+Evaluate = Callable[[LinearProblem, Settings], Solution]
+
+
+def policy_iteration(local: LocalSystem, goal: float, evaluate: Evaluate, rounds: int = 500) -> Bounds | None:
+    """Howard's policy iteration, each policy's chain solved by `evaluate`; the result is certified against all rows.
+
+    None where no proof is found. Every policy on the way leaves almost surely, so that its equations have one solution.
+    """
+    assert local.matrix.groups is not None
+    if np.any(np.diff(local.matrix.groups) == 0):
+        return None
+    policy = _proper(local)
+    if policy is None:
+        return None
+    fine = Accuracy(epsilon=min(goal * 0.1, 1e-9))
+    middle = 0.5 * (local.low + local.high)
+    for done in range(1, rounds + 1):
+        x = evaluate(local.problem(policy, middle), fine).middle
+        if not np.all(np.isfinite(x)):
+            return None
+        rows = local.rows_of(x, middle)
+        better = _improve(local, policy, rows, local.mode)
+        if better is None:
+            break
+        policy = better
+    own = evaluate(replace(local.problem(policy, local.low), upper=local.high[policy]), fine)
+    if _clearly_best(local, policy, own):
+        return Bounds(own.lower, own.upper, policy, done)
+    weights = _weights(local, policy, x, rows, evaluate)
+    found = None if weights is None else _around(x, weights, *local.certify(x, weights, policy))
+    return None if found is None else replace(found, policy=policy, iterations=done)
+
+
+def _clearly_best(local: LocalSystem, policy: Int64s, own: Solution) -> bool:
+    """Whether the bounds on the policy's values prove that no other row is better anywhere: then they are optimal."""
+    groups = local.matrix.groups
+    assert groups is not None
+    slip = (int(np.max(np.diff(local.matrix.indptr), initial=0)) + 8) * 2.0**-53
+    if local.mode == 2:
+        rows = local.rows_of(own.upper, local.high)
+        worse = rows + np.abs(rows) * slip <= np.repeat(own.lower, np.diff(groups))
+    else:
+        rows = local.rows_of(own.lower, local.low)
+        worse = rows - np.abs(rows) * slip >= np.repeat(own.upper, np.diff(groups))
+    worse[policy] = True
+    return bool(worse.all())
+
+
+def _proper(local: LocalSystem) -> Int64s | None:
+    """The start policy, mended where it does not leave almost surely; None where no policy does."""
+    groups = local.matrix.groups
+    assert groups is not None
+    policy = groups[:-1].copy() if local.start is None else np.where(local.start >= 0, local.start, groups[:-1])
+    chain = local.chain(policy)
+    everywhere = np.ones(local.n, dtype=np.bool_)
+    leaves = graph.backward_reachable(chain.matrix, chain.exit > 0.0)
+    if leaves.all():
+        return policy
+    # Every policy row towards a state that has a row out; take those rows out where they are.
+    owner = np.repeat(np.arange(local.n), np.diff(groups))
+    out = np.flatnonzero(local.exit > 0.0)
+    door = np.zeros(local.n, dtype=np.bool_)
+    door[owner[out]] = True
+    sure, rows = graph.prob1e_strategy(local.matrix, everywhere, door)
+    if not sure.all():
+        return None
+    mended = np.where(rows >= 0, rows, 0)
+    mended[owner[out]] = out
+    mended = np.where(leaves, policy, mended)
+    chain = local.chain(mended)
+    return mended if graph.backward_reachable(chain.matrix, chain.exit > 0.0).all() else np.where(door, mended, rows)
+
+
+def _improve(local: LocalSystem, policy: Int64s, rows: Floats, mode: int, allowed: Bools | None = None) -> Int64s | None:
+    """The best row wherever it is clearly better than the policy's; None where it is nowhere so."""
+    groups = local.matrix.groups
+    assert groups is not None
+    sign = 1.0 if mode == 2 else -1.0
+    values = sign * rows if allowed is None else np.where(allowed, sign * rows, -np.inf)
+    best = np.maximum.reduceat(values, groups[:-1])
+    current = values[policy]
+    change = best > current + 1e-13 * np.abs(current) + 1e-300
+    if not change.any():
+        return None
+    first = np.flatnonzero(values == np.repeat(best, np.diff(groups)))
+    owner = np.searchsorted(groups, first, side="right") - 1
+    out = policy.copy()
+    pick = change[owner]
+    out[owner[pick]] = first[pick]
+    return out
+
+
+def _weights(local: LocalSystem, policy: Int64s, x: Floats, rows: Floats, evaluate: Evaluate) -> Floats | None:
+    """w with A_r w + |x| about w or less, along the rows that are as good as the policy's (the greatest reward |x|)."""
+    groups = local.matrix.groups
+    assert groups is not None
+    scale = _scale(x)
+    ties = np.abs(rows - np.repeat(x, np.diff(groups))) <= 1e-7 * np.repeat(scale, np.diff(groups))
+    ties[policy] = True
+    constant = np.repeat(scale, np.diff(groups))
+    rough = Accuracy(epsilon=1e-3)
+    for _ in range(100):
+        found = evaluate(local.problem(policy, constant, probability=False), rough)
+        weight = found.upper
+        if not np.all(np.isfinite(weight)):
+            return None
+        better = _improve(local, policy, local.rows_of(weight, constant), 2, ties)
+        if better is None:
+            break
+        policy = better
+    return weight

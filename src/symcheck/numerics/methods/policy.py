@@ -1,0 +1,35 @@
+"""Policy iteration on the whole system (Howard 1960), each policy's chain solved component by component.
+
+Right where values converge slowly, and the only certified method for negative rewards with choices.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from symcheck.errors import NumericalError
+from symcheck.numerics.block import LocalSystem, policy_iteration
+from symcheck.numerics.collapse import collapse, unit
+from symcheck.numerics.methods import topological
+from symcheck.numerics.problem import LinearProblem, Observer, Solution
+from symcheck.numerics.settings import Settings
+
+__all__ = ["solve"]
+
+
+def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
+    """Certified bounds. Raises NumericalError where no proof is found (some strategy may never leave)."""
+    if problem.mode == 0:
+        return topological.solve(problem, settings, observer)
+    smaller = collapse(problem)
+    if smaller is not None:
+        return smaller.expand(solve(smaller.problem, settings, observer))
+    local = LocalSystem.whole(problem)
+    found = policy_iteration(local, settings.epsilon, topological.solve)
+    if found is None:
+        raise NumericalError("policy iteration found no certificate: some strategy may collect rewards for ever")
+    assert local.row_id is not None and found.policy is not None
+    lower, upper = (unit(found.lower), unit(found.upper)) if problem.probability else (found.lower, found.upper)
+    note = f"{problem.n} states: policy iteration, {found.iterations} policies"
+    width = float(np.max(upper - lower, initial=0.0))
+    return Solution(lower, upper, "policy", False, True, found.iterations, note, {"width": width}, local.row_id[found.policy])

@@ -1,0 +1,205 @@
+"""The default: strong components in reverse topological order, each by the cheapest means that certify it.
+
+A state that is a component of its own takes one pass over its rows; up to 64 states without choices are eliminated without
+subtraction; larger components are swept from both sides (interval iteration for probabilities, optimistic value iteration
+for rewards) as long as that converges, and handed to a direct solution or to policy iteration where it does not.
+Sources: Dai, Mausam, Weld & Goldsmith (2011); Baier, Klein, Leuschner, Parker & Wunderlich (2017).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from symcheck.kernels import sparse
+from symcheck.kernels.solve import Block, System, levels
+from symcheck.numerics import graph
+from symcheck.numerics.block import LocalSystem, policy_iteration, solve_direct
+from symcheck.numerics.collapse import collapse, unit
+from symcheck.numerics.matrix import Floats, Int32s, Int64s
+from symcheck.numerics.problem import LinearProblem, Observer, Solution, Step
+from symcheck.numerics.settings import Settings
+
+__all__ = ["solve"]
+
+SMALL = 64  # states that elimination solves faster than sweeps do
+DENSE = 200  # states for which elimination in a full matrix is the way out when sweeps converge slowly
+OPERATIONS = 4_000_000_000  # of a sparse elimination, before it is given up
+
+
+@dataclass(eq=False)
+class _Run:
+    """The arrays of a solution in the making."""
+
+    problem: LinearProblem
+    system: System
+    x: Floats
+    strategy: Int64s
+    settings: Settings
+    observer: Observer | None
+    counters: Int64s = field(default_factory=lambda: np.zeros(6, dtype=np.int64))
+    notes: dict[str, int] = field(default_factory=dict)
+    failed: int = 0
+    iterations: int = 0
+    widest: float = 0.0
+
+
+def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
+    """Bounds that are certified; as near as asked unless the explanation says otherwise."""
+    if problem.signed:
+        return _signed(problem, settings, observer)
+    smaller = collapse(problem)
+    if smaller is not None:
+        return smaller.expand(solve(smaller.problem, settings, observer))
+    matrix = problem.rows
+    system = System(
+        matrix.indptr, matrix.indices, matrix.data, matrix.groups, problem.constant, problem.high, problem.leaving, problem.mode
+    )
+    run = _Run(problem, system, np.zeros((problem.n, 2)), np.full(problem.n, -1, dtype=np.int64), settings, observer)
+    edges = matrix.indptr if matrix.groups is None else matrix.indptr[matrix.groups]
+    shape = sparse.triangular(edges, matrix.indices)
+    if shape != 0:
+        system.sweep_acyclic(run.x, run.strategy, shape > 0)
+        return _finish(run, f"{problem.n} states, acyclic: one pass", exact=True)
+    parts = graph.sccs(matrix)
+    _components(run, parts, edges)
+    return _finish(run, _explain(run, parts), exact=run.counters[2] == 0 and not run.notes)
+
+
+def _components(run: _Run, parts: graph.Components, edges: Int64s) -> None:
+    """Solve all components; the kernel stops at each that needs more than its cheap means."""
+    deep = levels(edges, run.problem.rows.indices, parts.of, parts.order, parts.start, SMALL if run.problem.mode == 0 else 1)
+    # A component may use up its share of the width: what its successors brought in is part of what it is left with.
+    goals = run.settings.epsilon * 0.9 * np.maximum(deep, 1) / max(1, int(deep.max(initial=1)))
+    component = 0
+    while True:
+        component = run.system.advance(
+            parts.order, parts.start, component, run.x, run.strategy, goals, run.settings.relative, run.problem.probability,
+            SMALL, DENSE, run.counters,
+        )  # fmt: skip
+        if component >= parts.count:
+            return
+        _hard(run, parts.members(component), float(goals[component]))
+        component += 1
+
+
+def _hard(run: _Run, states: Int32s, goal: float) -> None:
+    """A component that is large or converges slowly."""
+    block = run.system.block(states, run.x)
+    if not block.open_:
+        _closed(block)
+    else:
+        block.principle()
+        if not (_sweep(run, block, goal, 3000) or _directly(run, block, goal) or _sweep(run, block, goal, None)):
+            run.failed += 1
+    run.system.store(block, states, run.x, run.strategy)
+
+
+def _closed(block: Block) -> None:
+    """Nothing leaves: the value is 0, or infinite where a reward is met again and again."""
+    x = np.asarray(block.x)
+    x[: block.n] = np.inf if np.any(np.asarray(block.bh)[: block.rows] > 0.0) else 0.0
+
+
+def _sweep(run: _Run, block: Block, goal: float, limit: int | None) -> bool:
+    """Sweeps from both sides, told to the observer every so often. With no limit: as many as the settings allow."""
+    left = limit if limit is not None else run.settings.max_iterations
+    probability = run.problem.probability
+    fresh = True
+    done = False
+    while left > 0 and not done:
+        budget = min(left, 256 if probability and limit is not None else left)
+        if probability:
+            done, used, width = block.interval(goal, run.settings.relative, budget)
+        else:
+            done, used, width = block.optimistic(goal, run.settings.relative, budget, fresh)
+        fresh = False
+        left -= max(used, 1)
+        run.iterations += used
+        run.widest = max(run.widest, width) if done else run.widest
+        if run.observer is not None:
+            run.observer(Step("interval" if probability else "optimistic", run.iterations, width, block.n))
+        if not done and used < budget:
+            break  # too slow, says the rate
+    if done:
+        _note(run, "interval iteration" if probability else "optimistic value iteration", block.n)
+    elif not probability:
+        np.asarray(block.x)[: block.n, 1] = np.inf
+    return done
+
+
+def _directly(run: _Run, block: Block, goal: float) -> bool:
+    """Solve without sweeps; keep the bounds if they are near enough, or nearer than before."""
+    local = LocalSystem.of(block)
+    if block.mode == 0:
+        answer = solve_direct(local, OPERATIONS)
+        name = "elimination"
+    else:
+        answer = policy_iteration(local, goal, solve)
+        name = "policy iteration"
+    if answer is None:
+        return False
+    x = np.asarray(block.x)[: block.n]
+    if run.problem.probability:
+        x[:, 0] = np.maximum(x[:, 0], answer.lower)
+        x[:, 1] = np.minimum(x[:, 1], answer.upper)
+    else:
+        x[:, 0] = answer.lower
+        x[:, 1] = answer.upper
+    if answer.policy is not None:
+        np.asarray(block.choice)[: block.n] = answer.policy
+    width = float(np.max((x[:, 1] - x[:, 0]) / (np.maximum(np.abs(x[:, 1]), 1e-300) if run.settings.relative else 1.0)))
+    if width <= goal:
+        _note(run, name, block.n)
+        return True
+    return False
+
+
+def _note(run: _Run, name: str, states: int) -> None:
+    run.notes[name] = max(run.notes.get(name, 0), states)
+
+
+def _signed(problem: LinearProblem, settings: Settings, observer: Observer | None) -> Solution:
+    """Negative constants: without choices the solution is a difference of two; with choices, policy iteration decides."""
+    if problem.mode != 0:
+        from symcheck.numerics.methods import policy
+
+        return policy.solve(problem, settings, observer)
+    parts = [
+        solve(problem.with_constant(np.maximum(sign * low, 0.0), np.maximum(sign * high, 0.0)), settings, observer)
+        for sign, low, high in ((1.0, problem.constant, problem.high), (-1.0, problem.high, problem.constant))
+    ]
+    plus, minus = parts
+    lower, upper = plus.lower - minus.upper, plus.upper - minus.lower
+    note = f"gains and losses apart: {plus.explanation}"
+    return Solution(lower, upper, "topological", plus.exact and minus.exact, True, plus.iterations + minus.iterations, note)
+
+
+def _finish(run: _Run, explanation: str, exact: bool) -> Solution:
+    lower, upper = np.ascontiguousarray(run.x[:, 0]), np.ascontiguousarray(run.x[:, 1])
+    if run.problem.probability:
+        lower, upper = unit(lower), unit(upper)
+    if exact and run.problem.upper is not None:
+        exact = bool(np.array_equal(run.problem.constant, run.problem.upper))
+    names = ("single", "eliminated", "swept", "sweeps", "largest_eliminated", "largest_swept")
+    statistics = {name: int(c) for name, c in zip(names, run.counters, strict=True)} | {"unfinished": run.failed}
+    return Solution(
+        lower, upper, "topological", exact, True, int(run.counters[3]) + run.iterations, explanation, statistics,
+        None if run.problem.mode == 0 else run.strategy,
+    )  # fmt: skip
+
+
+def _explain(run: _Run, parts: graph.Components) -> str:
+    """For people: how many components, the largest, and what was done."""
+    sizes = parts.sizes
+    single, eliminated, swept, _, largest_eliminated, largest_swept = (int(c) for c in run.counters)
+    done = [f"{single} single"] if single else []
+    if eliminated:
+        done.append(f"{eliminated} eliminated (up to {largest_eliminated} states)")
+    if swept:
+        done.append(f"{swept} swept (up to {largest_swept} states)")
+    done += [f"{name} (up to {states} states)" for name, states in run.notes.items()]
+    if run.failed:
+        done.append(f"{run.failed} did not reach the accuracy wanted")
+    return f"{parts.count} SCCs, largest {int(sizes.max(initial=0))} states: topological, " + ", ".join(done)

@@ -1,0 +1,34 @@
+"""What the numerical methods need to be told; the options of a check fit this protocol."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+__all__ = ["Accuracy", "Settings"]
+
+
+class Settings(Protocol):
+    """Width wanted (relative, or absolute), whether it must be proved, the method ('auto' or a name), and a limit."""
+
+    @property
+    def method(self) -> str: ...
+    @property
+    def epsilon(self) -> float: ...
+    @property
+    def relative(self) -> bool: ...
+    @property
+    def certify(self) -> bool: ...
+    @property
+    def max_iterations(self) -> int: ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accuracy:
+    """Settings for use without a check."""
+
+    method: str = "auto"
+    epsilon: float = 1e-6
+    relative: bool = True
+    certify: bool = True
+    max_iterations: int = 1_000_000
