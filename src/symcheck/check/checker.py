@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from math import isinf, isnan
@@ -17,6 +17,7 @@ from symcheck.check.options import Options
 from symcheck.check.paths import negated, resolve
 from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result
 from symcheck.engines.base import Engine, StateSet
+from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Filter, PathQuantifier, Property, StateFilter, Type
 
 __all__ = ["check"]
@@ -29,12 +30,14 @@ def check(
     *,
     labels: Mapping[str, Expression] | None = None,
     properties: Mapping[str, Expression] | None = None,
+    rebind: Callable[[BoundModel], Expression] | None = None,
 ) -> Result:
     """Check a bound formula (names resolved, constants folded) on a built model.
 
     The answer is the value in the initial state; over several initial states, a bool is true where it is true in all of
     them, and a number is the pair of the lowest and the highest. A filter as the outermost operator answers itself.
-    `labels` are those of the properties file, `properties` the named ones that the formula may refer to.
+    `labels` are those of the properties file, `properties` the named ones that the formula may refer to. `rebind` gives
+    the formula bound to an exactly bound model, for a comparison that only rational arithmetic decides.
 
     Raises InputError, UnsupportedError, and NumericalError where the accuracy asked for is missed.
     """
@@ -42,7 +45,7 @@ def check(
     if isinstance(formula, Property):
         formula = formula.formula
     notes = Notes()
-    context = Context(engine, options or Options(), labels or {}, properties or {}, notes)
+    context = Context(engine, options or Options(), labels or {}, properties or {}, notes, rebind)
     type = context.type(formula)
     if isinstance(formula, Filter | StateFilter):
         result = _filtered(context, formula, type)
@@ -82,8 +85,8 @@ def _numeric(context: Context, formula: Expression, type: Type) -> Result:
     initial = context.engine.initial
     values = numbers(context, formula, initial)
     if initial.count == 1:
-        value, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
-        return Result(value, accuracy, "value in the initial state", values=values)
+        single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
+        return Result(single, accuracy, "value in the initial state", values=values)
     value, accuracy = _range(context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type)
     return Result(value, accuracy, f"range of values over {_where(initial)}", values=values)
 
@@ -103,8 +106,8 @@ def _outcome(context: Context, outcome: Outcome, type: Type) -> tuple[Answer, Ac
     if value is None or isinstance(value, bool):
         return value, Exact()
     if isinstance(value[0], tuple):
-        return _range(context, value, outcome.rounded, type)  # type: ignore[arg-type]
-    return _answer(context, value, outcome.rounded, type)  # type: ignore[arg-type]
+        return _range(context, value, outcome.rounded, type)
+    return _answer(context, value, outcome.rounded, type)
 
 
 def _range(
@@ -127,7 +130,7 @@ def _answer(context: Context, bounds: tuple[float, float], rounded: bool, type: 
         return _middle(low, high), Certified(float(low), float(high))
     if type is Type.INT and not isinf(low) and not isnan(low):
         return int(low), Exact()
-    value: Number = low if isinstance(low, Fraction) else float(low)
+    value: Number = float(low) if isinstance(low, int) else low
     if not all(r.certified for r in context.notes.runs):
         return value, Estimate()
     return value, Exact(rounding=rounded and not context.engine.exact)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,6 +10,7 @@ from symcheck.check.options import Options
 from symcheck.check.result import Line, Run
 from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, NameFault
+from symcheck.semantics.model import BoundModel
 from symcheck.semantics.types import type_of
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
@@ -24,6 +25,8 @@ class Notes:
     lines: list[Line] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     witness: Sequence[Mapping[str, int | bool]] | None = None
+    exact_engine: Engine | None = None
+    """The model explored in rational arithmetic, once a comparison needed it."""
 
     def warn(self, text: str) -> None:
         """Add a warning, once."""
@@ -36,7 +39,8 @@ class Context:
     """An engine, the options, and what the names in formulas stand for.
 
     labels: those of the properties file (the model's are with the model). properties: the named properties.
-    open: the properties that are being expanded, so that one that refers to itself is found.
+    rebind: gives the formula that is checked, bound to the same model in exact arithmetic (thresholds such as 1/6 then are
+      rationals). open: the properties that are being expanded, so that one that refers to itself is found.
     """
 
     engine: Engine
@@ -44,6 +48,7 @@ class Context:
     labels: Mapping[str, Expression] = field(default_factory=dict)
     properties: Mapping[str, Expression] = field(default_factory=dict)
     notes: Notes = field(default_factory=Notes)
+    rebind: Callable[[BoundModel], Expression] | None = None
     open: frozenset[str] = frozenset()
 
     def referred(self, reference: LabelReference) -> Expression:
@@ -94,7 +99,7 @@ class _LabelTypes(Mapping[str, Type]):
         return True  # an unknown name is reported, with what is known, when it is looked up
 
     def __iter__(self) -> Iterator[str]:
-        return iter(())
+        yield from ("init", "deadlock", *self.context.labels, *self.context.engine.model.labels, *self.context.properties)
 
     def __len__(self) -> int:
-        return 0
+        return len(self.context.labels) + len(self.context.engine.model.labels) + len(self.context.properties) + 2

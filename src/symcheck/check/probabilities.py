@@ -64,11 +64,12 @@ def qualitative(context: Context, path: Path, operator: str, threshold: Fraction
         return qualitative(context, negated(path), mirrored, 1 - threshold, flipped(direction))
     if threshold < 0 or threshold > 1:
         return context.engine.all if (operator in (">", ">=")) == (threshold < 0) else context.engine.none
-    if (operator, threshold) in ((">=", 0), ("<=", 1)):
+    bound = (operator, int(threshold)) if threshold in (0, 1) else None
+    if bound in ((">=", 0), ("<=", 1)):
         return context.engine.all
-    if (operator, threshold) in (("<", 0), (">", 1)):
+    if bound in (("<", 0), (">", 1)):
         return context.engine.none
-    if not isinstance(path, UntilPath) or (operator, threshold) not in ((">", 0), ("<=", 0), (">=", 1), ("<", 1)):
+    if not isinstance(path, UntilPath) or bound is None:
         return None
     states = _surely(context, path, direction) if threshold == 1 else _possibly(context, path, direction)
     if states is None:

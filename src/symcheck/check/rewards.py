@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-from typing import assert_never
-
 from symcheck.check.context import Context
 from symcheck.check.measures import measures
 from symcheck.check.paths import StatesOf, UntilPath, resolve
 from symcheck.check.window import bound_value, window
 from symcheck.engines.base import Values
-from symcheck.errors import Diagnostic, InputError, NameFault, UnsupportedError
-from symcheck.semantics.evaluate import evaluate
+from symcheck.errors import UnsupportedError
+from symcheck.semantics.conditions import reward_index
 from symcheck.syntax.ast import (
     CumulativeReward,
     Eventually,
@@ -25,25 +22,8 @@ __all__ = ["reward_values", "structure_number"]
 
 
 def structure_number(context: Context, formula: RewardOperator) -> int:
-    """The number (from 0) of the reward structure that a formula names, by name or number (from 1), or the first.
-
-    Raises NameFault for an unknown name and InputError for a number that is out of range.
-    """
-    known = context.engine.model.rewards
-    if not known:
-        raise InputError(Diagnostic("the model has no reward structure", formula.span, "reward-structure"))
-    if formula.structure is None:
-        return 0
-    if isinstance(formula.structure, str):
-        names = [r.name for r in known]
-        if formula.structure in names:
-            return names.index(formula.structure)
-        hint = "known are " + ", ".join(f'"{n}"' for n in names if n)
-        raise NameFault(Diagnostic(f'unknown reward structure "{formula.structure}"', formula.span, "reward-structure", hint))
-    number = evaluate(formula.structure, {})
-    if not isinstance(number, int) or not 1 <= number <= len(known):
-        raise InputError(Diagnostic(f"there is no reward structure number {number} (1 to {len(known)})", formula.span, "reward-structure"))
-    return number - 1
+    """The number (from 0) of the reward structure that a formula names, by name or number (from 1), or the first."""
+    return reward_index(formula.structure, context.engine.model)
 
 
 def reward_values(context: Context, formula: RewardOperator, structure: int, states_of: StatesOf, direction: str | None) -> Values:
@@ -59,7 +39,7 @@ def reward_values(context: Context, formula: RewardOperator, structure: int, sta
         case TotalReward():
             return who.total_reward(context, structure, direction)
         case InstantaneousReward(time_of):
-            return who.instantaneous_reward(context, structure, Fraction(bound_value(time_of)), direction)
+            return who.instantaneous_reward(context, structure, bound_value(time_of), direction)
         case SteadyStateReward():
             return who.steady_reward(context, structure)
         case Eventually():

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, floor, isfinite
 
-from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span, UnsupportedError
 from symcheck.semantics.evaluate import evaluate
-from symcheck.syntax.ast import Expression, TimeBound
+from symcheck.syntax.ast import Expression, PathBound, RewardBound
 
 __all__ = ["Steps", "Window", "bound_value", "window"]
 
@@ -57,10 +57,15 @@ def bound_value(expression: Expression) -> Fraction:
     return Fraction(value)
 
 
-def window(bound: TimeBound | None) -> Window:
-    """The times that a bound allows. Raises InputError where a bound is negative or no time is left."""
+def window(bound: PathBound | None) -> Window:
+    """The times that a bound allows.
+
+    Raises InputError where a bound is negative or no time is left, and UnsupportedError for a bound on a reward.
+    """
     if bound is None:
         return Window()
+    if isinstance(bound, RewardBound):
+        raise UnsupportedError("a path formula with a bound on a reward is not supported; bounds on steps and time are")
     lower = Fraction(0) if bound.lower is None else bound_value(bound.lower)
     upper = None if bound.upper is None else bound_value(bound.upper)
     result = Window(lower, upper, bound.lower_strict, bound.upper_strict and upper is not None, bound.span)

@@ -16,7 +16,7 @@ from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
 
-__all__ = ["ROUNDING", "Engine", "Graph", "StateSet", "System", "Values", "bracket"]
+__all__ = ["ROUNDING", "Engine", "Graph", "OwnSet", "OwnValues", "StateSet", "System", "Values", "bracket"]
 
 ROUNDING = 1e-12
 """Relative error that is allowed for in a value that is 'exact up to rounding' when it is compared with a threshold."""
@@ -31,6 +31,12 @@ def bracket(threshold: float | Fraction) -> tuple[float, float]:
     if isinstance(threshold, float) or near in (inf, -inf) or near == threshold:
         return near, near
     return (near, nextafter(near, inf)) if near < threshold else (nextafter(near, -inf), near)
+
+
+OwnSet = Any
+"""A set of the same engine (an engine takes no other engine's sets, which a protocol cannot say)."""
+OwnValues = Any
+"""Values of the same engine."""
 
 
 class StateSet(Protocol):
@@ -57,23 +63,23 @@ class Values(Protocol):
     @property
     def exact(self) -> bool: ...
 
-    def rounded(self, states: StateSet) -> bool:
+    def rounded(self, states: OwnSet) -> bool:
         """Whether some value over the set was computed in floating point (so that equal bounds do not make it exact)."""
         ...
 
-    def at(self, states: StateSet) -> tuple[Floats, Floats]:
+    def at(self, states: OwnSet) -> tuple[Floats, Floats]:
         """Lower and upper values over the states of a set, in index order (use small sets only)."""
         ...
 
-    def minimum(self, states: StateSet) -> tuple[float, float]:
+    def minimum(self, states: OwnSet) -> tuple[Any, Any]:
         """Lower and upper bound of the least value over a set that is not empty."""
         ...
 
-    def maximum(self, states: StateSet) -> tuple[float, float]:
+    def maximum(self, states: OwnSet) -> tuple[Any, Any]:
         """Lower and upper bound of the largest value over a set that is not empty."""
         ...
 
-    def total(self, states: StateSet) -> tuple[float, float]:
+    def total(self, states: OwnSet) -> tuple[float, float]:
         """Lower and upper bound of the sum of the values over a set."""
         ...
 
@@ -85,11 +91,11 @@ class Values(Protocol):
         """
         ...
 
-    def map(self, operator: str, *others: Values | float) -> Values:
+    def map(self, operator: str, *others: OwnValues | float) -> Values:
         """Interval arithmetic: `operator` is an operator or function of the expression language ('-' with no other: negate)."""
         ...
 
-    def choose(self, states: StateSet, other: Values) -> Values:
+    def choose(self, states: OwnSet, other: OwnValues) -> Values:
         """These values on `states`, the other ones elsewhere."""
         ...
 
@@ -121,11 +127,11 @@ class System(Protocol):
         """The matrix in the engine's own form, with `multiply(x: Floats) -> Floats` giving a value per row."""
         ...
 
-    def into(self, target: StateSet) -> Floats:
+    def into(self, target: OwnSet) -> Floats:
         """Per row: the one-step probability (rate) of entering `target` (states outside of `states` too)."""
         ...
 
-    def into_values(self, values: Values) -> tuple[Floats, Floats]:
+    def into_values(self, values: OwnValues) -> tuple[Floats, Floats]:
         """Per row: sum over the successors outside of `states` of probability (rate) × value (lower, upper)."""
         ...
 
@@ -139,11 +145,11 @@ class System(Protocol):
         The latter is the probability-(rate-)weighted sum over the row's transitions."""
         ...
 
-    def restrict(self, values: Values | StateSet) -> Floats:
+    def restrict(self, values: OwnValues | OwnSet) -> Floats:
         """A value (or 0/1 membership) per state of `states`."""
         ...
 
-    def lift(self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[StateSet, float]] = (), exact: bool = False) -> Values:
+    def lift(self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[OwnSet, float]] = (), exact: bool = False) -> Values:
         """Values on all reachable states: these on `states`, constants on the sets in `rest`, 0 elsewhere."""
         ...
 
@@ -151,27 +157,27 @@ class System(Protocol):
 class Graph(Protocol):
     """Questions that need no numbers. `direction` is None in a DTMC or CTMC, 'min' or 'max' in an MDP."""
 
-    def predecessors(self, states: StateSet) -> StateSet:
+    def predecessors(self, states: OwnSet) -> StateSet:
         """States with some transition (of some choice) into `states`."""
         ...
 
-    def all_successors_in(self, states: StateSet) -> StateSet:
+    def all_successors_in(self, states: OwnSet) -> StateSet:
         """States all of whose transitions (of all choices) lead into `states`."""
         ...
 
-    def exists_until(self, left: StateSet, right: StateSet) -> StateSet:
+    def exists_until(self, left: OwnSet, right: OwnSet) -> StateSet:
         """E [ left U right ]."""
         ...
 
-    def exists_globally(self, states: StateSet) -> StateSet:
+    def exists_globally(self, states: OwnSet) -> StateSet:
         """E [ G states ]."""
         ...
 
-    def prob0(self, left: StateSet, right: StateSet, direction: str | None) -> StateSet:
+    def prob0(self, left: OwnSet, right: OwnSet, direction: str | None) -> StateSet:
         """States whose (min/max) probability of left U right is 0."""
         ...
 
-    def prob1(self, left: StateSet, right: StateSet, direction: str | None) -> StateSet:
+    def prob1(self, left: OwnSet, right: OwnSet, direction: str | None) -> StateSet:
         """States whose (min/max) probability of left U right is 1."""
         ...
 
@@ -179,15 +185,15 @@ class Graph(Protocol):
         """Bottom strongly connected components (DTMC, CTMC)."""
         ...
 
-    def end_components(self, within: StateSet) -> Iterator[StateSet]:
+    def end_components(self, within: OwnSet) -> Iterator[StateSet]:
         """Maximal end components of the states `within` (MDP)."""
         ...
 
-    def accepting_end_components(self, pairs: Sequence[tuple[StateSet, Sequence[StateSet]]]) -> StateSet:
+    def accepting_end_components(self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]) -> StateSet:
         """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
         ...
 
-    def witness(self, left: StateSet, right: StateSet) -> Sequence[Mapping[str, int | bool]] | None:
+    def witness(self, left: OwnSet, right: OwnSet) -> Sequence[Mapping[str, int | bool]] | None:
         """A shortest path from an initial state that satisfies left U right, as states; None if there is none."""
         ...
 
@@ -195,18 +201,33 @@ class Graph(Protocol):
 class Engine(Protocol):
     """A built model in one representation."""
 
-    name: str
-    exact: bool
-    """Whether the numbers are rationals (arrays of Fraction objects) instead of doubles."""
-    has_rows: bool
-    """Whether `System.matrix` is what the engine works with; else it is made only where `System.operator` is not enough."""
-    model: BoundModel
-    all: StateSet
-    none: StateSet
-    initial: StateSet
-    deadlocks: StateSet
-    graph: Graph
+    @property
+    def name(self) -> str: ...
+    @property
+    def exact(self) -> bool:
+        """Whether the numbers are rationals (arrays of Fraction objects) instead of doubles."""
+        ...
 
+    @property
+    def has_rows(self) -> bool:
+        """Whether `System.matrix` is what the engine works with; else it is made only where `System.operator` is not enough."""
+        ...
+
+    @property
+    def model(self) -> BoundModel: ...
+    @property
+    def all(self) -> StateSet: ...
+    @property
+    def none(self) -> StateSet: ...
+    @property
+    def initial(self) -> StateSet: ...
+    @property
+    def deadlocks(self) -> StateSet:
+        """States without a transition, before they were given a self-loop."""
+        ...
+
+    @property
+    def graph(self) -> Graph: ...
     @property
     def states(self) -> int: ...
     @property
@@ -226,7 +247,7 @@ class Engine(Protocol):
         """The same value (or bounds of it) everywhere; `rounded`: it came out of floating-point arithmetic."""
         ...
 
-    def indicator(self, states: StateSet) -> Values:
+    def indicator(self, states: OwnSet) -> Values:
         """1 on the set and 0 elsewhere."""
         ...
 
@@ -234,21 +255,21 @@ class Engine(Protocol):
         """The set of the states (bool[states], in index order) that are True."""
         ...
 
-    def to_bools(self, states: StateSet) -> Bools:
+    def to_bools(self, states: OwnSet) -> Bools:
         """Membership of each reachable state, bool[states] in index order."""
         ...
 
-    def system(self, states: StateSet) -> System: ...
+    def system(self, states: OwnSet) -> System: ...
 
-    def first(self, states: StateSet) -> StateSet:
+    def first(self, states: OwnSet) -> StateSet:
         """The singleton of the state with the lowest index; `states` must not be empty."""
         ...
 
-    def valuations(self, states: StateSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
+    def valuations(self, states: OwnSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order (lexicographic in declaration order)."""
         ...
 
-    def product(self, letters: Sequence[StateSet], automaton: Any) -> Any:
+    def product(self, letters: Sequence[OwnSet], automaton: Any) -> Any:
         """The product with a deterministic automaton that reads, in each state, which of `letters` hold.
 
         Returns a Product: an engine over pairs, and the means to go between the two (see engines/product.py)."""

@@ -199,7 +199,9 @@ def _assemble(model: BoundModel, found: dict[State, tuple[Any, ...]], initial: S
     deadlocks = [index[s] for s in table if not found[s]]
     if deadlocks and not fix_deadlocks:
         raise ModelFault(Diagnostic(f"the model has {len(deadlocks)} deadlock states", code="deadlock"))
-    indptr, columns, values, groups = [0], [], [], [0]
+    indptr, groups = [0], [0]
+    columns: list[int] = []
+    values: list[Fraction] = []
     per_row: list[list[Fraction]] = [[] for _ in model.rewards]
     for state in table:
         rows = [(sorted((index[t], _rational(p)) for p, t in r.branches), r.rewards) for r in found[state]]

@@ -11,9 +11,10 @@ import numpy as np
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, Int32s
+from symcheck.numerics.matrix import Bools, Int32s, Int64s
 
 if TYPE_CHECKING:
+    from symcheck.engines.exact import ExactEngine
     from symcheck.engines.explicit import ExplicitEngine
 
 __all__ = ["ExplicitGraph"]
@@ -23,7 +24,7 @@ __all__ = ["ExplicitGraph"]
 class ExplicitGraph:
     """See `symcheck.engines.base.Graph`."""
 
-    engine: ExplicitEngine = field(repr=False)
+    engine: ExplicitEngine | ExactEngine = field(repr=False)
 
     @cached_property
     def _edges(self) -> graph.Incidence:
@@ -103,15 +104,15 @@ class ExplicitGraph:
         states = [next(iter(self.engine.valuations(self._of(np.array([s]))))) for s in path]
         return [dict(zip(names, state, strict=True)) for state in states]
 
-    def _of(self, states: Int32s) -> ArraySet:
+    def _of(self, states: Int32s | Int64s) -> ArraySet:
         members = np.zeros(self.engine.states, bool)
         members[states] = True
         return ArraySet(members)
 
 
-def _ranges(start: np.ndarray, end: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _ranges(start: Int64s, end: Int64s) -> Int64s:
     """The numbers of all half-open ranges, one after the other."""
     lengths = end - start
     ends = np.cumsum(lengths)
     total = int(ends[-1]) if len(ends) else 0
-    return np.arange(total) + np.repeat(start - (ends - lengths), lengths)
+    return np.asarray(np.arange(total) + np.repeat(start - (ends - lengths), lengths))

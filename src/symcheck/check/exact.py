@@ -1,0 +1,64 @@
+"""Rational arithmetic where floating point cannot decide: the same model and formula, bound again exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from symcheck.check.context import Context
+from symcheck.numerics.matrix import Bools
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression
+from symcheck.syntax.walk import nodes
+
+if TYPE_CHECKING:
+    from symcheck.engines.exact import ExactEngine
+
+__all__ = ["exactly_bound", "satisfying_exactly"]
+
+
+def satisfying_exactly(context: Context, formula: Expression) -> Bools:
+    """The states (bool[states], in index order) that satisfy a part of the formula that is being checked.
+
+    Raises UnsupportedError where the formula cannot be evaluated exactly.
+    """
+    from symcheck.check.formulas import satisfying
+
+    engine = _exact_engine(context)
+    exact = replace(context, engine=engine)
+    states = satisfying(exact, _twin(context, engine.model, formula), engine.all)
+    return engine.to_bools(states)  # type: ignore[arg-type]
+
+
+def exactly_bound(model: BoundModel) -> BoundModel:
+    """The model with its numbers as the fractions that its text writes."""
+    from symcheck.semantics.bind import bind
+
+    if model.exact:
+        return model
+    given = {c.name: model.constants[c.name] for c in model.program.constants if c.value is None and c.name in model.constants}
+    return bind(model.program, given, model_type=model.type, exact=True)
+
+
+def _exact_engine(context: Context) -> ExactEngine:
+    """The model explored exactly; once per check."""
+    from symcheck.engines.exact import ExactEngine, explore_exactly
+
+    if not isinstance(context.notes.exact_engine, ExactEngine):
+        model = exactly_bound(context.engine.model)
+        context.notes.exact_engine = explore_exactly(model, check_sums=context.options.check_sums, limit=context.engine.states)
+    return context.notes.exact_engine
+
+
+def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:
+    """The part of the exactly bound formula that stands where `formula` stands in the one bound in floating point.
+
+    Binding folds constants (1/6 becomes a double), so the formula is bound again; parts are found by their place in the text.
+    """
+    if context.rebind is None:
+        return formula
+    whole = context.rebind(model)
+    for node in nodes(whole):
+        if type(node) is type(formula) and node.span == formula.span and node.span.text:
+            return node  # type: ignore[return-value]
+    return formula
