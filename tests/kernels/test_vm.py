@@ -78,7 +78,7 @@ STATES = st.tuples(st.integers(-3, 4), st.integers(0, 7), st.booleans(), st.samp
 
 def _same(a, b) -> bool:
     if isinstance(b, float):
-        return math.isnan(a) and math.isnan(b) or (a == b and math.copysign(1, a) == math.copysign(1, b))
+        return (math.isnan(a) and math.isnan(b)) or (a == b and math.copysign(1, a) == math.copysign(1, b))
     return type(a) is type(b) and a == b
 
 
@@ -117,7 +117,8 @@ def test_support_and_type():
 
 
 def test_what_protects_an_operand_is_kept():
-    guarded = Binary("&", Binary(">", Name("y"), Literal(0, Type.INT)), Binary("=", Call("mod", (Name("x"), Name("y"))), Literal(0, Type.INT)))
+    divides = Binary("=", Call("mod", (Name("x"), Name("y"))), Literal(0, Type.INT))
+    guarded = Binary("&", Binary(">", Name("y"), Literal(0, Type.INT)), divides)
     code = compile_expression(guarded, VARIABLES)
     assert code.run({0: np.array([4, 4, 3]), 1: np.array([0, 2, 2])}).tolist() == [False, True, False]
 

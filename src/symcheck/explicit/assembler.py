@@ -130,7 +130,7 @@ class Assembler:
         return None if fault >= 0 else self._constant(bits)
 
     def move(self, destination: Register, source: Register, start: int) -> None:
-        """destination := source. `start`: the position since which a scope is open that closes right after this."""
+        """Set destination to source. `start`: the position since which a scope is open that closes right after this."""
         last = self._code[-1] if len(self._code) > max(start, self._barrier) else (int(Op.JUMP), 0, 0, 0)
         if last[1] == source >= TEMPORARIES and last[0] < Op.JUMP:
             self._code[-1] = (last[0], destination, last[2], last[3])

@@ -128,29 +128,32 @@ class Exploration:
         Raises ModelFault where the model breaks a rule, and TimeLimitError, MemoryLimitError or Interrupted, after which
         the states so far are still here and `run` can go on.
         """
-        while True:
-            started = time.perf_counter()
-            try:
-                outcome = self._explorer.run(_NO_BUDGET if state_budget is None else state_budget, self._slice())
-            except KeyboardInterrupt:
-                outcome = None
-            self._seconds += time.perf_counter() - started
-            if outcome is None:
-                self._stop(Interrupted, "interrupted")
-            if observer is not None:
-                observer(self.progress)
-            match outcome:
-                case Outcome.COMPLETE:
-                    return True
-                case Outcome.BUDGET:
-                    return False
-                case Outcome.FAULT:
-                    self._fault()
-                case Outcome.NO_MEMORY:
-                    self._stop(MemoryLimitError, "out of memory")
-                case Outcome.TOO_MANY:
-                    self._stop(MemoryLimitError, "more than 2**31 - 1 states")
-            self._check_limits()
+        try:
+            while not self._step(_NO_BUDGET if state_budget is None else state_budget):
+                if observer is not None:
+                    observer(self.progress)
+                self._check_limits()
+        except KeyboardInterrupt:
+            self._stop(Interrupted, "interrupted")
+        if observer is not None:
+            observer(self.progress)
+        return self.complete
+
+    def _step(self, budget: int) -> bool:
+        """Search for a while; whether the search ended, complete or at the budget."""
+        started = time.perf_counter()
+        outcome = self._explorer.run(budget, self._slice())
+        self._seconds += time.perf_counter() - started
+        match outcome:
+            case Outcome.PAUSED:
+                return False
+            case Outcome.FAULT:
+                self._fault()
+            case Outcome.NO_MEMORY:
+                self._stop(MemoryLimitError, "out of memory")
+            case Outcome.TOO_MANY:
+                self._stop(MemoryLimitError, "more than 2**31 - 1 states")
+        return True
 
     def _slice(self) -> float:
         limit = self.options.time_limit

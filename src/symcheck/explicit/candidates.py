@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from symcheck.explicit.compile import compile_expression
 from symcheck.numerics.matrix import Bools
 from symcheck.semantics.model import Variable
-from symcheck.syntax.ast import Binary, Conditional, Call, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 
 __all__ = ["Forest", "Masks", "conjuncts", "every", "masks", "some"]
 
@@ -78,9 +78,9 @@ def _mask(part: Expression, variables: tuple[Variable, ...], v: int, low: int, h
         case Binary(operator, Name(), Literal(value, Type.INT)) if operator in _COMPARE:
             return np.asarray(_COMPARE[operator](domain, int(value)))
         case Name():
-            return domain == 1
+            return np.asarray(domain == 1)
         case Unary("!", Name()):
-            return domain == 0
+            return np.asarray(domain == 0)
     values, valid = compile_expression(part, variables).run_masked({v: domain})
     return np.asarray(values | ~valid)  # where it has no value, the evaluation in full will say so
 
@@ -133,9 +133,8 @@ class Forest:
         group = [i for i in items if self._selective(i, variable)]
         rest = tuple(i for i in items if not self._selective(i, variable))
         allowed = np.stack([self._masks[i][variable] for i in group])
-        children = [
-            self._build(tuple(np.array(group)[allowed[:, value]].tolist()), used | {variable}, depth - 1) for value in range(allowed.shape[1])
-        ]
+        below = [tuple(np.array(group)[allowed[:, value]].tolist()) for value in range(allowed.shape[1])]
+        children = [self._build(b, used | {variable}, depth - 1) for b in below]
         following = self._build(rest, used | {variable}, depth)
         return self._append([1, variable, self._lows[variable], following, *children])
 

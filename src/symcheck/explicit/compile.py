@@ -43,15 +43,13 @@ class Code:
         arrays in the order of `support` (a sequence, or the rows of an array). Raises ModelFault as `evaluate` does, for
         the first lane that has no value. About 10 to 50 million lanes a second for a few operations.
         """
-        values, lanes, _ = self._run(columns, None)
-        return values
+        return self._run(self._gather(columns), None)
 
     def run_masked(self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]) -> tuple[NDArray[Any], Bools]:
         """As `run`, but lanes without a value raise nothing: gives values and, as bool[n], which of them are valid."""
         lanes = self._gather(columns)
         valid = np.ones(lanes.shape[1], np.uint8)
-        values, _, _ = self._run(lanes, valid)
-        return values, valid.view(np.bool_)
+        return self._run(lanes, valid), valid.view(np.bool_)
 
     def _gather(self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]) -> Int64s:
         if isinstance(columns, np.ndarray) and columns.ndim == 2:
@@ -62,8 +60,7 @@ class Code:
             return np.zeros((0, len(others[0]) if others else 1), np.int64)
         return np.stack([np.asarray(c, np.int64) for c in chosen])
 
-    def _run(self, columns: Any, valid: NDArray[np.uint8] | None) -> tuple[NDArray[Any], Int64s, int]:
-        lanes = self._gather(columns)
+    def _run(self, lanes: Int64s, valid: NDArray[np.uint8] | None) -> NDArray[Any]:
         n = lanes.shape[1]
         reals = np.empty(n, np.float64) if self.type is Type.DOUBLE else None
         integers = np.empty(n, np.int64) if reals is None else None
@@ -72,9 +69,9 @@ class Code:
         if fault >= 0:
             raise_fault(self.expression, self.variables, dict(zip(self.support, lanes[:, fault].tolist(), strict=True)), status)
         if reals is not None:
-            return reals, lanes, status
+            return reals
         assert integers is not None
-        return (integers.astype(np.bool_) if self.type is Type.BOOL else integers), lanes, status
+        return integers.astype(np.bool_) if self.type is Type.BOOL else integers
 
 
 def raise_fault(expression: Expression, variables: tuple[Variable, ...], values: Mapping[int, int], status: int) -> None:
@@ -90,11 +87,11 @@ def compile_expression(expression: Expression, model: BoundModel | tuple[Variabl
     """
     variables = model if isinstance(model, tuple) else model.variables
     assembler = Assembler(len(variables))
-    register, type = Translator(assembler, variables).value(expression)
+    register, kind = Translator(assembler, variables).value(expression)
     assembler.halt()
     program, slots = assembler.finish()
     result = assembler.place_of(register)
-    return Code(expression, variables, type, _support(program, result, len(variables)), program, slots, result)
+    return Code(expression, variables, kind, _support(program, result, len(variables)), program, slots, result)
 
 
 def _support(program: NDArray[np.int32], result: int, variables: int) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from symcheck.errors import ModelFault, UnsupportedError
+from symcheck.errors import ModelFault
 from symcheck.explicit.candidates import conjuncts, masks
 from symcheck.explicit.compile import Code, compile_expression
 from symcheck.explicit.states import Layout, Rows
@@ -26,8 +26,7 @@ def initial_rows(model: BoundModel, layout: Layout) -> Rows:
     """The initial states, packed: uint64[n, words], in lexicographic order.
 
     Variables are given values one after the other, those first that complete a conjunct, so that only products of domains
-    which no conjunct cuts down are enumerated. Raises ModelFault if there is no initial state, UnsupportedError for a
-    variable without bounds that no conjunct sets to a number.
+    which no conjunct cuts down are enumerated. Raises ModelFault if there is no initial state.
     """
     if model.initial is None:
         values = [np.array([int(cast("bool | int", v.initial))], np.int64) for v in model.variables]
@@ -90,8 +89,8 @@ def _domain(model: BoundModel, index: int, parts: list[Expression]) -> Int64s:
     fixed = _fixed(variable, parts)
     if fixed is not None:
         return np.array([fixed], np.int64)
-    if variable.low is None or variable.high is None:
-        raise UnsupportedError(f"{variable.name} has no bounds: between init and endinit, set it to a number ({variable.name}=0 & …)")
+    assert variable.low is not None, "binding rules out variables without bounds beside init … endinit"
+    assert variable.high is not None
     return np.arange(variable.low, variable.high + 1)
 
 

@@ -71,7 +71,9 @@ class Layout:
     def column(self, rows: Rows, variable: int) -> Int64s:
         """Values of a variable in packed rows: int64[n]."""
         _, word, shift, bits = self.fields[variable].tolist()
-        return ((rows[:, word] >> np.uint64(shift)) & np.uint64((1 << bits) - 1)).astype(np.int64) + self.lows[variable]
+        values: Int64s = ((rows[:, word] >> np.uint64(shift)) & np.uint64((1 << bits) - 1)).astype(np.int64)
+        values += self.lows[variable]
+        return values
 
     def unpack(self, row: NDArray[np.uint64]) -> tuple[bool | int, ...]:
         """The values in one packed row (uint64[words])."""

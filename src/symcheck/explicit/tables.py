@@ -34,9 +34,10 @@ class Tables:
     Commands, updates and assignments are numbered through; `x_ys[i]` to `x_ys[i+1]` are the ys of x number i. Codes are
     places in `program` (-1: none), registers places in the register file `slots`.
 
-    command_guard (of synchronised commands only) ends with DONE where the command is enabled; command_code goes on to compute its probabilities, and the
-    new values too where all probabilities are constants. update_keep has a bit for each bit of the state that the update
-    leaves alone, update_preset the new values that are constants; the others are assignments.
+    command_guard (of synchronised commands only) ends with DONE where the command is enabled; command_code goes on to
+    compute its probabilities, and the new values too where all probabilities are constants. update_keep has a bit for
+    each bit of the state that the update leaves alone, update_preset the new values that are constants; the others are
+    assignments.
     action_rewards[a+1] (a: index of the event's action, -1 none) lists rows (structure, code, register) of `rewards`.
     canonical: rows (variable, register) to which `canonical_code` sets each successor.
     """

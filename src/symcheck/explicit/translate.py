@@ -79,8 +79,8 @@ class Translator:
             case Unary("!", operand):
                 return asm.emit(Op.NOT, self.value(operand)[0]), Type.BOOL
             case Unary(_, operand):
-                register, type = self.value(operand)
-                return asm.emit(Op.NEGD if type is Type.DOUBLE else Op.NEGI, register), type
+                register, kind = self.value(operand)
+                return asm.emit(Op.NEGD if kind is Type.DOUBLE else Op.NEGI, register), kind
             case Binary("&" | "|" | "=>"):
                 return self._logical(expression), Type.BOOL
             case Binary():
@@ -108,8 +108,8 @@ class Translator:
         return self._real(self.value(expression))
 
     def _real(self, value: Value) -> Register:
-        register, type = value
-        if type is Type.DOUBLE:
+        register, kind = value
+        if kind is Type.DOUBLE:
             return register
         if is_constant(register):
             return self.assembler.constant(float(self.assembler.bits(register)))
@@ -152,12 +152,12 @@ class Translator:
     def _call(self, function: str, values: list[Value]) -> Value:
         asm = self.assembler
         if function in _EXTREME:
-            if any(type is Type.DOUBLE for _, type in values):
+            if any(kind is Type.DOUBLE for _, kind in values):
                 return reduce(lambda a, b: asm.emit(_EXTREME[function][1], a, b), [self._real(v) for v in values]), Type.DOUBLE
             return reduce(lambda a, b: asm.emit(_EXTREME[function][0], a, b), [r for r, _ in values]), Type.INT
         if function in _ROUNDING:
-            register, type = values[0]
-            return (asm.emit(_ROUNDING[function], register) if type is Type.DOUBLE else register), Type.INT
+            register, kind = values[0]
+            return (asm.emit(_ROUNDING[function], register) if kind is Type.DOUBLE else register), Type.INT
         if function == "pow":
             return self._power(values[0], values[1])
         if function == "mod":
@@ -195,11 +195,11 @@ class Translator:
 
     def _conditional(self, expression: Conditional) -> Value:
         then, otherwise = self.type_of(expression.then), self.type_of(expression.otherwise)
-        type = Type.DOUBLE if Type.DOUBLE in (then, otherwise) else then
+        kind = Type.DOUBLE if Type.DOUBLE in (then, otherwise) else then
         if (found := self.assembler.recall(expression)) is None:
-            found = self._branch(expression.condition, expression.then, expression.otherwise, type is Type.DOUBLE)
+            found = self._branch(expression.condition, expression.then, expression.otherwise, kind is Type.DOUBLE)
             self.assembler.remember(expression, found)
-        return found, type
+        return found, kind
 
     # -------------------------------------------------------------------------------------------- jumps
 

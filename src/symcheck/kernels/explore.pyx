@@ -258,7 +258,7 @@ cdef class Explorer:
         self.row_action = -1
         self.candidate_count = 0
         self._walk(self.root)
-        self._sort_candidates()
+        self._sort_candidates(0)
         k = self.candidate_count
         for v in range(k):
             e = self.candidates[v]
@@ -342,14 +342,14 @@ cdef class Explorer:
                 self._walk(child)
             node = f[node + 3]
 
-    cdef void _sort_candidates(self) noexcept nogil:
-        """Few, and nearly sorted."""
+    cdef void _sort_candidates(self, int first) noexcept nogil:
+        """Into the order of the model. Few, and nearly sorted."""
         cdef int i, j
         cdef int32_t item
-        for i in range(1, self.candidate_count):
+        for i in range(first + 1, self.candidate_count):
             item = self.candidates[i]
             j = i
-            while j > 0 and self.candidates[j - 1] > item:
+            while j > first and self.candidates[j - 1] > item:
                 self.candidates[j] = self.candidates[j - 1]
                 j -= 1
             self.candidates[j] = item
@@ -362,6 +362,7 @@ cdef class Explorer:
         cdef const int32_t* commands
         if self.part_forest[part] >= 0:
             self._walk(self.part_forest[part])
+            self._sort_candidates(offset)
             count = self.candidate_count - offset
             self.candidate_count = offset
             commands = self.candidates + offset
@@ -426,6 +427,7 @@ cdef class Explorer:
         cdef const int32_t* commands
         if self.part_forest[part] >= 0:
             self._walk(self.part_forest[part])
+            self._sort_candidates(offset)
             count = self.candidate_count - offset
             self.candidate_count = offset
             commands = self.candidates + offset

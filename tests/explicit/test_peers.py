@@ -1,0 +1,33 @@
+"""Published numbers of states of the PRISM benchmark suite, up to about a million."""
+
+from __future__ import annotations
+
+import csv
+import os
+from pathlib import Path
+
+import pytest
+
+from symcheck.check.options import Options
+from symcheck.explicit.build import explore
+from symcheck.semantics.bind import bind
+from symcheck.syntax.parse import parse_model_file
+
+_DEFAULT = Path(__file__).parents[3] / "shared" / "peers"
+PEERS = Path(os.environ.get("SYMCHECK_PEERS", _DEFAULT)) / "prism-benchmarks"
+LIMIT = int(os.environ.get("SYMCHECK_PEERS_STATES", "30000"))
+
+
+def _instances():
+    for table in sorted(PEERS.glob("*/*/models.csv")):
+        for row in csv.DictReader(table.read_text().splitlines()):
+            path = table.parent / row["model_file"]
+            if path.exists() and row["states"].isdigit() and int(row["states"]) <= LIMIT:
+                yield pytest.param(path, row["model_consts"], int(row["states"]), id=f"{path.stem}-{row['model_consts']}")
+
+
+@pytest.mark.skipif(not PEERS.exists(), reason="the peers' models are not here: set SYMCHECK_PEERS")
+@pytest.mark.parametrize(("path", "constants", "states"), list(_instances()))
+def test_published_number_of_states(path, constants, states):
+    given = dict(c.split("=") for c in constants.split(",") if c)
+    assert len(explore(bind(parse_model_file(path), given), Options()).states) == states
