@@ -54,8 +54,8 @@ class Diagrams:
     roots: tuple[Mtbdd, ...] = field(repr=False)
     guards: tuple[Bdd, ...] | None = field(repr=False)
     actions: Mapping[tuple[int, str | None], Bdd] = field(repr=False)
-    state_rewards: tuple[Mtbdd, ...] = field(repr=False)
-    transition_rewards: tuple[tuple[Mtbdd, ...], ...] = field(repr=False)
+    state_rewards: Sequence[Mtbdd] = field(repr=False)
+    transition_rewards: Sequence[tuple[Mtbdd, ...]] = field(repr=False)
 
     @cached_property
     def odd(self) -> Odd:

@@ -45,7 +45,34 @@ def _exact(model: BoundModel, options: BuildOptions) -> Engine:
     return explore_exactly(model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums)
 
 
-BUILDERS: Mapping[str, Builder] = {"explicit": _explicit, "exact": _exact}
+def _sparse(model: BoundModel, options: BuildOptions) -> Engine:
+    from symcheck.engines.sparse import SparseEngine
+    from symcheck.symbolic.build import construct
+
+    return SparseEngine.of(construct(model, options))
+
+
+def _hybrid(model: BoundModel, options: BuildOptions) -> Engine:
+    from symcheck.engines.hybrid import HybridEngine
+    from symcheck.symbolic.build import construct
+
+    return HybridEngine.of(construct(model, options))
+
+
+def _mtbdd(model: BoundModel, options: BuildOptions) -> Engine:
+    from symcheck.engines.mtbdd import MtbddEngine
+    from symcheck.symbolic.build import construct
+
+    return MtbddEngine.of(construct(model, options))
+
+
+BUILDERS: Mapping[str, Builder] = {
+    "explicit": _explicit,
+    "exact": _exact,
+    "sparse": _sparse,
+    "hybrid": _hybrid,
+    "mtbdd": _mtbdd,
+}
 
 AUTO = "explicit"
 """The engine that 'auto' stands for."""

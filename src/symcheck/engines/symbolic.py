@@ -106,8 +106,9 @@ class SymbolicEngine:
         """The value of an expression over the variables, at each state (1 and 0 for a bool)."""
         if type is Type.BOOL:
             return self.indicator(self.where(expression))
-        undefined = self.space.symbolic.translator.undefined(expression) & self.diagrams.states
-        return values_of(self.diagrams, self.space.values(expression), undefined or None)
+        function = self.space.values(expression)
+        undefined = self.space.symbolic.translator.undefined(expression) & self.diagrams.states  # known once translated
+        return values_of(self.diagrams, function, undefined or None)
 
     def constant(self, lower: float, upper: float | None = None, *, rounded: bool = False) -> SymbolicValues:
         """The same value (or bounds of it) everywhere."""

@@ -243,9 +243,8 @@ def merged(diagrams: Diagrams, pieces: Iterable[Piece]) -> tuple[Piece, ...]:
         else:
             computed = v.computed is not None and bool(v.computed[0])
             groups.setdefault((v.lower.tobytes(), v.upper.tobytes(), computed), []).append(piece)
-    for group in groups.values():
-        result.append(group[0] if len(group) == 1 else Piece(diagrams.union([p.states for p in group]), group[0].values, None))
-    return tuple(result)
+    joined = (g[0] if len(g) == 1 else Piece(diagrams.union([p.states for p in g]), g[0].values, None) for g in groups.values())
+    return (*result, *joined)
 
 
 def array_piece(states: Bdd, odd: Odd, lower: Floats, upper: Floats | None, computed: bool) -> Piece:

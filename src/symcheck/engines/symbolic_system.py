@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symcheck.dd import quad
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
+from symcheck.dd.quad import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_sets import Piece, SymbolicSet, SymbolicValues, array_piece, constant_piece, merged
+from symcheck.kernels.quad import Quad
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 
 if TYPE_CHECKING:
@@ -44,11 +45,11 @@ class SymbolicSystem:
         return self.odd.count
 
     @cached_property
-    def layout(self) -> quad.RowLayout | None:
+    def layout(self) -> RowLayout | None:
         """Rows of each state and slot of each row; None where each state has one row."""
         if self._d.guards is None:
             return None
-        return quad.RowLayout.of([self.odd.expand(guard) for guard in self._d.guards], self.n)
+        return RowLayout.of([self.odd.expand(guard) for guard in self._d.guards], self.n)
 
     @property
     def groups(self) -> Int64s | None:
@@ -76,20 +77,20 @@ class SymbolicSystem:
         return tuple(root.times_bdd(self.states.bdd) for root in self._d.roots)
 
     @cached_property
-    def quad(self) -> quad.Quad:
+    def dag(self) -> Quad:
         """The distinct sub-matrices among the states."""
-        return quad.quad_dag(self.roots, self.odd, self.odd, self._d.columns)
+        return quad_dag(self.roots, self.odd, self.odd, self._d.columns)
 
     @cached_property
     def matrix(self) -> SparseMatrix:
         """The matrix among the states, as compressed rows."""
-        indptr, indices, data = quad.flatten(self.quad, self.layout)
+        indptr, indices, data = flatten(self.dag, self.layout)
         return SparseMatrix(indptr, indices, data, self.n, self.groups)
 
     @cached_property
-    def blocks(self) -> quad.BlockMatrix:
+    def blocks(self) -> BlockMatrix:
         """The matrix among the states, as blocks."""
-        return quad.blocks(self.quad, self.layout)
+        return blocks(self.dag, self.layout)
 
     @cached_property
     def operator(self) -> Any:
@@ -133,8 +134,8 @@ class SymbolicSystem:
             with np.errstate(invalid="ignore"):  # nothing times infinity is nothing here
                 return np.where(weight > 0, weight * low, 0.0), np.where(weight > 0, weight * high, 0.0)
         values = piece.over(target.bdd, target.odd)
-        dag = quad.quad_dag(self.roots, self.odd, target.odd, self._d.columns)
-        matrix = quad.blocks(dag, self.layout)
+        dag = quad_dag(self.roots, self.odd, target.odd, self._d.columns)
+        matrix = blocks(dag, self.layout)
         low_part = matrix.multiply(values.lower)
         return low_part, low_part if values.upper is values.lower else matrix.multiply(values.upper)
 

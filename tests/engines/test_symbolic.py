@@ -1,0 +1,323 @@
+"""The symbolic engines against the explicit one, question by question, on random sets of states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from symcheck.check.options import Options
+from symcheck.engines.arrays import ArraySet, ArrayValues
+from symcheck.engines.explicit import ExplicitEngine
+from symcheck.engines.hybrid import HybridEngine
+from symcheck.engines.mtbdd import MtbddEngine
+from symcheck.engines.sparse import SparseEngine
+from symcheck.engines.symbolic import SymbolicEngine
+from symcheck.engines.symbolic_sets import SymbolicSet, SymbolicValues
+from symcheck.explicit.build import explore
+from symcheck.numerics.matrix import SparseMatrix
+from symcheck.semantics.bind import bind
+from symcheck.symbolic.build import construct
+from symcheck.syntax.ast import Type
+from symcheck.syntax.parse import parse_expression, parse_model
+
+MODELS = {
+    "dtmc": """
+dtmc
+module walk
+  x : [0..9];
+  lost : bool;
+  [] x>0 & x<9 & !lost -> 0.3:(x'=x-1) + 0.5:(x'=x+1) + 0.2:(lost'=true);
+  [] lost & x>2 -> 1:(x'=x-1);
+  [] x=9 -> 0.5:(x'=9) + 0.5:(x'=8);
+endmodule
+module other
+  y : [0..3];
+  [] y<3 & x<7 -> 0.5:(y'=y+1) + 0.5:true;
+endmodule
+init x>=3 & x<=5 & y<=1 & !lost endinit
+rewards "cost" x>3 : x/4; [] y=1 : 2; endrewards
+rewards y=3 : 1; endrewards
+""",
+    "ctmc": """
+ctmc
+module machine
+  jobs : [0..5] init 0;
+  up : bool init true;
+  [arrive] jobs<5 -> 1.5:(jobs'=jobs+1);
+  [serve] up & jobs>0 -> 2:(jobs'=jobs-1);
+  [] up -> 0.1:(up'=false);
+  [] !up & jobs<4 -> 0.7:(up'=true);
+endmodule
+module counter
+  c : [0..2] init 0;
+  [serve] c<2 -> (c'=c+1);
+  [] c=2 -> 3:(c'=0);
+endmodule
+rewards "queue" true : jobs; [serve] true : 1; [arrive] jobs=4 : 5; endrewards
+""",
+    "mdp": """
+mdp
+module a
+  s : [0..6] init 0;
+  [go] s<3 -> 0.5:(s'=s+1) + 0.5:(s'=0);
+  [stay] s=1 -> (s'=1);
+  [stay] s=2 -> 0.9:(s'=1) + 0.1:(s'=4);
+  [] s=1 -> (s'=4);
+  [] s=4 -> 0.25:(s'=5) + 0.75:(s'=4);
+  [swap] s=5 -> (s'=6);
+  [swap] s=6 -> (s'=5);
+endmodule
+module b
+  t : [0..2] init 0;
+  [go] t<2 -> (t'=t+1);
+  [go] t=2 -> 0.5:(t'=0) + 0.5:true;
+  [] s>3 & t>0 -> (t'=t-1);
+endmodule
+rewards "steps" [go] true : 1; [] s=4 : 3; s=1 : 0.5; endrewards
+""",
+}
+ENGINES = (SparseEngine, HybridEngine, MtbddEngine)
+
+
+@cache
+def explicit(name: str) -> ExplicitEngine:
+    return ExplicitEngine(explore(bind(parse_model(MODELS[name])), Options()))
+
+
+@cache
+def symbolic(name: str, kind: type[SymbolicEngine]) -> SymbolicEngine:
+    return kind.of(construct(bind(parse_model(MODELS[name])), Options()))
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The same set in both engines."""
+
+    array: ArraySet
+    diagram: SymbolicSet
+
+
+def pairs(name: str, count: int, kind: type[SymbolicEngine] = SparseEngine) -> Iterator[Pair]:
+    engine = symbolic(name, kind)
+    rng = np.random.default_rng(7)
+    for share in np.resize([0.1, 0.5, 0.8], count):
+        members = rng.random(engine.states) < share
+        yield Pair(ArraySet(members), engine.from_bools(members))
+
+
+def same(engine: SymbolicEngine, diagram: SymbolicSet, array: ArraySet) -> bool:
+    return np.array_equal(engine.to_bools(diagram), array.members) and diagram.count == array.count
+
+
+def rows_by_state(matrix: SparseMatrix, extra: np.ndarray) -> list[list[tuple[float, ...]]]:
+    """Each state's rows, in an order that does not depend on the engine: (extra, columns and values …)."""
+    groups = np.arange(matrix.rows + 1) if matrix.groups is None else matrix.groups
+    result = []
+    for s in range(matrix.states):
+        rows = []
+        for r in range(groups[s], groups[s + 1]):
+            part = slice(matrix.indptr[r], matrix.indptr[r + 1])
+            cells = sorted(zip(matrix.indices[part].tolist(), np.round(matrix.data[part], 12).tolist(), strict=True))
+            rows.append((round(float(extra[r]), 12), *(x for cell in cells for x in cell)))
+        result.append(sorted(rows))
+    return result
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_states_and_sizes(name: str) -> None:
+    a, b = explicit(name), symbolic(name, SparseEngine)
+    assert (a.states, a.transitions, a.choices) == (b.states, b.transitions, b.choices)
+    assert list(a.valuations(a.all)) == list(b.valuations(b.all))
+    assert list(b.valuations(b.all, 3)) == list(a.valuations(a.all))[:3]
+    assert same(b, b.initial, a.initial)
+    assert same(b, b.deadlocks, a.deadlocks)
+    assert not b.none
+    assert b.all.count == b.states
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_set_operations(name: str) -> None:
+    engine = symbolic(name, SparseEngine)
+    for p, q in zip(pairs(name, 6), list(pairs(name, 7))[1:], strict=True):
+        assert same(engine, p.diagram & q.diagram, p.array & q.array)
+        assert same(engine, p.diagram | q.diagram, p.array | q.array)
+        assert same(engine, p.diagram - q.diagram, p.array - q.array)
+        assert same(engine, ~p.diagram, ~p.array)
+        assert (p.diagram <= q.diagram) == (p.array <= q.array)
+        assert (p.diagram == q.diagram) == (p.array == q.array)
+        assert bool(p.diagram) == bool(p.array)
+        if p.array:
+            assert same(engine, engine.first(p.diagram), explicit(name).first(p.array))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_graph_questions(name: str) -> None:
+    a, b = explicit(name), symbolic(name, SparseEngine)
+    directions = ("min", "max") if name == "mdp" else (None,)
+    for p, q in zip(pairs(name, 12), list(pairs(name, 14))[2:], strict=True):
+        assert same(b, b.graph.predecessors(p.diagram), a.graph.predecessors(p.array))
+        assert same(b, b.graph.all_successors_in(p.diagram), a.graph.all_successors_in(p.array))
+        assert same(b, b.graph.exists_until(p.diagram, q.diagram), a.graph.exists_until(p.array, q.array))
+        assert same(b, b.graph.exists_globally(p.diagram), a.graph.exists_globally(p.array))
+        for direction in directions:
+            assert same(b, b.graph.prob0(p.diagram, q.diagram, direction), a.graph.prob0(p.array, q.array, direction))
+            assert same(b, b.graph.prob1(p.diagram, q.diagram, direction), a.graph.prob1(p.array, q.array, direction))
+
+
+@pytest.mark.parametrize("name", ["dtmc", "ctmc"])
+def test_bottom_components(name: str) -> None:
+    a, b = explicit(name), symbolic(name, SparseEngine)
+    expected = {tuple(np.flatnonzero(s.members)) for s in a.graph.bsccs()}
+    assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.bsccs()} == expected
+    assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph._enumerated_bsccs(b.diagrams.states)} == expected
+
+
+def test_end_components() -> None:
+    a, b = explicit("mdp"), symbolic("mdp", SparseEngine)
+    sets = list(pairs("mdp", 12))
+    for p in [*sets, Pair(a.all, b.all)]:
+        expected = {tuple(np.flatnonzero(s.members)) for s in a.graph.end_components(p.array)}
+        assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.end_components(p.diagram)} == expected
+    for p, q, r in zip(sets, sets[1:], sets[2:], strict=False):
+        expected_set = a.graph.accepting_end_components([(p.array, [q.array]), (q.array, [r.array, p.array])])
+        assert same(b, b.graph.accepting_end_components([(p.diagram, [q.diagram]), (q.diagram, [r.diagram, p.diagram])]), expected_set)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_witnesses_are_shortest_paths(name: str) -> None:
+    a, b = explicit(name), symbolic(name, SparseEngine)
+    for p, q in zip(pairs(name, 12), list(pairs(name, 14))[2:], strict=True):
+        expected, found = a.graph.witness(p.array, q.array), b.graph.witness(p.diagram, q.diagram)
+        assert (expected is None) == (found is None)
+        if found is None or expected is None:
+            continue
+        assert len(found) == len(expected)
+        numbers = [list(a.valuations(a.all)).index(tuple(state.values())) for state in found]
+        assert a.initial.members[numbers[0]]
+        assert q.array.members[numbers[-1]]
+        assert all(p.array.members[n] for n in numbers[:-1])
+        for here, there in pairwise(numbers):
+            target = np.zeros(a.states, bool)
+            target[there] = True
+            assert a.graph.predecessors(ArraySet(target)).members[here]
+
+
+@pytest.mark.parametrize("kind", ENGINES)
+@pytest.mark.parametrize("name", MODELS)
+def test_systems(name: str, kind: type[SymbolicEngine]) -> None:
+    a, b = explicit(name), symbolic(name, kind)
+    sets = list(pairs(name, 5, kind))
+    for p, q in zip([*sets[:3], Pair(a.all, b.all)], sets[1:], strict=True):
+        s, t = a.system(p.array), b.system(p.diagram)
+        assert t.n == s.n
+        assert (t.groups is None) == (s.groups is None)
+        if s.groups is not None:
+            np.testing.assert_array_equal(t.groups, s.groups)
+        rng = np.random.default_rng(3)
+        x, v = rng.random(s.n), rng.random(a.states)
+        values = (ArrayValues(v, v + 1), b.system(b.all).lift(v, v + 1))
+        for left, right in (
+            (np.zeros(s.matrix.rows), np.zeros(t.matrix.rows)),
+            (s.into(q.array), t.into(q.diagram)),
+            (s.into_values(values[0])[0], t.into_values(values[1])[0]),
+            (s.into_values(values[0])[1], t.into_values(values[1])[1]),
+            (s.row_sums(), t.row_sums()),
+            (s.operator.multiply(x), t.operator.multiply(x)),
+            *((s.rewards(i)[1], t.rewards(i)[1]) for i in range(len(a.model.rewards))),
+        ):
+            assert rows_by_state(t.matrix, right) == rows_by_state(s.matrix, left)
+        for i in range(len(a.model.rewards)):
+            np.testing.assert_allclose(t.rewards(i)[0], s.rewards(i)[0], rtol=1e-14)
+        np.testing.assert_array_equal(t.restrict(q.diagram), s.restrict(q.array))
+        np.testing.assert_array_equal(t.restrict(values[1]), s.restrict(values[0]))
+        rest = (q, 7.0), (sets[4], 9.0)
+        lifted = s.lift(x, x + 1, [(r.array, c) for r, c in rest])
+        found = t.lift(x, x + 1, [(r.diagram, c) for r, c in rest])
+        np.testing.assert_array_equal(found.at(b.all), lifted.at(a.all))
+
+
+def test_actions_of_rows() -> None:
+    a, b = explicit("mdp"), symbolic("mdp", SparseEngine)
+    t = b.system(b.all)
+    assert t.actions is not None
+    expected = rows_by_state(a.matrix, a.explored.choice_actions)
+    assert rows_by_state(t.matrix, t.actions) == expected
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_expressions(name: str) -> None:
+    a, b = explicit(name), symbolic(name, SparseEngine)
+    texts = {"dtmc": ("x+y>4 & !lost", "x/(y-1)"), "ctmc": ("jobs>=c", "jobs*c-2"), "mdp": ("s=4|t=s", "pow(s,2)+t")}[name]
+    assert same(b, b.where(parse_expression(texts[0])), a.where(parse_expression(texts[0])))
+    number = parse_expression(texts[1])
+    np.testing.assert_array_equal(b.values(number, Type.DOUBLE).at(b.all), a.values(number, Type.DOUBLE).at(a.all))
+    truth = parse_expression(texts[0])
+    np.testing.assert_array_equal(b.values(truth, Type.BOOL).at(b.all), a.values(truth, Type.BOOL).at(a.all))
+
+
+def value_pairs(name: str) -> list[tuple[ArrayValues, SymbolicValues]]:
+    a, b = explicit(name), symbolic(name, SparseEngine)
+    rng = np.random.default_rng(5)
+    found: list[tuple[ArrayValues, SymbolicValues]] = [(a.constant(0.5), b.constant(0.5)), (a.constant(1, 2), b.constant(1, 2))]
+    for p, q in zip(pairs(name, 6), list(pairs(name, 7))[1:], strict=True):
+        s, t = a.system(p.array), b.system(p.diagram)
+        low = rng.integers(-4, 5, s.n) / 4
+        for upper, exact in ((None, True), (low + 0.25, False)):
+            found.append((s.lift(low, upper, [(q.array, 0.75)], exact), t.lift(low, upper, [(q.diagram, 0.75)], exact)))
+        found.append((a.indicator(p.array), b.indicator(p.diagram)))
+    return found
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_values(name: str) -> None:
+    a, b = explicit(name), symbolic(name, SparseEngine)
+    values, sets = value_pairs(name), list(pairs(name, 3))
+    for x, y in values:
+        assert x.exact == y.exact
+        for p in [*sets, Pair(a.all, b.all)]:
+            np.testing.assert_array_equal(y.at(p.diagram), x.at(p.array))
+            assert y.rounded(p.diagram) == x.rounded(p.array)
+            np.testing.assert_allclose(y.total(p.diagram), x.total(p.array))
+            if p.array:
+                assert y.minimum(p.diagram) == x.minimum(p.array)
+                assert y.maximum(p.diagram) == x.maximum(p.array)
+        for operator, threshold in product((">=", ">", "<=", "<", "=", "!="), (0.0, 0.25, 0.5, 1.0)):
+            for found, expected in zip(y.compare(operator, threshold), x.compare(operator, threshold), strict=True):
+                assert same(b, found, expected)
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("operator", ["+", "-", "*", "/", "min", "max", "floor"])
+def test_arithmetic_on_values(name: str, operator: str) -> None:
+    a, b = explicit(name), symbolic(name, SparseEngine)
+    values = value_pairs(name)
+    for (x, y), (v, w) in pairwise(values):
+        arguments = ([], []) if operator == "floor" else ([v, 2.0], [w, 2.0])
+        expected, found = x.map(operator, *arguments[0]), y.map(operator, *arguments[1])
+        np.testing.assert_array_equal(found.at(b.all), expected.at(a.all))
+    p = next(pairs(name, 1))
+    expected, found = values[2][0].choose(p.array, values[3][0]), values[2][1].choose(p.diagram, values[3][1])
+    np.testing.assert_array_equal(found.at(b.all), expected.at(a.all))
+    if operator == "-":
+        np.testing.assert_array_equal(values[3][1].map("-").at(b.all), values[3][0].map("-").at(a.all))
+
+
+def test_a_few_unknowns_among_very_many_states_need_few_numbers() -> None:
+    counters = "\n".join(f"module m{i}\n b{i} : [0..1023] init 0;\n [] x=0 -> (b{i}'=mod(b{i}+1, 1024));\nendmodule" for i in range(6))
+    text = f"dtmc\nmodule m\n x : [0..3] init 0;\n [] x=0 & b0=5 -> 0.5:(x'=1)+0.5:(x'=2);\nendmodule\n{counters}"
+    engine = SparseEngine.of(construct(bind(parse_model(text)), Options()))
+    assert engine.states > 2**60
+    unknown = engine.where(parse_expression("x=0 & b0=5 & b1=2 & b2=3 & b3=4 & b4=5 & b5<8"))
+    system = engine.system(unknown)
+    assert system.n == 8
+    assert system.matrix.states == 8
+    values = system.lift(np.arange(8) / 8, None, [(engine.where(parse_expression("x=1")), 1.0)], exact=True)
+    assert values.maximum(engine.all) == (1.0, 1.0)
+    sure, undecided = values.compare(">=", 0.5)
+    assert sure.count == engine.where(parse_expression("x=1")).count + 3
+    assert undecided.count == 1  # computed as 0.5, but known up to rounding only
