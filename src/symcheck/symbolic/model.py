@@ -9,10 +9,10 @@ that it touches only. `StateSpace` is the reachable set. `Transitions` holds the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar, overload
 
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event
 from symcheck.symbolic.encode import Encoding
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ChoiceSlot",
+    "Deferred",
     "EncodedCommand",
     "EncodedEvent",
     "EncodedUpdate",
@@ -35,6 +36,9 @@ __all__ = [
     "SymbolicModel",
     "Transitions",
 ]
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +220,32 @@ class ChoiceSlot:
     guard: Bdd
 
 
+class Deferred(Sequence[T]):
+    """A sequence of which each item is made when it is first asked for."""
+
+    def __init__(self, makers: Sequence[Callable[[], T]]) -> None:
+        self._makers = makers
+        self._made: dict[int, T] = {}
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+    @overload
+    def __getitem__(self, index: int) -> T: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[T]: ...
+    def __getitem__(self, index: int | slice) -> T | Sequence[T]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        place = range(len(self))[index]
+        if place not in self._made:
+            self._made[place] = self._makers[place]()
+        return self._made[place]
+
+    def __repr__(self) -> str:
+        return f"Deferred({len(self)} items, {len(self._made)} made)"
+
+
 @dataclass(frozen=True, eq=False)
 class Transitions:
     """The matrices, on reachable rows; deadlocks have a self-loop (probability or rate 1; in an MDP in slot 0) where
@@ -225,15 +255,16 @@ class Transitions:
     choices: the slots of an MDP; empty otherwise.
     action_sets: (slot, action or None) to the states whose choice in that slot has that action; DTMC and CTMC: empty.
     state_rewards: per structure, over row bits. transition_rewards: per structure and slot (a single slot for DTMC and
-    CTMC), over row bits: the sum over the row's transitions of probability (rate) times reward.
+    CTMC), over row bits: the sum over the row's transitions of probability (rate) times reward. Both are made when a
+    structure is first asked for, which raises ModelFault where a reward is infinite or has no value.
     """
 
     space: StateSpace
     matrix: Mtbdd | None
     choices: tuple[ChoiceSlot, ...]
     action_sets: Mapping[tuple[int, str | None], Bdd]
-    state_rewards: tuple[Mtbdd, ...]
-    transition_rewards: tuple[tuple[Mtbdd, ...], ...]
+    state_rewards: Sequence[Mtbdd]
+    transition_rewards: Sequence[tuple[Mtbdd, ...]]
     fixed: Bdd
     seconds: float = 0.0
 

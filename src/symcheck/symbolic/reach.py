@@ -12,11 +12,13 @@ Schedules (`schedule` of `search`):
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from symcheck.symbolic.build import group_relations
+from symcheck.symbolic.checks import check_initial
 from symcheck.symbolic.commands import encode_event
 from symcheck.symbolic.model import EncodedEvent, Iteration, Relation, StateSpace, SymbolicModel
 
@@ -42,23 +44,27 @@ def reach(
 ) -> StateSpace:
     """All reachable states, and those of them that have no transition (deadlocks).
 
-    `observer` gets each Iteration (with numbers of states, which are counted only then). `options` sets the limits of
-    the manager already; none is read here. Raises ResourceError at a limit.
+    `observer` gets each Iteration; without one, states are not counted on the way, and of saturation's many small steps
+    only the last is recorded. `schedule`: one of SCHEDULES, by default chosen for the model. Raises ResourceError at a
+    limit (of the manager, set by `build`), and ModelFault where no state is initial.
     """
     del options
+    check_initial(symbolic)
     started = time.perf_counter()
     schedule = schedule or choose_schedule(symbolic)
     iterations: list[Iteration] = []
-    last: Found | None = None
-    for last in search(symbolic, schedule, counting=observer is not None):
-        iterations.append(last.iteration)
-        if observer is not None:
-            observer(last.iteration)
-    assert last is not None
-    complete = last.symbolic
-    deadlocks = last.states & ~enabled(complete)
-    count = symbolic.manager.count(last.states, symbolic.encoding.rows)
-    return StateSpace(complete, last.states, deadlocks, count, schedule, time.perf_counter() - started, tuple(iterations))
+    if observer is None and schedule == "saturation":
+        complete, states = deque(SCHEDULES[schedule](symbolic), maxlen=1)[0]
+        iterations.append(_measure(complete, 0, states, states - symbolic.initial, started, False))
+    else:
+        for found in search(symbolic, schedule, counting=observer is not None):
+            complete, states = found.symbolic, found.states
+            iterations.append(found.iteration)
+            if observer is not None:
+                observer(found.iteration)
+    deadlocks = states - enabled(complete)
+    count = symbolic.manager.count(states, symbolic.encoding.rows)
+    return StateSpace(complete, states, deadlocks, count, schedule, time.perf_counter() - started, tuple(iterations))
 
 
 def enabled(symbolic: SymbolicModel) -> Bdd:
@@ -82,13 +88,12 @@ def search(symbolic: SymbolicModel, schedule: str = "frontier", *, counting: boo
         raise ValueError(f"unknown schedule {schedule}: one of {', '.join(SCHEDULES)}")
     if schedule != "frontier" and any(e.learned for e in symbolic.events):
         raise ValueError(f"schedule {schedule} cannot learn relations on the way: use frontier")
-    number = 0
     before = symbolic.manager.false
     started = time.perf_counter()
-    for model, states in SCHEDULES[schedule](symbolic):
-        frontier = states & ~before
+    for number, (model, states) in enumerate(SCHEDULES[schedule](symbolic)):
+        frontier = states - before
         yield Found(model, states, frontier, _measure(model, number, states, frontier, started, counting))
-        before, number = states, number + 1
+        before = states
 
 
 def _measure(symbolic: SymbolicModel, number: int, states: Bdd, frontier: Bdd, started: float, counting: bool) -> Iteration:
@@ -113,7 +118,7 @@ def _by_frontier(symbolic: SymbolicModel) -> Progress:
         states = states | frontier
         if frontier:
             yield symbolic, states
-    yield symbolic, states
+    yield symbolic, states  # with what the last frontier taught
 
 
 def _by_chaining(symbolic: SymbolicModel) -> Progress:
@@ -127,14 +132,19 @@ def _by_chaining(symbolic: SymbolicModel) -> Progress:
 
 
 def _by_saturation(symbolic: SymbolicModel) -> Progress:
-    yield symbolic, symbolic.initial
-    states = symbolic.initial
+    state = _Saturation(symbolic.initial, {})
+    yield symbolic, state.states
     levels = _levels(symbolic.relations)
-    before = symbolic.manager.false
-    while states != before:
-        before = states
-        states = _saturate(symbolic, levels, len(levels) - 1, states)
-    yield symbolic, states
+    for _ in _saturate(state, levels, len(levels) - 1):
+        yield symbolic, state.states
+
+
+@dataclass(slots=True)
+class _Saturation:
+    """`closed`: per relation, a set of states that it leads nowhere out of."""
+
+    states: Bdd
+    closed: dict[Relation, Bdd]
 
 
 def _levels(relations: Sequence[Relation]) -> list[list[Relation]]:
@@ -145,17 +155,22 @@ def _levels(relations: Sequence[Relation]) -> list[list[Relation]]:
     return [levels[top] for top in sorted(levels, reverse=True)]
 
 
-def _saturate(symbolic: SymbolicModel, levels: Sequence[Sequence[Relation]], level: int, states: Bdd) -> Bdd:
-    """Close `states` under the relations of this level and of all below it."""
+def _saturate(state: _Saturation, levels: Sequence[Sequence[Relation]], level: int) -> Iterator[None]:
+    """Close the states under the relations of this level and of all below it; yields whenever they have grown."""
     if level < 0:
-        return states
-    before = symbolic.manager.false
-    while states != before:
-        before = states
-        states = _saturate(symbolic, levels, level - 1, states)
+        return
+    before = None
+    while state.states != before:
+        before = state.states
+        yield from _saturate(state, levels, level - 1)
         for relation in levels[level]:
-            states = states | relation.image(states)
-    return states
+            start = state.states
+            # To its own fixpoint: up to ten times faster than one image at a time (counters and clocks run through).
+            while state.closed.get(relation) != state.states:
+                state.closed[relation] = state.states
+                state.states = state.states | relation.image(state.states)
+            if state.states != start:
+                yield
 
 
 SCHEDULES: dict[str, Callable[[SymbolicModel], Progress]] = {

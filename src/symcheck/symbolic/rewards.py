@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from math import fsum, inf
 from typing import TYPE_CHECKING
 
 from symcheck.semantics import step
 from symcheck.semantics.model import BoundRewards
-from symcheck.symbolic.model import EncodedCommand, StateSpace
+from symcheck.symbolic.model import Deferred, EncodedCommand, StateSpace
 from symcheck.symbolic.slots import JointSlot
 
 if TYPE_CHECKING:
@@ -17,28 +18,36 @@ if TYPE_CHECKING:
 __all__ = ["chain_rewards", "slot_rewards", "state_rewards"]
 
 
-def state_rewards(space: StateSpace) -> tuple[Mtbdd, ...]:
+def state_rewards(space: StateSpace) -> Deferred[Mtbdd]:
     """The state rewards of each structure, 0 outside the reachable states."""
-    return tuple(_earned(space, structure, space.states, True, None) for structure in space.symbolic.model.rewards)
+    return Deferred([partial(_earned, space, structure, space.states, True, None) for structure in space.symbolic.model.rewards])
 
 
-def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> tuple[tuple[Mtbdd, ...], ...]:
+def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> Deferred[tuple[Mtbdd, ...]]:
     """Transition rewards of a DTMC or CTMC: per structure one MTBDD, the sum over transitions of probability (rate)
     times reward. `numbers`: enabled joint commands per state, where there may be several (DTMC)."""
-    structures = space.symbolic.model.rewards
-    results = [space.symbolic.manager.zero] * len(structures)
-    for action in dict.fromkeys(e.event.action for e in space.symbolic.events):
-        concerned = [i for i, s in enumerate(structures) if _rewards_action(s, action)]
-        if concerned:
-            weight = _action_weight(space, action)
-            for i in concerned:
-                results[i] = results[i] + weight * _earned(space, structures[i], space.states, False, action)
-    return tuple((r if numbers is None else r / numbers,) for r in results)
+    return Deferred([partial(_chain_reward, space, structure, numbers) for structure in space.symbolic.model.rewards])
 
 
-def slot_rewards(space: StateSpace, slots: Sequence[Sequence[JointSlot]]) -> tuple[tuple[Mtbdd, ...], ...]:
+def _chain_reward(space: StateSpace, structure: BoundRewards, numbers: Mtbdd | None) -> tuple[Mtbdd, ...]:
+    actions = dict.fromkeys(e.event.action for e in space.symbolic.events)
+    total = space.symbolic.manager.sum(
+        [
+            _action_weight(space, action) * _earned(space, structure, space.states, False, action)
+            for action in actions
+            if _rewards_action(structure, action)
+        ]
+    )
+    return (total if numbers is None else total / numbers,)
+
+
+def slot_rewards(space: StateSpace, slots: Sequence[Sequence[JointSlot]]) -> Deferred[tuple[Mtbdd, ...]]:
     """Transition rewards of an MDP: per structure and slot, the reward of the state's choice in that slot."""
-    return tuple(tuple(_slot_reward(space, structure, slot) for slot in slots) for structure in space.symbolic.model.rewards)
+    return Deferred([partial(_slots_reward, space, structure, slots) for structure in space.symbolic.model.rewards])
+
+
+def _slots_reward(space: StateSpace, structure: BoundRewards, slots: Sequence[Sequence[JointSlot]]) -> tuple[Mtbdd, ...]:
+    return tuple(_slot_reward(space, structure, slot) for slot in slots)
 
 
 def _slot_reward(space: StateSpace, structure: BoundRewards, slot: Sequence[JointSlot]) -> Mtbdd:
