@@ -59,12 +59,14 @@ class ArrayValues:
     """Values between `lower` and `upper`, float64[states] each (the same array where exact).
 
     `computed` (bool[states], None: nowhere) says which values a floating-point computation made, so that they are known
-    up to rounding only even where lower and upper are equal.
+    up to rounding only even where lower and upper are equal: within ROUNDING relatively, and `slack` absolutely (a difference
+    has the rounding of its operands, which is large relative to a small value).
     """
 
     lower: Floats = field(repr=False)
     upper: Floats = field(repr=False)
     computed: Bools | None = field(default=None, repr=False)
+    slack: float = 0.0
 
     @cached_property
     def exact(self) -> bool:
@@ -99,8 +101,8 @@ class ArrayValues:
         if self.computed is None:
             return self.lower, self.upper
         with np.errstate(invalid="ignore"):
-            low = np.where(self.computed, self.lower - ROUNDING * np.abs(self.lower), self.lower)
-            high = np.where(self.computed, self.upper + ROUNDING * np.abs(self.upper), self.upper)
+            low = np.where(self.computed, self.lower - (ROUNDING * np.abs(self.lower) + self.slack), self.lower)
+            high = np.where(self.computed, self.upper + (ROUNDING * np.abs(self.upper) + self.slack), self.upper)
         # An infinite value minus an infinite margin is no number.
         return np.where(np.isinf(self.lower), self.lower, low), np.where(np.isinf(self.upper), self.upper, high)
 
@@ -121,10 +123,11 @@ class ArrayValues:
             if operator in _STEPS:
                 # A value at a jump of floor or ceil may lie on either side of it: rounding must not choose.
                 low, high = self._margins()
-                return ArrayValues(*_same(_STEPS[operator](low), _STEPS[operator](high)), computed)
-            if all(o.exact for o in operands) and (computed is None or operator in _RELATIVE or len(operands) == 1):
+                return ArrayValues(*_same(_STEPS[operator](low), _STEPS[operator](high)))
+            slack = _slack(operator, operands)
+            if slack is not None and all(o.exact for o in operands):
                 value = _point(operator, [o.lower for o in operands])
-                return ArrayValues(value, value, computed)
+                return ArrayValues(value, value, computed, slack)
             low, high = _interval(operator, [o._margins() for o in operands])
         return ArrayValues(*_same(low, high))
 
@@ -137,7 +140,7 @@ class ArrayValues:
         if self.computed is None and other.computed is None:
             return ArrayValues(lower, upper)
         mine, theirs = (empty if c is None else c for c in (self.computed, other.computed))
-        return ArrayValues(lower, upper, np.where(m, mine, theirs))
+        return ArrayValues(lower, upper, np.where(m, mine, theirs), max(self.slack, other.slack))
 
 
 _Pair = tuple[Floats, Floats]
@@ -154,14 +157,29 @@ _COMPARISONS: dict[str, Callable[[Floats, Floats, float, float], _Decision]] = {
     "!=": lambda low, high, below, above: ((low > below) | (high < above), (low == high) & (low == below) & (below == above)),
 }
 
-# Operators that keep a small relative error small; a difference, for instance, does not.
-_RELATIVE = frozenset({"*", "/", "min", "max"})
-
 _STEPS: dict[str, Callable[[Floats], Floats]] = {
     "floor": np.floor,
     "ceil": np.ceil,
     "round": lambda x: np.floor(x + 0.5),
 }
+
+
+def _slack(operator: str, operands: list[ArrayValues]) -> float | None:
+    """The absolute error of an operator applied to values with rounding; None where interval arithmetic must tell."""
+    total = sum(o.slack for o in operands)
+    if all(o.computed is None for o in operands) or len(operands) == 1 or operator in ("min", "max"):
+        return total
+    if operator in ("+", "-"):
+        return total + ROUNDING * sum(_largest(o) for o in operands)
+    return 0.0 if operator in ("*", "/") and total == 0.0 else None
+
+
+def _largest(values: ArrayValues) -> float:
+    """The largest finite absolute value that was computed."""
+    if values.computed is None:
+        return 0.0
+    finite = np.abs(values.lower[values.computed & np.isfinite(values.lower)])
+    return float(finite.max(initial=0.0))
 
 
 def _broadcast(value: float, n: int) -> ArrayValues:

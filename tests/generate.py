@@ -1,0 +1,113 @@
+"""Random small models and properties, as texts, from a `random.Random` (hypothesis can give one that it shrinks)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from random import Random
+
+__all__ = ["Generated", "random_model", "random_property"]
+
+_WEIGHTS = {1: ("1",), 2: ("0.5,0.5", "0.25,0.75", "1/3,2/3", "0.9,0.1"), 3: ("0.5,0.25,0.25", "1/3,1/3,1/3", "0.2,0.3,0.5")}
+_RATES = ("1", "2", "0.5", "3", "1/3", "10")
+_LABELS = ('"a"', '"b"')
+_REWARDS = ("0", "1", "2", "0.5", "3")
+
+
+@dataclass(frozen=True)
+class Generated:
+    """A model's text with what its properties can speak of."""
+
+    kind: str
+    text: str
+    variables: tuple[tuple[str, int], ...]
+    """Name and highest value (the lowest is 0)."""
+
+
+def random_model(rng: Random, kind: str, *, largest: int = 3) -> Generated:
+    """A model of one or two modules with one or two bounded variables each; some synchronise, some overlap, some deadlock."""
+    modules, variables = [], []
+    for m in range(rng.choice((1, 1, 2))):
+        own = [(f"{'xy'[m]}{i}", rng.randint(1, largest)) for i in range(rng.choice((1, 2)) if m == 0 else 1)]
+        variables.extend(own)
+        modules.append(own)
+    text = [kind, ""]
+    for m, own in enumerate(modules):
+        text.append(f"module m{m}")
+        text.extend(f"    {n} : [0..{h}] init {rng.randint(0, h)};" for n, h in own)
+        text.extend("    " + _command(rng, kind, own, variables) for _ in range(rng.randint(2, 5)))
+        text.append("endmodule\n")
+    for name in ("a", "b"):
+        text.append(f'label "{name}" = {_condition(rng, variables)};')
+    text.append('\nrewards "r"')
+    text.append(f"    {_condition(rng, variables)} : {rng.choice(_REWARDS)};")
+    text.append(f"    [{rng.choice(('', 'go'))}] true : {rng.choice(_REWARDS)};")
+    text.append("endrewards\n")
+    return Generated(kind, "\n".join(text), tuple(variables))
+
+
+def _command(rng: Random, kind: str, own: list[tuple[str, int]], variables: list[tuple[str, int]]) -> str:
+    action = rng.choice(("", "", "", "go"))
+    count = rng.choice((1, 2, 2, 3))
+    if kind == "ctmc":
+        weights = [rng.choice(_RATES) for _ in range(count)]
+    else:
+        weights = rng.choice(_WEIGHTS[count]).split(",")
+    updates = " + ".join(f"{w} : {_update(rng, own)}" for w in weights)
+    return f"[{action}] {_condition(rng, variables)} -> {updates};".replace(" -> 1 : ", " -> ") if count == 1 else (
+        f"[{action}] {_condition(rng, variables)} -> {updates};"
+    )
+
+
+def _update(rng: Random, own: list[tuple[str, int]]) -> str:
+    name, high = rng.choice(own)
+    value = rng.choice((str(rng.randint(0, high)), f"mod({name}+1,{high + 1})", f"max({name}-1,0)", f"min({name}+1,{high})"))
+    return f"({name}'={value})"
+
+
+def _condition(rng: Random, variables: list[tuple[str, int]]) -> str:
+    name, high = rng.choice(variables)
+    value = rng.randint(0, high)
+    simple = rng.choice((f"{name}={value}", f"{name}>={value}", f"{name}<={value}", f"{name}!={value}", "true"))
+    if rng.random() < 0.2:
+        return f"({simple}) {rng.choice('&|')} ({_condition(rng, variables)})"
+    return simple
+
+
+def random_property(rng: Random, model: Generated, *, timed: bool = True) -> str:
+    """A numeric property (`=?`); `timed` False leaves out what has no rational value (time bounds in a CTMC)."""
+    direction = rng.choice(("min", "max")) if model.kind == "mdp" else ""
+    steps = model.kind != "ctmc"
+    paths = [
+        f"F {_states(rng, model)}",
+        f"G {_states(rng, model)}",
+        f"{_states(rng, model)} U {_states(rng, model)}",
+        f"{_states(rng, model)} W {_states(rng, model)}",
+        f"{_states(rng, model)} R {_states(rng, model)}",
+        f"X {_states(rng, model)}",
+    ]
+    if steps or timed:
+        bound = _bound(rng, model.kind)
+        paths += [f"F{bound} {_states(rng, model)}", f"{_states(rng, model)} U{bound} {_states(rng, model)}", f"G{bound} {_states(rng, model)}"]
+    properties = [f"P{direction}=? [ {p} ]" for p in paths]
+    properties.append(f'R{{"r"}}{direction}=? [ F {_states(rng, model)} ]')
+    properties.append(f'R{{"r"}}{direction}=? [ C ]')
+    if steps or timed:
+        time = rng.choice(("0", "1", "3", "7")) if steps else rng.choice(("0", "0.5", "2"))
+        properties += [f'R{{"r"}}{direction}=? [ C<={time} ]', f'R{{"r"}}{direction}=? [ I={time} ]']
+    if model.kind != "mdp":
+        properties += [f"S=? [ {_states(rng, model)} ]", 'R{"r"}=? [ S ]']
+    return rng.choice(properties)
+
+
+def _states(rng: Random, model: Generated) -> str:
+    if rng.random() < 0.15:
+        direction = rng.choice(("min", "max")) if model.kind == "mdp" else ""
+        bound = rng.choice((">", ">=", "<", "<=")) + rng.choice(("0", "0.5", "1", "1/3", "0.25"))
+        return f"(P{direction}{bound} [ F {rng.choice(_LABELS)} ])"
+    return rng.choice(('"a"', '"b"', '"a"&"b"', '!"a"', '"init"', '"deadlock"', f"({_condition(rng, list(model.variables))})"))
+
+
+def _bound(rng: Random, kind: str) -> str:
+    if kind == "ctmc":
+        return rng.choice(("<=0.5", "<2", ">=1", "[0.5,2]", "[1,1]", "=0.3", ">0"))
+    return rng.choice(("<=0", "<=2", "<5", ">=1", ">2", "[1,3]", "=2", "<=20"))
