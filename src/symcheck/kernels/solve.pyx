@@ -134,8 +134,8 @@ cdef class Block:
                     leaving = leaving / total
                 if leaving > 0.0:
                     self.open_ = True
-                self.bl[rows] = lo * (1.0 - terms * U)
-                self.bh[rows] = hi * (1.0 + terms * U)
+                self.bl[rows] = lo - fabs(lo) * terms * U
+                self.bh[rows] = hi + fabs(hi) * terms * U
                 self.exit[rows] = <double>leaving
                 self.row_id[rows] = r
                 rows += 1
@@ -200,65 +200,105 @@ cdef class Block:
 
     cdef double pair_sweep(self, bint relative, bint backwards) noexcept nogil:
         """One Gauss-Seidel sweep over both bounds; returns the greatest (relative) width that is left."""
-        cdef int64_t i, j, r, k, n = self.n
-        cdef double lo, hi, best_lo, best_hi, margin, width, widest = 0.0, a
-        cdef int64_t arg_lo, arg_hi
-        cdef int32_t c
-        cdef double[:, ::1] x = self.x
+        if self.mode == 0:
+            return self.chain_sweep(relative, backwards)
+        return self.choice_sweep(relative, backwards)
+
+    cdef double chain_sweep(self, bint relative, bint backwards) noexcept nogil:
+        cdef int64_t i, j, k, n = self.n, end
+        cdef double lo, hi, margin, width, widest = 0.0, a
+        cdef double* x = &self.x[0, 0]
+        cdef double* y
+        cdef const double* val = &self.val[0]
+        cdef const int32_t* idx = &self.idx[0]
+        cdef const int64_t* ptr = &self.row_ptr[0]
+        cdef const double* bl = &self.bl[0]
+        cdef const double* bh = &self.bh[0]
         for j in range(n):
             i = n - 1 - j if backwards else j
-            if self.mode == 0:
-                lo = self.bl[i]
-                hi = self.bh[i]
-                for k in range(self.row_ptr[i], self.row_ptr[i + 1]):
-                    c = self.idx[k]
-                    a = self.val[k]
-                    lo = lo + a * x[c, 0]
-                    hi = hi + a * x[c, 1]
-                margin = (self.row_ptr[i + 1] - self.row_ptr[i] + SLACK) * U
+            lo = bl[i]
+            hi = bh[i]
+            end = ptr[i + 1]
+            for k in range(ptr[i], end):
+                a = val[k]
+                y = x + 2 * <int64_t>idx[k]
+                lo = lo + a * y[0]
+                hi = hi + a * y[1]
+            margin = (end - ptr[i] + SLACK) * U
+            lo = lo - lo * margin
+            hi = hi + (hi * margin + (TINY if hi > 0.0 else 0.0))
+            y = x + 2 * i
+            if lo > y[0]:
+                y[0] = lo
+            if hi < y[1]:
+                y[1] = hi
+            width = y[1] - y[0]
+            if relative:
+                # width / upper > widest, without a division where it does not matter
+                if width > widest * y[1]:
+                    width = width / (y[1] if y[1] > 1e-300 else 1e-300)
+                    if width > widest:
+                        widest = width
+            elif width > widest:
+                widest = width
+        return widest
+
+    cdef double choice_sweep(self, bint relative, bint backwards) noexcept nogil:
+        cdef int64_t i, j, r, k, n = self.n, first, last
+        cdef double lo, hi, best_lo, best_hi, margin, width, widest = 0.0, a
+        cdef int64_t arg_lo, arg_hi
+        cdef bint most = self.mode == 2
+        cdef double* x = &self.x[0, 0]
+        cdef double* y
+        cdef const double* val = &self.val[0]
+        cdef const int32_t* idx = &self.idx[0]
+        cdef const int64_t* ptr = &self.row_ptr[0]
+        cdef const double* bl = &self.bl[0]
+        cdef const double* bh = &self.bh[0]
+        for j in range(n):
+            i = n - 1 - j if backwards else j
+            first = self.group[i]
+            last = self.group[i + 1]
+            y = x + 2 * i
+            if first == last:
+                y[0] = 0.0
+                y[1] = 0.0
+                continue
+            best_lo = best_hi = 0.0
+            arg_lo = arg_hi = first
+            for r in range(first, last):
+                lo = bl[r]
+                hi = bh[r]
+                for k in range(ptr[r], ptr[r + 1]):
+                    a = val[k]
+                    y = x + 2 * <int64_t>idx[k]
+                    lo = lo + a * y[0]
+                    hi = hi + a * y[1]
+                margin = (ptr[r + 1] - ptr[r] + SLACK) * U
                 lo = lo - lo * margin
                 hi = hi + (hi * margin + (TINY if hi > 0.0 else 0.0))
-                if lo > x[i, 0]:
-                    x[i, 0] = lo
-                if hi < x[i, 1]:
-                    x[i, 1] = hi
-            else:
-                if self.group[i] == self.group[i + 1]:
-                    x[i, 0] = 0.0
-                    x[i, 1] = 0.0
-                    continue
-                best_lo = -1.0
-                best_hi = -1.0
-                arg_lo = arg_hi = -1
-                for r in range(self.group[i], self.group[i + 1]):
-                    lo = self.bl[r]
-                    hi = self.bh[r]
-                    for k in range(self.row_ptr[r], self.row_ptr[r + 1]):
-                        c = self.idx[k]
-                        a = self.val[k]
-                        lo = lo + a * x[c, 0]
-                        hi = hi + a * x[c, 1]
-                    margin = (self.row_ptr[r + 1] - self.row_ptr[r] + SLACK) * U
-                    lo = lo - lo * margin
-                    hi = hi + (hi * margin + (TINY if hi > 0.0 else 0.0))
-                    if arg_lo < 0 or (lo > best_lo if self.mode == 2 else lo < best_lo):
-                        best_lo = lo
-                        arg_lo = r
-                    if arg_hi < 0 or (hi > best_hi if self.mode == 2 else hi < best_hi):
-                        best_hi = hi
-                        arg_hi = r
-                if best_lo > x[i, 0]:
-                    x[i, 0] = best_lo
-                    if self.mode == 2:
-                        self.choice[i] = arg_lo
-                if best_hi < x[i, 1]:
-                    x[i, 1] = best_hi
-                    if self.mode == 1:
-                        self.choice[i] = arg_hi
-            width = x[i, 1] - x[i, 0]
-            if relative and width > 0.0:
-                width = width / (x[i, 1] if x[i, 1] > 1e-300 else 1e-300)
-            if width > widest:
+                if r == first or (lo > best_lo if most else lo < best_lo):
+                    best_lo = lo
+                    arg_lo = r
+                if r == first or (hi > best_hi if most else hi < best_hi):
+                    best_hi = hi
+                    arg_hi = r
+            y = x + 2 * i
+            if best_lo > y[0]:
+                y[0] = best_lo
+                if most:
+                    self.choice[i] = arg_lo
+            if best_hi < y[1]:
+                y[1] = best_hi
+                if not most:
+                    self.choice[i] = arg_hi
+            width = y[1] - y[0]
+            if relative:
+                if width > widest * y[1]:
+                    width = width / (y[1] if y[1] > 1e-300 else 1e-300)
+                    if width > widest:
+                        widest = width
+            elif width > widest:
                 widest = width
         return widest
 
@@ -267,15 +307,18 @@ cdef class Block:
         cdef int64_t i, j, r, k, n = self.n, arg
         cdef double lo, best, change, most = 0.0
         cdef double[:, ::1] x = self.x
+        cdef const double* val = &self.val[0]
+        cdef const int32_t* idx = &self.idx[0]
+        cdef const int64_t* ptr = &self.row_ptr[0]
         for j in range(n):
             i = n - 1 - j if backwards else j
             best = 0.0
             arg = -1
             for r in range(self.group[i], self.group[i + 1]):
                 lo = self.bl[r]
-                for k in range(self.row_ptr[r], self.row_ptr[r + 1]):
-                    lo = lo + self.val[k] * x[self.idx[k], 0]
-                lo = lo - lo * ((self.row_ptr[r + 1] - self.row_ptr[r] + SLACK) * U)
+                for k in range(ptr[r], ptr[r + 1]):
+                    lo = lo + val[k] * x[idx[k], 0]
+                lo = lo - lo * ((ptr[r + 1] - ptr[r] + SLACK) * U)
                 if arg < 0 or (lo > best if self.mode == 2 else lo < best):
                     best = lo
                     arg = r
@@ -298,14 +341,17 @@ cdef class Block:
         cdef int64_t i, r, k, n = self.n, arg
         cdef double hi, best
         cdef int verdict = 1
+        cdef const double* val = &self.val[0]
+        cdef const int32_t* idx = &self.idx[0]
+        cdef const int64_t* ptr = &self.row_ptr[0]
         for i in range(n):
             best = 0.0
             arg = -1
             for r in range(self.group[i], self.group[i + 1]):
                 hi = self.bh[r]
-                for k in range(self.row_ptr[r], self.row_ptr[r + 1]):
-                    hi = hi + self.val[k] * high[self.idx[k]]
-                hi = hi + (hi * ((self.row_ptr[r + 1] - self.row_ptr[r] + SLACK) * U) + (TINY if hi > 0.0 else 0.0))
+                for k in range(ptr[r], ptr[r + 1]):
+                    hi = hi + val[k] * high[idx[k]]
+                hi = hi + (hi * ((ptr[r + 1] - ptr[r] + SLACK) * U) + (TINY if hi > 0.0 else 0.0))
                 if arg < 0 or (hi > best if self.mode == 2 else hi < best):
                     best = hi
                     arg = r
@@ -479,6 +525,11 @@ cdef class System:
         cdef int64_t first = s if self.mode == 0 else self.groups[s]
         cdef int64_t last = s + 1 if self.mode == 0 else self.groups[s + 1]
         cdef int64_t r, k, best = -1
+        cdef const double* data = &self.data[0]
+        cdef const int32_t* indices = &self.indices[0]
+        cdef const int64_t* indptr = &self.indptr[0]
+        cdef double* y
+        cdef double* base = &x[0, 0]
         cdef double lo, hi, loop, margin, best_lo = 0.0, best_hi = 0.0, a
         cdef int32_t c
         cdef long double total
@@ -487,26 +538,27 @@ cdef class System:
             lo = self.bl[r]
             hi = self.bh[r]
             loop = 0.0
-            for k in range(self.indptr[r], self.indptr[r + 1]):
-                c = self.indices[k]
-                a = self.data[k]
+            for k in range(indptr[r], indptr[r + 1]):
+                c = indices[k]
+                a = data[k]
                 if c == s:
                     loop = loop + a
                 else:
-                    lo = lo + a * x[c, 0]
-                    hi = hi + a * x[c, 1]
+                    y = base + 2 * <int64_t>c
+                    lo = lo + a * y[0]
+                    hi = hi + a * y[1]
             if loop > 0.0:
                 total = self.exit[r]
-                for k in range(self.indptr[r], self.indptr[r + 1]):
-                    if self.indices[k] != s:
-                        total = total + self.data[k]
+                for k in range(indptr[r], indptr[r + 1]):
+                    if indices[k] != s:
+                        total = total + data[k]
                 if total <= 0.0:
                     if hi > 0.0:
                         infinite = infinite or self.mode != 1
                     continue
                 lo = <double>(lo / total)
                 hi = <double>(hi / total)
-            margin = (self.indptr[r + 1] - self.indptr[r] + SLACK) * U
+            margin = (indptr[r + 1] - indptr[r] + SLACK) * U
             lo = lo - lo * margin
             hi = hi + (hi * margin + (TINY if hi > 0.0 else 0.0))
             if best < 0:

@@ -8,6 +8,7 @@ Sources: Dai, Mausam, Weld & Goldsmith (2011); Baier, Klein, Leuschner, Parker &
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +27,8 @@ __all__ = ["solve"]
 SMALL = 64  # states that elimination solves faster than sweeps do
 DENSE = 200  # states for which elimination in a full matrix is the way out when sweeps converge slowly
 OPERATIONS = 4_000_000_000  # of a sparse elimination, before it is given up
+SLICE = 32  # sweeps between looks at the rate
+CHEAP = 200_000_000  # entries to go over in sweeps before anything else is considered
 
 
 @dataclass(eq=False)
@@ -42,7 +45,6 @@ class _Run:
     notes: dict[str, int] = field(default_factory=dict)
     failed: int = 0
     iterations: int = 0
-    widest: float = 0.0
 
 
 def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
@@ -85,14 +87,17 @@ def _components(run: _Run, parts: graph.Components, edges: Int64s) -> None:
 
 
 def _hard(run: _Run, states: Int32s, goal: float) -> None:
-    """A component that is large or converges slowly."""
+    """A component that is large or converges slowly: sweep a little, and decide by the rate what comes next."""
     block = run.system.block(states, run.x)
     if not block.open_:
         _closed(block)
     else:
         block.principle()
-        if not (_sweep(run, block, goal, 3000) or _directly(run, block, goal) or _sweep(run, block, goal, None)):
-            run.failed += 1
+        done, ahead = _sweep(run, block, goal, True)
+        limit = int(min(OPERATIONS, max(CHEAP, 0.5 * ahead * block.entries)))
+        if not done and not _directly(run, block, goal, limit):
+            done, _ = _sweep(run, block, goal, False)
+            run.failed += not done
     run.system.store(block, states, run.x, run.strategy)
 
 
@@ -102,42 +107,50 @@ def _closed(block: Block) -> None:
     x[: block.n] = np.inf if np.any(np.asarray(block.bh)[: block.rows] > 0.0) else 0.0
 
 
-def _sweep(run: _Run, block: Block, goal: float, limit: int | None) -> bool:
-    """Sweeps from both sides, told to the observer every so often. With no limit: as many as the settings allow."""
-    left = limit if limit is not None else run.settings.max_iterations
-    probability = run.problem.probability
-    fresh = True
-    done = False
-    while left > 0 and not done:
-        budget = min(left, 256 if probability and limit is not None else left)
-        if probability:
-            done, used, width = block.interval(goal, run.settings.relative, budget)
-        else:
-            done, used, width = block.optimistic(goal, run.settings.relative, budget, fresh)
-        fresh = False
-        left -= max(used, 1)
-        run.iterations += used
-        run.widest = max(run.widest, width) if done else run.widest
-        if run.observer is not None:
-            run.observer(Step("interval" if probability else "optimistic", run.iterations, width, block.n))
-        if not done and used < budget:
-            break  # too slow, says the rate
+def _sweep(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
+    """Sweep; if `eager`, give up where that looks expensive. Returns whether the goal was reached, and sweeps still ahead."""
+    done, ahead = (_probabilities if run.problem.probability else _rewards)(run, block, goal, eager)
     if done:
-        _note(run, "interval iteration" if probability else "optimistic value iteration", block.n)
-    elif not probability:
+        _note(run, "interval iteration" if run.problem.probability else "optimistic value iteration", block.n)
+    return done, ahead
+
+
+def _probabilities(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
+    """Interval iteration, in slices that show the rate and keep the observer informed."""
+    used, before, ahead = 0, 1.0, math.inf
+    while used < run.settings.max_iterations:
+        done, sweeps, width = block.interval(goal, run.settings.relative, SLICE)
+        used += sweeps
+        run.iterations += sweeps
+        if run.observer is not None:
+            run.observer(Step("interval iteration", run.iterations, width, block.n))
+        if done:
+            return True, 0.0
+        if used > SLICE:
+            ahead = sweeps * math.log(goal / width) / math.log(width / before) if width < before else math.inf
+            if ahead * block.entries > (CHEAP if eager else math.inf) or (width >= before and used > 100 * SLICE):
+                break
+        before = width
+    return False, ahead
+
+
+def _rewards(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
+    """Optimistic value iteration."""
+    most = run.settings.max_iterations
+    budget = min(most, max(200, CHEAP // (block.entries + block.n + 1))) if eager else most
+    done, sweeps, width = block.optimistic(goal, run.settings.relative, budget, eager)
+    run.iterations += sweeps
+    if run.observer is not None:
+        run.observer(Step("optimistic value iteration", run.iterations, width, block.n))
+    if not done:
         np.asarray(block.x)[: block.n, 1] = np.inf
-    return done
+    return done, math.inf
 
 
-def _directly(run: _Run, block: Block, goal: float) -> bool:
-    """Solve without sweeps; keep the bounds if they are near enough, or nearer than before."""
+def _directly(run: _Run, block: Block, goal: float, limit: int) -> bool:
+    """Solve without sweeps; keep the bounds where they are nearer than before."""
     local = LocalSystem.of(block)
-    if block.mode == 0:
-        answer = solve_direct(local, OPERATIONS)
-        name = "elimination"
-    else:
-        answer = policy_iteration(local, goal, solve)
-        name = "policy iteration"
+    answer = solve_direct(local, limit) if block.mode == 0 else policy_iteration(local, goal, solve)
     if answer is None:
         return False
     x = np.asarray(block.x)[: block.n]
@@ -149,11 +162,13 @@ def _directly(run: _Run, block: Block, goal: float) -> bool:
         x[:, 1] = answer.upper
     if answer.policy is not None:
         np.asarray(block.choice)[: block.n] = answer.policy
-    width = float(np.max((x[:, 1] - x[:, 0]) / (np.maximum(np.abs(x[:, 1]), 1e-300) if run.settings.relative else 1.0)))
-    if width <= goal:
-        _note(run, name, block.n)
-        return True
-    return False
+    width = x[:, 1] - x[:, 0]
+    if run.settings.relative:
+        width = width / np.maximum(np.abs(x[:, 1]), 1e-300)
+    if float(width.max()) > goal:
+        return False
+    _note(run, "elimination" if block.mode == 0 else "policy iteration", block.n)
+    return True
 
 
 def _note(run: _Run, name: str, states: int) -> None:
