@@ -31,6 +31,7 @@ cdef struct Env:
     DdNode* one                  # BDD true, and the number 1
     DdNode* no                   # BDD false
     DdNode* zero                 # the number 0
+    bint hold                    # no stop now
     Reason reason
     unsigned long steps
     unsigned long calls
@@ -44,7 +45,10 @@ cdef double now() noexcept nogil:
 
 
 cdef bint interrupted(Env* e) noexcept nogil:
-    # All of symcheck calls CUDD with the interpreter lock held, so signals may be looked at here.
+    # All of symcheck calls CUDD with the interpreter lock held, so signals may be looked at here. A signal handler in
+    # Python therefore runs in the middle of an operation: it may raise, but must not work on diagrams itself.
+    if e.hold:
+        return False
     if PyErr_CheckSignals() != 0:
         e.reason = SIGNAL
         return True
@@ -288,7 +292,11 @@ cdef class Core:
         return cuddGarbageCollect(self.e.dd, 1)
 
     def check(self):
-        """CUDD's own consistency check of all nodes and the cache; raises AssertionError. For tests."""
+        """CUDD's own consistency check of all nodes and the cache; raises AssertionError. For tests.
+
+        Of no use after a memory limit that was met while a leaf was made: CUDD counts that leaf although it is not there
+        (harmless, but seen here).
+        """
         if Cudd_DebugCheck(self.e.dd) != 0:
             raise AssertionError("CUDD's tables are inconsistent")
 

@@ -4,9 +4,8 @@
 cdef enum Op:
     PLUS, TIMES, MINUS, DIVIDE, MINIMUM, MAXIMUM, POWER, MODULO
     LESS, LESS_EQUAL, EQUAL
-    RESTRICT, TO_ADD, TO_BDD, PERMUTE_BDD, PERMUTE_ADD, NEGATE
+    RESTRICT, TO_BDD, PERMUTE_BDD, PERMUTE_ADD
     SUM_OVER, MAX_OVER, MIN_OVER
-    OPS
 
 # A two-operand operation is known to CUDD's cache by an address of its own.
 cdef char[32] _ops
@@ -23,8 +22,6 @@ cdef enum:
     TAG_SUM_PRODUCT = 0xAA
     TAG_IMAGE = 0xAE
     TAG_PREIMAGE = 0xC2
-    TAG_MAX_PRODUCT = 0xC6
-    TAG_MIN_PRODUCT = 0xCA
 
 
 cdef inline DdNode* regular(DdNode* n) noexcept nogil:
@@ -79,12 +76,17 @@ cdef inline DdNode* bdd_node(Env* e, int index, DdNode* t, DdNode* u) noexcept n
 
 
 cdef inline DdNode* number(Env* e, double value) noexcept nogil:
+    cdef DdNode* r
     if value == 0:
         return e.zero            # -0.0 too: it would be a second zero
     if value != value:
         e.reason = UNDEFINED
         return NULL
-    return cuddUniqueConst(e.dd, value)
+    # CUDD counts a leaf before it has room for it: a stop in between would leave the count wrong.
+    e.hold = True
+    r = cuddUniqueConst(e.dd, value)
+    e.hold = False
+    return r
 
 
 cdef inline void split(Env* e, DdNode* f, int level, DdNode** t, DdNode** u) noexcept nogil:
