@@ -91,6 +91,9 @@ class Span:
         return Span(self.source, min(self.start, other.start), max(self.end, other.end))
 
 
+_WIDEST = 160
+"""Of longer lines an excerpt shows only this many characters around the mark."""
+
 NO_SPAN = Span(Source("<built>", ""), 0, 0)
 
 
@@ -116,6 +119,11 @@ class Diagnostic:
         number, column = source.position(self.span.start)
         line = source.line(number)
         width = max(1, min(self.span.end - self.span.start, len(line) - column + 1))
+        if len(line) > _WIDEST:
+            first = max(0, min(column - 1 - _WIDEST // 4, len(line) - _WIDEST))
+            line, column = line[first : first + _WIDEST], column - first
+            width = max(1, min(width, len(line) - column + 1))
+        line = "".join(c if c.isprintable() or c == "\t" else "\ufffd" for c in line)
         # A tab stays a tab under the line, so that the mark stands under the text whatever the tab width is.
         lead = "".join("\t" if c == "\t" else " " for c in line[: column - 1])
         return f"  {number} | {line}\n  {' ' * len(str(number))}   {lead}{'^' * width}"

@@ -15,7 +15,7 @@ from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax import ast
 from symcheck.syntax.ast import Expression
 
-__all__ = ["FUNCTIONS", "LONGEST_CHAIN", "ModelBuilder", "PropertiesBuilder"]
+__all__ = ["FUNCTIONS", "LONGEST_CHAIN", "Builder", "ModelBuilder", "PropertiesBuilder"]
 
 FUNCTIONS = ("min", "max", "floor", "ceil", "round", "pow", "mod", "log")
 
@@ -40,6 +40,8 @@ class Builder:
     def __init__(self, source: Source) -> None:
         self.source = source
         self.diagnostics: list[Diagnostic] = []
+        # The last node that was balanced: it nests no deeper than the one before it.
+        self.balanced: ast.Binary | None = None
         # By id of the last node of an operator chain: its first offset, and its parts (length, tree).
         self._chains: dict[int, tuple[Expression, list[tuple[int, Expression]]]] = {}
 
@@ -108,7 +110,7 @@ class Builder:
             tree = parts[0][1]
             for _, part in parts[1:]:
                 tree = ast.Binary(node.operator, tree, part, span=tree.span | part.span)
-            node = replace(cast(ast.Binary, tree), span=node.span)
+            node = self.balanced = replace(cast(ast.Binary, tree), span=node.span)
         self._chains[id(node)] = (node, parts)
         return node
 

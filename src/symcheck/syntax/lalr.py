@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from symcheck.syntax.build import Builder
 from symcheck.syntax.grammars import Grammar
 from symcheck.syntax.lexer import FOREIGN, Words
 
@@ -45,15 +46,17 @@ class Parser:
     of words that start such a part.
     """
 
-    def __init__(self, grammar: Grammar, words: Words, build: object, resume: frozenset[str], openers: frozenset[int]) -> None:
+    def __init__(self, grammar: Grammar, words: Words, build: Builder, resume: frozenset[str], openers: frozenset[int]) -> None:
         self.grammar = grammar
         self.words = words
+        self.build = build
         self.faults: list[Fault] = []
         self.deepest = 0
         self._resume = resume
         self._openers = openers
         self._builders: list[Build | None] = [getattr(build, r.action) if r.action else None for r in grammar.rules]
         self._plain = [tuple(range(r.length)) == r.shape for r in grammar.rules]
+        self._climbs: dict[tuple[int, int, int], int] = {}
         self._states: list[int] = []
         self._values: list[Any] = []
         self._starts: list[int] = []
@@ -82,7 +85,7 @@ class Parser:
         """Parse from word i on. Returns None at the end, or the number of the word that does not fit."""
         rows, gotos, rules, builders = self.grammar.rows, self.grammar.gotos, self.grammar.rules, self._builders
         states, values, starts, ends, depths = self._states, self._values, self._starts, self._ends, self._depths
-        words = self.words
+        words, climbs = self.words, self._climbs
         text, kinds, word_starts, word_ends = words.text, words.kinds, words.starts, words.ends
         end_kind = self.grammar.end
         kind = kinds[i]
@@ -104,11 +107,19 @@ class Parser:
             rule = rules[number]
             n = rule.length
             if n == 1 and rule.action is None:
-                states[-1] = gotos[states[-2]][rule.head]
+                # Most reductions climb the ladder of operators one rung at a time: remember where such a climb ends.
+                key = (states[-2], number, kind)
+                landing = climbs.get(key)
+                if landing is None:
+                    landing = climbs[key] = self._climb(*key)
+                states[-1] = landing
             elif n:
                 start, end = starts[-n], ends[-1]
-                depth = max(depths[-n:]) + (rule.action != "")
-                values[-n:] = [self._reduce(number, values[-n:], start, end)]
+                value = self._reduce(number, values[-n:], start, end)
+                depth = max(depths[-n:])
+                if rule.action and value is not self.build.balanced:
+                    depth += 1
+                values[-n:] = [value]
                 del states[-n:], starts[-n:], ends[-n:], depths[-n:]
                 states.append(gotos[states[-1]][rule.head])
                 starts.append(start)
@@ -128,6 +139,18 @@ class Parser:
                 depths.append(0)
             if kind == end_kind and states[-1] == last:
                 return None
+
+    def _climb(self, below: int, number: int, kind: int) -> int:
+        """The state after all reductions by rules of one symbol that pass it on, from rule `number`, before a word of `kind`."""
+        grammar = self.grammar
+        while True:
+            state = grammar.gotos[below][grammar.rules[number].head]
+            action = grammar.rows[state].get(kind, 0)
+            if action >= 0:
+                return state
+            number = ~action
+            if grammar.rules[number].length != 1 or grammar.rules[number].action is not None:
+                return state
 
     def _reduce(self, number: int, symbols: list[Any], start: int, end: int) -> Any:
         """The value of a rule, from those of its symbols."""
@@ -152,48 +175,59 @@ class Parser:
 
     # -------------------------------------------------------------------------------------------- faults
 
-    def accepts(self, states: Sequence[int], kind: int) -> bool:
-        """Whether a word of this kind can come next."""
-        return self._after(states, kind) is not None
-
-    def _after(self, states: Sequence[int], kind: int) -> list[int] | None:
-        """The states after a word of this kind; None if it does not fit."""
-        stack = list(states)
+    def accepts(self, states: Sequence[int], *kinds: int) -> bool:
+        """Whether words of these kinds can come next, one after the other."""
         grammar = self.grammar
-        while True:
-            action = grammar.rows[stack[-1]].get(kind)
-            if action is None:
-                return None
-            if action >= 0:
-                return [*stack, action]
-            rule = grammar.rules[~action]
-            if rule.length:
-                del stack[-rule.length :]
-            stack.append(grammar.gotos[stack[-1]][rule.head])
-            if kind == grammar.end and any(stack == [first, last] for first, last in grammar.starts.values()):
-                return stack
+        height, above = len(states), list[int]()  # the stack is states[:height], then above: states may be long, and stays
+        for kind in kinds:
+            action = -1
+            while action < 0:
+                top = above[-1] if above else states[height - 1]
+                entry = grammar.rows[top].get(kind)
+                if entry is None:
+                    return False
+                action = entry
+                if action >= 0:
+                    above.append(action)
+                    break
+                rule = grammar.rules[~action]
+                height -= max(rule.length - len(above), 0)
+                del above[max(len(above) - rule.length, 0) :]
+                above.append(grammar.gotos[above[-1] if above else states[height - 1]][rule.head])
+                if kind == grammar.end and height == 1 and len(above) == 1 and (states[0], above[0]) in grammar.starts.values():
+                    break
+        return True
 
     def _before(self, i: int) -> list[int]:
         """The states before word i was looked at: reductions made on its account would hide what else could stand there."""
         states, at = self._checkpoint
         stack = states.copy()
-        for j in range(at, i):
-            after = self._after(stack, self.words.kinds[j])
-            if after is None:
+        grammar = self.grammar
+        for kind in self.words.kinds[at:i]:
+            action = grammar.rows[stack[-1]].get(kind)
+            while action is not None and action < 0:
+                rule = grammar.rules[~action]
+                if rule.length:
+                    del stack[-rule.length :]
+                stack.append(grammar.gotos[stack[-1]][rule.head])
+                action = grammar.rows[stack[-1]].get(kind)
+            if action is None:
                 return self._states
-            stack = after
+            stack.append(action)
         return stack
 
     def _recover(self, i: int) -> int | None:
         """Note the fault at word i and mend the stack. Returns the word to go on with; None to give up."""
         words = self.words
-        too_deep = self.deepest > MAX_NESTING
-        before = self._before(i) if not too_deep else self._states
+        place = (i, words.starts[i], words.ends[i], words.ends[i - 1] if i else 0, words.kinds[i])
+        if self.deepest > MAX_NESTING:
+            self.faults.append(Fault(*place, frozenset(), too_deep=True))
+            return None
+        before = self._before(i)
         expected = frozenset(kind for kind in range(len(self.grammar.terminals)) if self.accepts(before, kind))
-        previous = words.ends[i - 1] if i else 0
-        fault = Fault(i, words.starts[i], words.ends[i], previous, words.kinds[i], expected, self._mend(i, expected), too_deep)
+        fault = Fault(*place, expected, self._mend(i, expected))
         self.faults.append(fault)
-        if too_deep or len(self.faults) >= _MAX_FAULTS:
+        if len(self.faults) >= _MAX_FAULTS:
             return None
         if fault.mended is not None:
             words.insert(i, fault.mended)
@@ -210,9 +244,7 @@ class Parser:
         for kind in sorted(expected, key=lambda k: _MENDING.index(f"'{spelling[k]}'") if f"'{spelling.get(k)}'" in _MENDING else 99):
             if f"'{spelling.get(kind)}'" not in _MENDING:
                 return None
-            after = self._after(self._states, kind)
-            after = after and self._after(after, kinds[i])
-            if after and (kinds[i] == self.grammar.end or self.accepts(after, kinds[i + 1])):
+            if self.accepts(self._states, kind, *kinds[i : i + 2]):
                 return kind
         return None
 
@@ -248,7 +280,9 @@ class Parser:
         """Take the broken part off the stack, if a word of this kind can then come."""
         gotos = self.grammar.gotos
         for height in range(len(self._states), 0, -1):
-            if not self._resume.isdisjoint(gotos[self._states[height - 1]]) and self.accepts(self._states[:height], kind):
+            if self._resume.isdisjoint(gotos[self._states[height - 1]]):
+                continue
+            if self.accepts(self._states[:height], kind):
                 del self._states[height:], self._values[height - 1 :], self._starts[height - 1 :]
                 del self._ends[height - 1 :], self._depths[height - 1 :]
                 return True
