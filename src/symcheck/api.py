@@ -19,7 +19,7 @@ from symcheck.engines.base import Engine
 from symcheck.errors import UsageError
 from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.syntax.ast import ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
 
 __all__ = ["Model", "load", "loads"]
@@ -55,10 +55,10 @@ class Model:
 
     def check(self, formula: str, constants: Given | None = None) -> Result:
         """Check one property, such as `P=? [ F "done" ]`. Raises SymcheckError."""
-        properties = self.properties(parse_properties(formula), constants).properties
-        if len(properties) != 1:
-            raise UsageError(f"one property is wanted here, not {len(properties)}; check_all takes several")
-        return self._check(properties[0])
+        file = parse_properties(formula)
+        if len(file.properties) != 1:
+            raise UsageError(f"one property is wanted here, not {len(file.properties)}; check_all takes several")
+        return self._check(file, 0, constants)[1]
 
     def check_all(self, properties: str | Path | PropertiesFile, constants: Given | None = None) -> Iterator[tuple[BoundProperty, Result]]:
         """Check the properties of a file (a Path), of a text, or parsed already, one after the other."""
@@ -69,16 +69,21 @@ class Model:
                 file = parse_properties_file(properties)
             case str():
                 file = parse_properties(properties)
-        for p in self.properties(file, constants).properties:
-            yield p, self._check(p)
+        for i in range(len(file.properties)):
+            yield self._check(file, i, constants)
 
     def properties(self, file: PropertiesFile, constants: Given | None = None) -> BoundProperties:
         """Properties bound to this model."""
         return bind_properties(file, self.bound, constants)
 
-    def _check(self, bound: BoundProperty) -> Result:
-        formula = bound.formula
-        return check(self.engine, formula, self.options)
+    def _check(self, file: PropertiesFile, index: int, constants: Given | None) -> tuple[BoundProperty, Result]:
+        bound = self.properties(file, constants)
+        one = bound.properties[index]
+
+        def rebind(model: BoundModel) -> Expression:
+            return bind_properties(file, model, constants).properties[index].formula
+
+        return one, check(self.engine, one.formula, self.options, labels=bound.labels, rebind=rebind)
 
 
 def load(path: str | Path, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:

@@ -15,7 +15,7 @@ from fractions import Fraction
 from math import inf, isinf, isnan, nan
 from typing import Any
 
-from symcheck.check.result import Exact, Number, Result, show_value
+from symcheck.check.result import Number, Result, show_value
 from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.semantics.evaluate import evaluate
 from symcheck.semantics.model import Value
@@ -87,13 +87,9 @@ def judge(comments: Sequence[str], outcome: Result | Exception, constants: Mappi
     """Compare the result of a property (or what was raised instead) with the RESULT lines above it.
 
     `constants`: all known constants, of the model and the properties. `exact`: arithmetic was rational, so that numbers
-    must be equal. The constant `exact` in a RESULT line asks whether the result is exact.
+    must be equal.
     """
-    if isinstance(outcome, Result):
-        exact_result = exact or (isinstance(outcome.accuracy, Exact) and not outcome.accuracy.rounding)
-    else:
-        exact_result = exact
-    expected = expected_value(comments, {"exact": exact_result, **constants})
+    expected = expected_value(comments, constants)
     if expected is None or expected == "?":
         return Verdict(VerdictKind.NOT_TESTED)
     wants_error = expected.startswith("Error")

@@ -21,7 +21,7 @@ from symcheck.experiment.constants import combinations, parse_constants
 from symcheck.experiment.table import Row
 from symcheck.semantics.bind import BoundProperty, bind, bind_properties, needed_constants, split_constants
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model_file, parse_properties, parse_properties_file
 
 __all__ = ["Job", "internal", "options_of", "results_file", "run", "sorted_rows"]
@@ -137,8 +137,8 @@ def _instance(
     for i in chosen:
         mine = {n: v for n, v in others.items() if n in needed[i]}
         for choice in combinations(mine):
-            bound = bind_properties(file, model, {**{n: v[0] for n, v in others.items()}, **choice}).properties[i]
-            _check(job, engine, bound, options, constants, choice)
+            given = {**{n: v[0] for n, v in others.items()}, **choice}
+            _check(job, engine, _Question(file, i, given), options, constants, choice)
 
 
 def internal(error: Exception) -> SymcheckError:
@@ -170,12 +170,31 @@ def _build(job: Job, model: BoundModel, options: Options) -> Engine:
     return engine
 
 
-def _check(job: Job, engine: Engine, bound: BoundProperty, options: Options, constants: Values, choice: Values) -> None:
+@dataclass(frozen=True)
+class _Question:
+    """Property number `index` of a file, with the constants given for it."""
+
+    file: PropertiesFile
+    index: int
+    given: Values
+
+    def bind(self, model: BoundModel) -> tuple[BoundProperty, Mapping[str, Expression]]:
+        """The property bound to a model, and the labels that it may use."""
+        bound = bind_properties(self.file, model, self.given)
+        return bound.properties[self.index], bound.labels
+
+    def formula(self, model: BoundModel) -> Expression:
+        """The bound formula."""
+        return self.bind(model)[0].formula
+
+
+def _check(job: Job, engine: Engine, question: _Question, options: Options, constants: Values, choice: Values) -> None:
+    bound, labels = question.bind(engine.model)
     text = property_text(bound)
     job.report.property(text, bound.name, constants, choice)
     outcome: Result | SymcheckError
     try:
-        outcome = check(engine, bound.formula, options)
+        outcome = check(engine, bound.formula, options, labels=labels, rebind=question.formula)
         job.report.result(outcome)
         job.rows.append(Row(bound.name or text, {**constants, **choice}, show_value(outcome.value), str(outcome.accuracy)))
     except ResourceError:
