@@ -36,8 +36,7 @@ def random_model(rng: Random, kind: str, *, largest: int = 3) -> Generated:
         text.extend(f"    {n} : [0..{h}] init {rng.randint(0, h)};" for n, h in own)
         text.extend("    " + _command(rng, kind, own, variables) for _ in range(rng.randint(2, 5)))
         text.append("endmodule\n")
-    for name in ("a", "b"):
-        text.append(f'label "{name}" = {_condition(rng, variables)};')
+    text.extend(f"label {name} = {_condition(rng, variables)};" for name in _LABELS)
     text.append('\nrewards "r"')
     text.append(f"    {_condition(rng, variables)} : {rng.choice(_REWARDS)};")
     text.append(f"    [{rng.choice(('', 'go'))}] true : {rng.choice(_REWARDS)};")
@@ -87,7 +86,8 @@ def random_property(rng: Random, model: Generated, *, timed: bool = True) -> str
     ]
     if steps or timed:
         bound = _bound(rng, model.kind)
-        paths += [f"F{bound} {_states(rng, model)}", f"{_states(rng, model)} U{bound} {_states(rng, model)}", f"G{bound} {_states(rng, model)}"]
+        paths += [f"{letter}{bound} {_states(rng, model)}" for letter in "FG"]
+        paths.append(f"{_states(rng, model)} U{bound} {_states(rng, model)}")
     properties = [f"P{direction}=? [ {p} ]" for p in paths]
     properties.append(f'R{{"r"}}{direction}=? [ F {_states(rng, model)} ]')
     properties.append(f'R{{"r"}}{direction}=? [ C ]')

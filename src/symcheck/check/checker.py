@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from fractions import Fraction
 from math import isinf, isnan
 from time import perf_counter
 from typing import Any
@@ -46,13 +45,13 @@ def check(
         formula = formula.formula
     notes = Notes()
     context = Context(engine, options or Options(), labels or {}, properties or {}, notes, rebind)
-    type = context.type(formula)
+    kind = context.type(formula)
     if isinstance(formula, Filter | StateFilter):
-        result = _filtered(context, formula, type)
-    elif type is Type.BOOL:
+        result = _filtered(context, formula, kind)
+    elif kind is Type.BOOL:
         result = _boolean(context, formula)
     else:
-        result = _numeric(context, formula, type)
+        result = _numeric(context, formula, kind)
     return replace(
         result,
         lines=tuple(notes.lines),

@@ -65,7 +65,7 @@ def bounded_until(
 
 
 def _within(context: Context, left: StateSet, right: StateSet, steps: int, direction: str | None) -> Values:
-    """left U<=k right."""
+    """Left U<=k right."""
     engine = context.engine
     if steps == 0:
         return engine.indicator(right)

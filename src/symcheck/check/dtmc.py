@@ -14,7 +14,7 @@ __all__ = [
     "bounded_until",
     "cumulative_reward",
     "instantaneous_reward",
-    "next",
+    "next_probability",
     "positive",
     "reach_reward",
     "steady_probability",
@@ -23,7 +23,7 @@ __all__ = [
     "until",
 ]
 
-next = discrete.next_probability
+next_probability = discrete.next_probability
 cumulative_reward = discrete.cumulative_reward
 instantaneous_reward = discrete.instantaneous_reward
 

@@ -60,5 +60,5 @@ def _twin(context: Context, model: BoundModel, formula: Expression) -> Expressio
     whole = context.rebind(model)
     for node in nodes(whole):
         if type(node) is type(formula) and node.span == formula.span and node.span.text:
-            return node  # type: ignore[return-value]
+            return node
     return formula

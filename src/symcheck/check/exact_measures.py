@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from symcheck.engines.exact import ExactEngine, ExactMatrix
 from symcheck.engines.rationals import Rationals, RationalValues
 from symcheck.errors import UnsupportedError
 from symcheck.numerics import graph
+from symcheck.numerics.matrix import Bools, Int64s
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["MEASURES", "ExactMeasures"]
@@ -30,7 +32,7 @@ class ExactMeasures:
 
     type: ModelType
 
-    def next(self, context: Context, target: StateSet, window: Window, direction: str | None) -> Values:
+    def next_probability(self, context: Context, target: StateSet, window: Window, direction: str | None) -> Values:
         """Probability that the next state is in `target`."""
         engine = _engine(context)
         if self.type is ModelType.CTMC and not window.trivial:
@@ -63,9 +65,9 @@ class ExactMeasures:
             x = one = _array(engine.indicator(_own(right)))
             inside = _own(left - right).members
             for _ in range(steps.upper - steps.lower):
-                x = np.where(inside, _step(engine, matrix, x, direction), one)
+                x = _pick(inside, _step(engine, matrix, x, direction), one)
         for _ in range(steps.lower):
-            x = np.where(_own(left).members, _step(engine, matrix, x, direction), Fraction(0))
+            x = _pick(_own(left).members, _step(engine, matrix, x, direction), Fraction(0))
         return RationalValues(x)
 
     def positive(self, context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> StateSet | None:
@@ -80,7 +82,7 @@ class ExactMeasures:
         """Expected reward until `target`; infinite where it is missed with positive probability."""
         engine = _engine(context)
         certain = engine.graph.prob1(engine.all, _own(target), {"min": "max", "max": "min", None: None}[direction])
-        rest = RationalValues(np.where(certain.members, Fraction(0), inf))
+        rest = RationalValues(_pick(certain.members, Fraction(0), inf))
         unknown = certain - _own(target)
         return _solve(context, _probabilities(engine), unknown, _reward(engine, structure), direction, rest, proper=direction == "min")
 
@@ -126,7 +128,7 @@ class ExactMeasures:
             return self.reach_reward(context, structure, ArraySet(free.of >= 0), "min")
         parts = graph.maximal_end_components(engine.matrix, everywhere)
         infinite = engine.graph.exists_until(engine.all, ArraySet(_any_row(engine, parts.rows & paying)))
-        rest = RationalValues(np.where(infinite.members, inf, Fraction(0)))
+        rest = RationalValues(_pick(infinite.members, inf, Fraction(0)))
         return _solve(context, _probabilities(engine), ~infinite, reward, "max", rest)
 
     def steady_probability(self, context: Context, states: StateSet) -> Values:
@@ -152,6 +154,11 @@ def _engine(context: Context) -> ExactEngine:
 def _own(states: StateSet) -> ArraySet:
     assert isinstance(states, ArraySet)
     return states
+
+
+def _pick(members: Bools, there: Any, elsewhere: Any) -> Rationals:
+    """Values (of an array, or one for all) on a set, and others elsewhere."""
+    return np.asarray(np.where(members, there, elsewhere), dtype=object)
 
 
 def _array(values: Values) -> Rationals:
@@ -184,7 +191,7 @@ def _reward(engine: ExactEngine, structure: int) -> Rationals:
     return np.asarray(total if rates is None else total / rates)
 
 
-def _any_row(engine: ExactEngine, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _any_row(engine: ExactEngine, rows: Bools) -> Bools:
     """Per state: whether some of its rows is marked."""
     groups = engine.matrix.groups
     return rows if groups is None else np.logical_or.reduceat(rows, groups[:-1])
@@ -245,7 +252,7 @@ def _solve(
     return RationalValues(values)
 
 
-def _towards(matrix: ExactMatrix, unknown: ArraySet, outside: Rationals) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _towards(matrix: ExactMatrix, unknown: ArraySet, outside: Rationals) -> Int64s:
     """Per state, a row of a strategy that leaves `unknown` almost surely for where the values are finite."""
     finite = np.array([v != inf for v in outside], dtype=bool) & ~unknown.members
     return graph.prob1e_strategy(matrix.shape, unknown.members, finite)[1]

@@ -116,7 +116,7 @@ def _range(_: Context, __: Filter, formula: Values, states: StateSet) -> Outcome
     return Outcome((formula.minimum(states), formula.maximum(states)), formula, formula.rounded(states))
 
 
-def _arguments(context: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
+def _arguments(_: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
     """The states at which the value is least (greatest), as far as the accuracy tells them from others."""
     if node.operator == "argmin":
         sure, maybe = formula.compare("<=", formula.minimum(states)[1])
@@ -136,7 +136,7 @@ def lines(context: Context, formula: Formula, states: StateSet, type: Type) -> l
     engine = context.engine
     numbers = np.flatnonzero(engine.to_bools(states)).tolist()
     if type is Type.BOOL:
-        values: list[bool | float] = [bool(v) for v in engine.indicator(formula).at(states)[0]]  # type: ignore[arg-type]
+        values: list[bool | float] = [bool(v) for v in engine.indicator(formula).at(states)[0]]
     else:
         low, high = formula.at(states)  # type: ignore[union-attr]
         values = [_middle(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]

@@ -143,9 +143,9 @@ def filter_outcome(context: Context, formula: Filter | StateFilter, matter: Stat
     """What a filter says, and what it is at each state."""
     node = formula if isinstance(formula, Filter) else _modern(formula)
     states = context.engine.all if node.states is None else states_of(context)(node.states)
-    type = context.type(node.formula)
-    inner = satisfying(context, node.formula, states) if type is Type.BOOL else numbers(context, node.formula, states)
-    return apply_filter(context, node, inner, states, type)
+    kind = context.type(node.formula)
+    inner = satisfying(context, node.formula, states) if kind is Type.BOOL else numbers(context, node.formula, states)
+    return apply_filter(context, node, inner, states, kind)
 
 
 def _modern(formula: StateFilter) -> Filter:

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from time import perf_counter
-
-import numpy as np
-
 from symcheck.check.context import Context
-from symcheck.check.reach import boundary_values
-from symcheck.check.result import Run
 from symcheck.engines.base import StateSet, Values
 from symcheck.numerics.matrix import Floats
 

@@ -21,7 +21,7 @@ class Measures(Protocol):
     UnsupportedError for a measure that the type of model does not have, and NumericalError where the accuracy is missed.
     """
 
-    def next(self, context: Context, target: StateSet, window: Window, direction: str | None) -> Values:
+    def next_probability(self, context: Context, target: StateSet, window: Window, direction: str | None) -> Values:
         """Probability that the next state is in `target` and is reached within the window."""
         ...
 

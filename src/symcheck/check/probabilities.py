@@ -34,7 +34,7 @@ def probability(context: Context, path: Path, direction: str | None) -> Values:
         case StatePath(states, negative):
             return context.engine.indicator(~states if negative else states)
         case NextPath(target, window):
-            return measures(context).next(context, target, window, direction)
+            return measures(context).next_probability(context, target, window, direction)
         case UntilPath(left, right, window) if not window.trivial:
             return measures(context).bounded_until(context, left, right, window, direction)
         case UntilPath(left, right) if context.options.fairness and direction == "min":

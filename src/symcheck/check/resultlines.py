@@ -142,10 +142,7 @@ def _compare_number(expected: Any, value: Number, tolerance: float) -> None:
     if isnan(expected) or isnan(value):
         if not (isnan(expected) and isnan(value)):
             raise _Unequal(both)
-    elif isinf(expected) or isinf(value):
-        if expected != value:
-            raise _Unequal(both)
-    elif tolerance == 0.0 or (isinstance(value, int) and isinstance(expected, int)):
+    elif isinf(expected) or isinf(value) or tolerance == 0.0 or (isinstance(value, int) and isinstance(expected, int)):
         if expected != value:
             raise _Unequal(both)
     else:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from symcheck.engines.base import ROUNDING, bracket
-from symcheck.numerics.matrix import Bools, Floats
+from symcheck.numerics.matrix import Bools, Floats, Int64s
 
-__all__ = ["ArraySet", "ArrayValues"]
+__all__ = ["ArraySet", "ArrayValues", "spans"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +149,10 @@ _Decision = tuple[Bools, Bools]
 # Each gives the states where the comparison surely holds, and where it surely fails. For a threshold t that is not a
 # double, `below` < t < `above` are its neighbours, so that v >= t is v >= above, and v > t is v > below.
 _COMPARISONS: dict[str, Callable[[Floats, Floats, float, float], _Decision]] = {
-    ">=": lambda low, high, below, above: (low >= above, high < above),
-    ">": lambda low, high, below, above: (low > below, high <= below),
-    "<=": lambda low, high, below, above: (high <= below, low > below),
-    "<": lambda low, high, below, above: (high < above, low >= above),
+    ">=": lambda low, high, _, above: (low >= above, high < above),
+    ">": lambda low, high, below, _: (low > below, high <= below),
+    "<=": lambda low, high, below, _: (high <= below, low > below),
+    "<": lambda low, high, _, above: (high < above, low >= above),
     "=": lambda low, high, below, above: ((low == high) & (low == below) & (below == above), (low > below) | (high < above)),
     "!=": lambda low, high, below, above: ((low > below) | (high < above), (low == high) & (low == below) & (below == above)),
 }
@@ -273,3 +273,11 @@ _INTERVALS: dict[str, Callable[[str, _Pair, _Pair], _Pair]] = {
     "pow": _power,
     "mod": _modulo,
 }
+
+
+def spans(start: Int64s, end: Int64s) -> Int64s:
+    """The numbers of all half-open ranges, one after the other."""
+    lengths = end - start
+    ends = np.cumsum(lengths)
+    total = int(ends[-1]) if len(ends) else 0
+    return np.asarray(np.arange(total) + np.repeat(start - (ends - lengths), lengths))

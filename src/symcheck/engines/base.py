@@ -43,7 +43,10 @@ class StateSet(Protocol):
     """An immutable set of reachable states. `bool(s)` is 'not empty'; `len` may overflow: use `count`."""
 
     @property
-    def count(self) -> int: ...
+    def count(self) -> int:
+        """Number of states in the set."""
+        ...
+
     def __and__(self, other: Any, /) -> StateSet: ...
     def __or__(self, other: Any, /) -> StateSet: ...
     def __sub__(self, other: Any, /) -> StateSet: ...
@@ -61,13 +64,15 @@ class Values(Protocol):
     """
 
     @property
-    def exact(self) -> bool: ...
+    def exact(self) -> bool:
+        """Whether lower and upper are equal everywhere."""
+        ...
 
     def rounded(self, states: OwnSet) -> bool:
         """Whether some value over the set was computed in floating point (so that equal bounds do not make it exact)."""
         ...
 
-    def at(self, states: OwnSet) -> tuple[Floats, Floats]:
+    def at(self, states: OwnSet) -> tuple[Any, Any]:
         """Lower and upper values over the states of a set, in index order (use small sets only)."""
         ...
 
@@ -79,7 +84,7 @@ class Values(Protocol):
         """Lower and upper bound of the largest value over a set that is not empty."""
         ...
 
-    def total(self, states: OwnSet) -> tuple[float, float]:
+    def total(self, states: OwnSet) -> tuple[Any, Any]:
         """Lower and upper bound of the sum of the values over a set."""
         ...
 
@@ -108,9 +113,14 @@ class System(Protocol):
     """
 
     @property
-    def states(self) -> StateSet: ...
+    def states(self) -> StateSet:
+        """The states that are unknowns."""
+        ...
+
     @property
-    def n(self) -> int: ...
+    def n(self) -> int:
+        """Number of unknowns."""
+        ...
 
     @property
     def groups(self) -> Int64s | None:
@@ -142,7 +152,8 @@ class System(Protocol):
     def rewards(self, structure: int) -> tuple[Floats, Floats]:
         """State rewards per state [n], and transition rewards per row.
 
-        The latter is the probability-(rate-)weighted sum over the row's transitions."""
+        The latter is the probability-(rate-)weighted sum over the row's transitions.
+        """
         ...
 
     def restrict(self, values: OwnValues | OwnSet) -> Floats:
@@ -202,7 +213,10 @@ class Engine(Protocol):
     """A built model in one representation."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Short name, as switches and results say it."""
+        ...
+
     @property
     def exact(self) -> bool:
         """Whether the numbers are rationals (arrays of Fraction objects) instead of doubles."""
@@ -214,26 +228,49 @@ class Engine(Protocol):
         ...
 
     @property
-    def model(self) -> BoundModel: ...
+    def model(self) -> BoundModel:
+        """The bound model."""
+        ...
+
     @property
-    def all(self) -> StateSet: ...
+    def all(self) -> StateSet:
+        """Every reachable state."""
+        ...
+
     @property
-    def none(self) -> StateSet: ...
+    def none(self) -> StateSet:
+        """The empty set."""
+        ...
+
     @property
-    def initial(self) -> StateSet: ...
+    def initial(self) -> StateSet:
+        """The initial states."""
+        ...
+
     @property
     def deadlocks(self) -> StateSet:
         """States without a transition, before they were given a self-loop."""
         ...
 
     @property
-    def graph(self) -> Graph: ...
+    def graph(self) -> Graph:
+        """Questions that need no numbers."""
+        ...
+
     @property
-    def states(self) -> int: ...
+    def states(self) -> int:
+        """Number of reachable states."""
+        ...
+
     @property
-    def transitions(self) -> int: ...
+    def transitions(self) -> int:
+        """Number of transitions."""
+        ...
+
     @property
-    def choices(self) -> int: ...
+    def choices(self) -> int:
+        """Number of choices (of states, where each has one)."""
+        ...
 
     def where(self, expression: Expression) -> StateSet:
         """The states that satisfy a boolean expression over the variables."""
@@ -259,7 +296,9 @@ class Engine(Protocol):
         """Membership of each reachable state, bool[states] in index order."""
         ...
 
-    def system(self, states: OwnSet) -> System: ...
+    def system(self, states: OwnSet) -> System:
+        """The equations over some states."""
+        ...
 
     def first(self, states: OwnSet) -> StateSet:
         """The singleton of the state with the lowest index; `states` must not be empty."""
@@ -272,5 +311,6 @@ class Engine(Protocol):
     def product(self, letters: Sequence[OwnSet], automaton: Any) -> Any:
         """The product with a deterministic automaton that reads, in each state, which of `letters` hold.
 
-        Returns a Product: an engine over pairs, and the means to go between the two (see engines/product.py)."""
+        Returns a Product: an engine over pairs, and the means to go between the two (see engines/product.py).
+        """
         ...

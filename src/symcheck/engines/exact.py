@@ -151,11 +151,11 @@ class ExactEngine:
         """The states' variable values, in index order."""
         return (self.table[i] for i in np.flatnonzero(states.members)[:limit])
 
-    def system(self, states: ArraySet) -> Any:
+    def system(self, states: ArraySet) -> Any:  # noqa: ARG002
         """Not offered: the exact measures work on `rationals`."""
         raise UnsupportedError("the exact engine has no floating-point equations")
 
-    def product(self, letters: Sequence[ArraySet], automaton: Any) -> Any:
+    def product(self, letters: Sequence[ArraySet], automaton: Any) -> Any:  # noqa: ARG002
         """Not supported yet."""
         raise UnsupportedError("formulas of linear time are not supported in exact arithmetic yet")
 

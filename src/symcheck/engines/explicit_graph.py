@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.engines.arrays import ArraySet
+from symcheck.engines.arrays import ArraySet, spans
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Int32s, Int64s
 
@@ -34,7 +34,7 @@ class ExplicitGraph:
         """States with some transition (of some choice) into the set."""
         members = np.zeros(self.engine.states, bool)
         pre = self._edges.pre
-        rows = self._edges.rows_in[_ranges(pre[:-1][states.members], pre[1:][states.members])]
+        rows = self._edges.rows_in[spans(pre[:-1][states.members], pre[1:][states.members])]
         members[self._edges.owner_of_rows[rows]] = True
         return ArraySet(members)
 
@@ -108,11 +108,3 @@ class ExplicitGraph:
         members = np.zeros(self.engine.states, bool)
         members[states] = True
         return ArraySet(members)
-
-
-def _ranges(start: Int64s, end: Int64s) -> Int64s:
-    """The numbers of all half-open ranges, one after the other."""
-    lengths = end - start
-    ends = np.cumsum(lengths)
-    total = int(ends[-1]) if len(ends) else 0
-    return np.asarray(np.arange(total) + np.repeat(start - (ends - lengths), lengths))

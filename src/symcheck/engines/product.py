@@ -5,8 +5,26 @@ from __future__ import annotations
 from typing import Protocol
 
 from symcheck.engines.base import Engine, StateSet, Values
+from symcheck.numerics.matrix import Int32s
 
-__all__ = ["Product"]
+__all__ = ["Automaton", "Product"]
+
+
+class Automaton(Protocol):
+    """What a product needs of an automaton: numbered states and a table of successors.
+
+    A letter is a number whose bit i says whether letter set number i holds.
+    """
+
+    @property
+    def initial(self) -> int:
+        """The state in which every run begins."""
+        ...
+
+    @property
+    def table(self) -> Int32s:
+        """int32[states, 2**letters]: the successor of a state under a letter."""
+        ...
 
 
 class Product(Protocol):

@@ -16,50 +16,68 @@ class BuildOptions(Protocol):
     """What building a model needs to be told; the options of a check fit this protocol."""
 
     @property
-    def engine(self) -> str: ...
+    def engine(self) -> str:
+        """Name of an engine, or 'auto'."""
+        ...
+
     @property
-    def exact(self) -> bool: ...
+    def exact(self) -> bool:
+        """Whether arithmetic is rational."""
+        ...
+
     @property
-    def fix_deadlocks(self) -> bool: ...
+    def fix_deadlocks(self) -> bool:
+        """Whether a deadlock gets a self-loop; else it is an error."""
+        ...
+
     @property
-    def check_sums(self) -> bool: ...
+    def check_sums(self) -> bool:
+        """Whether probabilities must sum to 1."""
+        ...
+
     @property
-    def max_memory(self) -> int | None: ...
+    def max_memory(self) -> int | None:
+        """Memory limit of the diagram manager, in bytes."""
+        ...
+
     @property
-    def time_limit(self) -> float | None: ...
+    def time_limit(self) -> float | None:
+        """Time limit in seconds."""
+        ...
+
 
 
 Builder = Callable[[BoundModel, Any], Engine]
 
 
-def _explicit(model: BoundModel, options: BuildOptions) -> Engine:
+def _explicit(model: BoundModel, options: Any) -> Engine:
     from symcheck.engines.explicit import ExplicitEngine
     from symcheck.explicit.build import explore
 
     return ExplicitEngine(explore(model, options))
 
 
-def _exact(model: BoundModel, options: BuildOptions) -> Engine:
+def _exact(model: BoundModel, options: Any) -> Engine:
     from symcheck.engines.exact import explore_exactly
 
     return explore_exactly(model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums)
 
 
-def _sparse(model: BoundModel, options: BuildOptions) -> Engine:
+def _sparse(model: BoundModel, options: Any) -> Engine:
     from symcheck.engines.sparse import SparseEngine
     from symcheck.symbolic.build import construct
 
     return SparseEngine.of(construct(model, options))
 
 
-def _hybrid(model: BoundModel, options: BuildOptions) -> Engine:
+def _hybrid(model: BoundModel, options: Any) -> Engine:
     from symcheck.engines.hybrid import HybridEngine
     from symcheck.symbolic.build import construct
 
     return HybridEngine.of(construct(model, options))
 
 
-def _mtbdd(model: BoundModel, options: BuildOptions) -> Engine:
+def _mtbdd(model: BoundModel, options: Any) -> Engine:
     from symcheck.engines.mtbdd import MtbddEngine
     from symcheck.symbolic.build import construct
 

@@ -1,0 +1,183 @@
+"""The product of an explicitly stored model with an automaton, found level by level with whole-array operations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.engines.arrays import ArraySet, ArrayValues, spans
+from symcheck.errors import MemoryLimitError
+from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression
+
+if TYPE_CHECKING:
+    from symcheck.engines.explicit import ExplicitEngine
+    from symcheck.engines.product import Automaton
+
+__all__ = ["ExplicitProduct", "ProductModel", "product"]
+
+_PAIRS_LIMIT = 2**33
+
+
+@dataclass(frozen=True, eq=False)
+class ProductModel:
+    """The pairs as a model: state p is pair (state[p], automaton[p]), in this order; what is asked of a pair is asked of its state."""
+
+    base: ExplicitEngine = field(repr=False)
+    state: Int32s = field(repr=False)
+    automaton: Int32s = field(repr=False)
+    matrix: SparseMatrix = field(repr=False)
+    rows: Int64s = field(repr=False)
+    """The row of the base matrix that each row comes from."""
+    first: int = 0
+    """The automaton's initial state."""
+
+    @property
+    def model(self) -> BoundModel:
+        """The base model, whose variables the pairs have."""
+        return self.base.model
+
+    @cached_property
+    def initial(self) -> Int64s:
+        """Pairs of an initial state and the automaton's initial state."""
+        return np.flatnonzero(self.base.initial.members[self.state] & (self.automaton == self.first))
+
+    @cached_property
+    def deadlocks(self) -> Int64s:
+        """Pairs of a deadlock state."""
+        return np.flatnonzero(self.base.deadlocks.members[self.state])
+
+    @property
+    def states(self) -> ProductModel:
+        """Where the columns of the variables are."""
+        return self
+
+    def column(self, variable: int) -> Int64s:
+        """The value of a variable in each pair."""
+        column: Int64s = self.base.explored.states.column(variable)
+        return column[self.state]
+
+    @property
+    def state_rewards(self) -> list[Floats]:
+        """Per reward structure, the state reward of each pair."""
+        return [r[self.state] for r in self.base.explored.state_rewards]
+
+    @property
+    def choice_rewards(self) -> list[Floats]:
+        """Per reward structure, the transition reward of each row."""
+        return [r[self.rows] for r in self.base.explored.choice_rewards]
+
+    @property
+    def choice_actions(self) -> Int32s:
+        """The action of each row."""
+        actions: Int32s = self.base.explored.choice_actions
+        return actions[self.rows]
+
+    def evaluate(self, expression: Expression) -> NDArray[Any]:
+        """The value of an expression over the variables in each pair."""
+        value = np.asarray(self.base.explored.evaluate(expression))
+        return value if value.ndim == 0 else value[self.state]
+
+
+@dataclass(frozen=True, eq=False)
+class ExplicitProduct:
+    """See `symcheck.engines.product.Product`. `entry`: per base state, the pair with the automaton's initial state."""
+
+    engine: ExplicitEngine
+    pairs: ProductModel = field(repr=False)
+    entry: Int64s = field(repr=False)
+    letter: Int64s = field(repr=False)
+
+    def lift(self, states: ArraySet) -> ArraySet:
+        """The pairs whose first part is in the set."""
+        return ArraySet(states.members[self.pairs.state])
+
+    def automaton_states(self, states: frozenset[int]) -> ArraySet:
+        """The pairs whose second part is one of these."""
+        return ArraySet(np.isin(self.pairs.automaton, np.array(sorted(states), dtype=np.int32)))
+
+    def edges(self, edges: frozenset[tuple[int, int]]) -> ArraySet:
+        """The pairs (s, q) for which (q, letter of s) is one of these."""
+        if not edges:
+            return self.engine.none
+        width = int(self.letter.max(initial=0)) + 1
+        keys = np.array([q * width + letter for q, letter in edges if letter < width], dtype=np.int64)
+        return ArraySet(np.isin(self.pairs.automaton * np.int64(width) + self.letter[self.pairs.state], keys))
+
+    def project(self, values: ArrayValues) -> ArrayValues:
+        """For each base state, the value at its pair with the automaton's initial state."""
+        lower = values.lower[self.entry]
+        upper = lower if values.upper is values.lower else values.upper[self.entry]
+        return ArrayValues(lower, upper, None if values.computed is None else values.computed[self.entry], values.slack)
+
+    def project_set(self, states: ArraySet) -> ArraySet:
+        """The base states whose pair with the automaton's initial state is in the set."""
+        return ArraySet(states.members[self.entry])
+
+
+def product(base: ExplicitEngine, letters: Sequence[ArraySet], automaton: Automaton) -> ExplicitProduct:
+    """The pairs reachable from (s, initial state) for every state s of the base model.
+
+    Memory while building: a byte for each possible pair. Raises MemoryLimitError beyond 2**33 of them.
+    """
+    from symcheck.engines.explicit import ExplicitEngine
+
+    table = np.asarray(automaton.table, dtype=np.int64)
+    letter = np.zeros(base.states, np.int64)
+    for i, members in enumerate(letters):
+        letter |= members.members.astype(np.int64) << i
+    size = table.shape[0]
+    if base.states * size > _PAIRS_LIMIT:
+        raise MemoryLimitError(f"the product with an automaton of {size} states is too large for the explicit engine")
+    found = _reachable(base.matrix, table, letter, automaton.initial)
+    keys = np.flatnonzero(found)
+    state, second = (keys // size).astype(np.int32), (keys % size).astype(np.int32)
+    number = np.full(len(found), -1, np.int32)
+    number[keys] = np.arange(len(keys), dtype=np.int32)
+    matrix, rows = _matrix(base.matrix, table[second, letter[state]], state, number, size)
+    pairs = ProductModel(base, state, second, matrix, rows, automaton.initial)
+    entry = number[np.arange(base.states, dtype=np.int64) * size + automaton.initial].astype(np.int64)
+    return ExplicitProduct(ExplicitEngine(pairs, f"{base.name} product"), pairs, entry, letter)  # type: ignore[arg-type]
+
+
+def _entries(matrix: SparseMatrix) -> Int64s:
+    """Where the entries of each state begin: int64[states+1]."""
+    return matrix.indptr if matrix.groups is None else matrix.indptr[matrix.groups]
+
+
+def _reachable(matrix: SparseMatrix, table: Int64s, letter: Int64s, initial: int) -> NDArray[np.bool_]:
+    """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for some s."""
+    size = table.shape[0]
+    edges = _entries(matrix)
+    found = np.zeros(matrix.states * size, bool)
+    frontier = np.arange(matrix.states, dtype=np.int64) * size + initial
+    while len(frontier):
+        found[frontier] = True
+        state, q = frontier // size, frontier % size
+        targets = matrix.indices[spans(edges[state], edges[state + 1])].astype(np.int64)
+        following = np.repeat(table[q, letter[state]], edges[state + 1] - edges[state])
+        candidates = targets * size + following
+        frontier = np.unique(candidates[~found[candidates]])
+    return found
+
+
+def _matrix(matrix: SparseMatrix, following: Int64s, state: Int32s, number: Int32s, size: int) -> tuple[SparseMatrix, Int64s]:
+    """The rows of the pairs, in their order, and the base row of each."""
+    if matrix.groups is None:
+        rows, groups, per_state = state.astype(np.int64), None, np.ones(len(state), np.int64)
+    else:
+        per_state = np.diff(matrix.groups)[state]
+        rows = spans(matrix.groups[:-1][state], matrix.groups[1:][state])
+        groups = np.concatenate(([0], np.cumsum(per_state)))
+    lengths = np.diff(matrix.indptr)[rows]
+    entries = spans(matrix.indptr[:-1][rows], matrix.indptr[1:][rows])
+    after = np.repeat(np.repeat(following, per_state), lengths)
+    indptr = np.concatenate(([0], np.cumsum(lengths)))
+    columns = number[matrix.indices[entries].astype(np.int64) * size + after]
+    return SparseMatrix(indptr, columns, matrix.data[entries], len(state), groups), rows
