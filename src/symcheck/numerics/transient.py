@@ -1,0 +1,202 @@
+"""Transient values and distributions of a CTMC by uniformisation, with a bound on the error.
+
+x(t) solves x' = Q x + gain, x(0) = terminal, with Q = rates - diag(exit rates) on the unknown states: for bounded until, gain is
+the rate into the target; for instantaneous rewards, terminal is the reward; for cumulative ones, gain is the reward rate.
+With P = I + Q/q and y_k = P^k y_0 everything is a sum of weight_k * y_k with non-negative terms (Jensen 1953; Grassmann 1977).
+
+Long horizons end early, with proof: if a y_k <= P y_k <= b y_k then a^m y_k <= P^m y_k <= b^m y_k for all m (Collatz & Wielandt).
+The ratio bounds close in on each other as the chain forgets where it started, be it on a steady state (a = b = 1) or on a
+quasi-stationary decay or growth (a = b = another number), and what remains of the sum is then known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from symcheck.errors import NumericalError
+from symcheck.kernels import sparse, uniform
+from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
+from symcheck.numerics.poisson import poisson
+from symcheck.numerics.problem import Observer, Operator, Step
+from symcheck.numerics.settings import Settings
+
+__all__ = ["Transient", "transient_distribution", "transient_values"]
+
+ROUND = 2.0**-53
+LOOK = 50  # steps between two looks at the stopping test
+
+
+@dataclass(frozen=True, eq=False)
+class Transient:
+    """Certified bounds, float64[n] each; steps made, steps that plain uniformisation makes, and a line for people."""
+
+    lower: Floats
+    upper: Floats
+    iterations: int
+    explanation: str
+    statistics: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def middle(self) -> Floats:
+        """The point between the bounds."""
+        return 0.5 * (self.lower + self.upper)
+
+    def plus(self, other: Transient) -> Transient:
+        """The sum of two, each rounded outwards."""
+        lower, upper = (self.lower + other.lower) * (1 - 2 * ROUND), (self.upper + other.upper) * (1 + 2 * ROUND)
+        return Transient(lower, upper, self.iterations + other.iterations, f"{self.explanation}; {other.explanation}", self.statistics)
+
+
+@dataclass(eq=False)
+class _Chain:
+    """P = off-diagonal rows / q + diagonal, for one direction of multiplication."""
+
+    q: float
+    diagonal: Floats
+    matrix: SparseMatrix | None
+    operator: Operator | None
+    longest: int
+
+    def advance(self, y: Floats, z: Floats, total: Floats, weights: Floats) -> tuple[Floats, Floats, float, float, float]:
+        """Accumulate and step once per weight; the new y, the other buffer, ratio bounds and the greatest entry."""
+        if self.matrix is not None:
+            m = self.matrix
+            even, low, high, most = uniform.steps(m.indptr, m.indices, m.data, self.diagonal, y, z, total, weights)
+            return (y, z, low, high, most) if even else (z, y, low, high, most)
+        assert self.operator is not None
+        before = y
+        for w in weights:
+            if w:
+                total += w * y
+            before, y = y, self.operator.multiply(y) / self.q + self.diagonal * y
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = y / before
+        ratio = ratio[(y > 0.0) | (before > 0.0)]
+        return y, before, float(ratio.min(initial=np.inf)), float(ratio.max(initial=0.0)), float(y.max(initial=0.0))
+
+
+def _uniformise(rates: SparseMatrix | Operator, exit_rates: Floats, transposed: bool = False) -> _Chain:
+    q = float(np.max(exit_rates, initial=0.0)) or 1.0
+    diagonal = 1.0 - exit_rates / q
+    diagonal[diagonal < 4 * ROUND] = 0.0
+    if not isinstance(rates, SparseMatrix):
+        return _Chain(q, diagonal, None, rates, int(getattr(rates, "longest", 10_000)))
+    arrays = (rates.indptr, rates.indices, rates.data)
+    if transposed:
+        arrays = sparse.transpose_values(*arrays, rates.columns)
+    matrix = SparseMatrix(arrays[0], arrays[1], arrays[2] / q, rates.columns)
+    return _Chain(q, diagonal, matrix, None, int(np.max(np.diff(matrix.indptr), initial=0)))
+
+
+def transient_values(
+    rates: SparseMatrix | Operator,
+    exit_rates: Floats,
+    time: float,
+    settings: Settings,
+    *,
+    terminal: Floats | None = None,
+    gain: Floats | None = None,
+    interest: Int64s | None = None,
+    observer: Observer | None = None,
+) -> Transient:
+    """Bounds on x(time) for every state: see above. All arrays non-negative, float64[n].
+
+    rates: among the n states (an entry on the diagonal is a self-loop and must be counted in exit_rates). exit_rates: the
+    total rate of leaving each state, to states outside as well. interest: states where the accuracy is needed (None: all).
+    Raises NumericalError for negative arrays (give positive and negative parts apart).
+    """
+    n = len(exit_rates)
+    found: Transient | None = None
+    chain = _uniformise(rates, exit_rates)
+    for start, source in ((terminal, False), (gain, True)):
+        if start is None or not np.any(start):
+            continue
+        if start.min() < 0.0:
+            raise NumericalError("transient values need non-negative rewards: treat gains and losses apart")
+        part = _sum(chain, start / chain.q if source else start, time, source, settings, interest, observer)
+        found = part if found is None else found.plus(part)
+    return found or Transient(np.zeros(n), np.zeros(n), 0, "nothing to gain: 0")
+
+
+def transient_distribution(
+    rates: SparseMatrix, exit_rates: Floats, initial: Floats, time: float, settings: Settings, observer: Observer | None = None
+) -> Transient:
+    """Bounds on the probability of each state at `time`, from the distribution `initial` (float64[n])."""
+    chain = _uniformise(rates, exit_rates, transposed=True)
+    found = _sum(chain, initial, time, False, settings, None, observer, mass=True)
+    found.upper[:] = np.minimum(found.upper, 1.0)
+    return found
+
+
+def _sum(
+    chain: _Chain,
+    start: Floats,
+    time: float,
+    source: bool,
+    settings: Settings,
+    interest: Int64s | None,
+    observer: Observer | None,
+    mass: bool = False,
+) -> Transient:
+    """Sum of weight_k * P^k start over the Poisson window, or less where a proof ends it early.
+
+    source: weights P(N > k), else P(N = k). mass: start is a distribution (its sum does not grow), else a value (its greatest
+    entry does not grow).
+    """
+    window = poisson(chain.q * time)
+    if source:
+        weights = np.append(window.at_least()[1:], 0.0)
+    else:
+        weights = np.concatenate((np.zeros(window.left), window.values))
+    rest = np.append(np.cumsum(weights[::-1])[::-1], 0.0)
+    y, z, total = start.copy(), np.empty_like(start), np.zeros_like(start)
+    pick: Callable[[Floats], Floats] = (lambda v: v) if interest is None else (lambda v: v[interest])
+    k, look = 0, min(LOOK, len(weights))
+    slip = (chain.longest + 6) * ROUND
+    while True:
+        y, z, low, high, most = chain.advance(y, z, total, weights[k : k + look])
+        k += look
+        error = (k + 4) * slip + 1e-11
+        below = total * (1.0 - error)
+        ahead = rest[k] + window.missing
+        size = float(y.sum()) if mass else most
+        above = total * (1.0 + error) + ahead * size * (1.0 + error)
+        if observer is not None:
+            observer(Step("uniformisation", k, high - low, len(start)))
+        if k >= len(weights) or _near(pick(below), pick(above), settings):
+            return _result(below, above, k, len(weights), "")
+        if high < np.inf and _promising(low, high, ahead, pick(total), pick(y), settings):
+            m = np.arange(len(weights) - k)
+            with np.errstate(over="ignore"):
+                least = float(np.sum(weights[k:] * (low * (1.0 - 2 * slip)) ** m))
+                greatest = float(np.sum(weights[k:] * (high * (1.0 + 2 * slip)) ** m)) + window.missing * min(1.0, high) * 2
+            shortcut = below + least * y * (1.0 - error), total * (1.0 + error) + greatest * y * (1.0 + error)
+            if _near(pick(shortcut[0]), pick(shortcut[1]), settings):
+                return _result(*shortcut, k, len(weights), f", then a steady ratio of {0.5 * (low + high):.12g} per step")
+        look = min(max(LOOK, k // 20), len(weights) - k)
+
+
+def _promising(low: float, high: float, ahead: float, total: Floats, y: Floats, settings: Settings) -> bool:
+    """A cheap test of whether the ratio bounds are close enough to be worth the full one."""
+    if not len(y):
+        return True
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        room = settings.epsilon * (total + ahead * y) if settings.relative else settings.epsilon
+        need = np.nanmin(np.where(y > 0.0, room / (ahead * y), np.inf))
+    return (high - low) * ahead <= 4.0 * need or ahead == 0.0 or high - low <= 1e-14
+
+
+def _near(below: Floats, above: Floats, settings: Settings) -> bool:
+    width = above - below
+    if settings.relative:
+        width = width / np.maximum(above, 1e-300)
+    return bool(np.all(width <= settings.epsilon))
+
+
+def _result(lower: Floats, upper: Floats, made: int, all_steps: int, note: str) -> Transient:
+    text = f"uniformisation, {made} of {all_steps} steps{note}"
+    return Transient(lower, upper, made, text, {"steps": made, "steps_without_shortcut": all_steps})
