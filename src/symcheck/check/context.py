@@ -8,7 +8,7 @@ from functools import cached_property
 
 from symcheck.check.options import Options
 from symcheck.check.result import Line, Run
-from symcheck.engines.base import Engine
+from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.types import type_of
@@ -40,7 +40,8 @@ class Context:
 
     labels: those of the properties file (the model's are with the model). properties: the named properties.
     rebind: gives the formula that is checked, bound to the same model in exact arithmetic (thresholds such as 1/6 then are
-      rationals). open: the properties that are being expanded, so that one that refers to itself is found.
+      rationals). open: the properties that are being expanded, so that one that refers to itself is found. matter: the
+      states at which values are needed to the accuracy asked for (None: all); elsewhere their bounds may be wider.
     """
 
     engine: Engine
@@ -50,6 +51,7 @@ class Context:
     notes: Notes = field(default_factory=Notes)
     rebind: Callable[[BoundModel], Expression] | None = None
     open: frozenset[str] = frozenset()
+    matter: StateSet | None = None
 
     def referred(self, reference: LabelReference) -> Expression:
         """The expression that a reference to a label or a property stands for ("init" and "deadlock" are none).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from dataclasses import replace
 from functools import partial
 
 from symcheck.check import ctl
@@ -107,6 +108,7 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
     if is_plain(formula):
         return context.engine.values(formula, context.type(formula))
     here = partial(numbers, context, matter=matter)
+    context = replace(context, matter=matter)
     match formula:
         case Unary("-", operand):
             return here(operand).map("-")
@@ -192,6 +194,7 @@ def _bounded_probability(context: Context, formula: ProbabilityOperator, matter:
     operator, threshold = formula.bound.operator, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
     path = resolve(formula.path, states_of(context), context.engine.all)
+    context = replace(context, matter=matter)
     by_graph = qualitative(context, path, operator, threshold, direction)
     if by_graph is not None:
         return by_graph
@@ -203,6 +206,7 @@ def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet)
     operator, threshold = formula.bound.operator, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
     structure = structure_number(context, formula)
+    context = replace(context, matter=matter)
 
     def compute(c: Context) -> Values:
         return reward_values(c, formula, structure, states_of(c), direction)
@@ -213,6 +217,7 @@ def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet)
 def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) -> StateSet:
     assert formula.bound is not None
     states = states_of(context)(formula.formula)
+    context = replace(context, matter=matter)
     threshold = _threshold(formula.bound)
     return decide(context, lambda c: steady_values(c, states), formula.bound.operator, threshold, matter, formula)
 

@@ -1,0 +1,77 @@
+"""Texts in, results out: the whole path, for tests of engines and of the checker."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from symcheck.check.checker import check
+from symcheck.check.options import Options
+from symcheck.check.result import Result
+from symcheck.check.resultlines import Verdict, judge
+from symcheck.engines.base import Engine
+from symcheck.engines.registry import build
+from symcheck.errors import SymcheckError
+from symcheck.semantics.bind import bind, bind_properties
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression, ModelType, PropertiesFile
+from symcheck.syntax.parse import parse_model, parse_properties
+
+__all__ = ["RESULTS", "Checked", "check_text", "engine_of", "judge_file"]
+
+RESULTS = Path(__file__).parent / "results"
+
+
+def options_for(engine: str, **settings: object) -> Options:
+    """Options for an engine of the registry; 'exact' means rational arithmetic."""
+    return Options(exact=True, **settings) if engine == "exact" else Options(engine=engine, **settings)
+
+
+def engine_of(text: str, engine: str = "explicit", constants: Mapping[str, str] | None = None, **settings: object) -> Engine:
+    """The model of a text, built."""
+    options = options_for(engine, **settings)
+    return build(bind(parse_model(text), constants or {}, exact=options.exact), options)
+
+
+def check_text(engine: Engine, text: str, constants: Mapping[str, str] | None = None, **settings: object) -> Result:
+    """The result of one property."""
+    return ask(engine, parse_properties(text), 0, constants or {}, options_for(engine.name, **settings))
+
+
+def ask(engine: Engine, file: PropertiesFile, index: int, constants: Mapping[str, str], options: Options) -> Result:
+    """The result of one property of a file."""
+    bound = bind_properties(file, engine.model, constants)
+
+    def rebind(model: BoundModel) -> Expression:
+        return bind_properties(file, model, constants).properties[index].formula
+
+    return check(engine, bound.properties[index].formula, options, labels=bound.labels, rebind=rebind)
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A property of a file with its outcome and the verdict of its RESULT lines."""
+
+    text: str
+    outcome: Result | SymcheckError
+    verdict: Verdict
+
+
+def judge_file(model: Path, properties: Path, constants: Mapping[str, str], engine: str, kind: ModelType | None = None) -> list[Checked]:
+    """Check all properties of a file and compare them with their RESULT lines."""
+    options = options_for(engine)
+    program, file = parse_model(model.read_text(), model.name), parse_properties(properties.read_text(), properties.name)
+    of_model = {c.name for c in program.constants}
+    built = build(bind(program, {n: v for n, v in constants.items() if n in of_model}, model_type=kind, exact=options.exact), options)
+    others = {n: v for n, v in constants.items() if n not in of_model}
+    found = []
+    for i, bound in enumerate(bind_properties(file, built.model, others).properties):
+        outcome: Result | SymcheckError
+        try:
+            outcome = ask(built, file, i, others, options)
+        except SymcheckError as error:
+            outcome = error
+        verdict = judge(bound.comments, outcome, bound.constants, exact=options.exact)
+        found.append(Checked(bound.span.text, outcome, verdict))
+    return found
