@@ -125,8 +125,7 @@ cdef DdNode* apply_terminal(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
         if f is e.one: return g
         if g is e.one: return f
     elif op == MINUS:
-        if g is e.zero: return f
-        if f is g: return e.zero
+        if g is e.zero: return f     # f - f has no short cut: infinity - infinity must be found
     elif op == DIVIDE:
         if f is e.zero: return f
         if g is e.one: return f
