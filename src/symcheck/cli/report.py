@@ -8,11 +8,12 @@ from typing import TextIO
 
 from symcheck import __version__
 from symcheck.check.result import Estimate, Result
+from symcheck.engines.auto import Choice
 from symcheck.engines.base import Engine
 from symcheck.semantics.bind import BoundProperty
 from symcheck.semantics.model import BoundModel, Value
 
-__all__ = ["Report"]
+__all__ = ["Report", "property_text"]
 
 _RULE = "-" * 69
 
@@ -55,19 +56,16 @@ class Report:
         if constants:
             self.line(f"Constants:   {_assignment(constants)}")
 
-    def built(self, engine: Engine, seconds: float) -> None:
+    def built(self, engine: Engine, choice: Choice | None, seconds: float) -> None:
         """Counts of a built model."""
         initial = engine.initial.count
         self.line()
-        self.line(f"Engine:      {engine.name}")
+        self.line(f"Engine:      {engine.name}" + (f" (chosen: {choice.reason})" if choice is not None else ""))
         self.line(f"States:      {engine.states} ({initial} initial)")
         self.line(f"Transitions: {engine.transitions}")
         if engine.model.type.value == "mdp":
             self.line(f"Choices:     {engine.choices}")
         self.line(f"Time for model construction: {seconds:.3f} seconds.")
-        if self.verbose:
-            for text in getattr(engine, "explanation", ()):
-                self.line(f"  {text}")
         deadlocks = engine.deadlocks.count
         if deadlocks:
             self.warn(f"deadlocks were given self-loops in {deadlocks} state{'s' if deadlocks > 1 else ''}, such as {_example(engine)}")

@@ -13,6 +13,7 @@ from symcheck.check.checker import check
 from symcheck.check.options import Options
 from symcheck.check.result import Result, show_value
 from symcheck.check.resultlines import VerdictKind, judge
+from symcheck.cli.progress import Progress
 from symcheck.cli.report import Report, property_text
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
@@ -165,8 +166,11 @@ def _plain(text: str) -> bool | int | float:
 
 def _build(job: Job, model: BoundModel, options: Options) -> Engine:
     started = perf_counter()
-    engine = registry.build(model, options)
-    job.report.built(engine, perf_counter() - started)
+    watch = Progress(job.report)
+    # Watching a diagram grow costs time (states are counted on the way): only where somebody looks.
+    engine = registry.build(model, options, watch if options.engine == "auto" or watch.wanted else None)
+    watch.clear()
+    job.report.built(engine, watch.choice, perf_counter() - started)
     return engine
 
 

@@ -9,7 +9,7 @@ from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel
 
-__all__ = ["AUTO", "BUILDERS", "BuildOptions", "build"]
+__all__ = ["BUILDERS", "BuildOptions", "build"]
 
 
 class BuildOptions(Protocol):
@@ -46,45 +46,52 @@ class BuildOptions(Protocol):
         ...
 
 
+Observer = Callable[[object], None]
+Builder = Callable[[BoundModel, Any, Observer | None], Engine]
 
-Builder = Callable[[BoundModel, Any], Engine]
+
+def _auto(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
+    from symcheck.engines.auto import choose
+
+    return choose(model, options, observer)
 
 
-def _explicit(model: BoundModel, options: Any) -> Engine:
+def _explicit(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
     from symcheck.engines.explicit import ExplicitEngine
     from symcheck.explicit.build import explore
 
-    return ExplicitEngine(explore(model, options))
+    return ExplicitEngine(explore(model, options, observer))
 
 
-def _exact(model: BoundModel, options: Any) -> Engine:
+def _exact(model: BoundModel, options: Any, _: Observer | None) -> Engine:
     from symcheck.engines.exact import explore_exactly
 
     return explore_exactly(model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums)
 
 
-def _sparse(model: BoundModel, options: Any) -> Engine:
+def _sparse(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
     from symcheck.engines.sparse import SparseEngine
     from symcheck.symbolic.build import construct
 
-    return SparseEngine.of(construct(model, options))
+    return SparseEngine.of(construct(model, options, observer))
 
 
-def _hybrid(model: BoundModel, options: Any) -> Engine:
+def _hybrid(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
     from symcheck.engines.hybrid import HybridEngine
     from symcheck.symbolic.build import construct
 
-    return HybridEngine.of(construct(model, options))
+    return HybridEngine.of(construct(model, options, observer))
 
 
-def _mtbdd(model: BoundModel, options: Any) -> Engine:
+def _mtbdd(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
     from symcheck.engines.mtbdd import MtbddEngine
     from symcheck.symbolic.build import construct
 
-    return MtbddEngine.of(construct(model, options))
+    return MtbddEngine.of(construct(model, options, observer))
 
 
 BUILDERS: Mapping[str, Builder] = {
+    "auto": _auto,
     "explicit": _explicit,
     "exact": _exact,
     "sparse": _sparse,
@@ -92,17 +99,14 @@ BUILDERS: Mapping[str, Builder] = {
     "mtbdd": _mtbdd,
 }
 
-AUTO = "explicit"
-"""The engine that 'auto' stands for."""
-
-
-def build(model: BoundModel, options: BuildOptions) -> Engine:
+def build(model: BoundModel, options: BuildOptions, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 
+    `observer` gets what the builders tell on the way: progress, iterations, and the Choice of 'auto'.
     Raises UnsupportedError for an unknown engine, ModelFault for a faulty model, and ResourceError.
     """
-    name = "exact" if options.exact else AUTO if options.engine == "auto" else options.engine
+    name = "exact" if options.exact else options.engine
     builder = BUILDERS.get(name)
     if builder is None:
         raise UnsupportedError(f"there is no engine '{name}'; there are {', '.join(BUILDERS)}")
-    return builder(model, options)
+    return builder(model, options, observer)

@@ -1,0 +1,121 @@
+"""Choosing an engine by what the model turns out to be.
+
+1. A short explicit search. A model that ends within it is small: no diagram is worth its while.
+2. Diagrams, for a limited time. If they compress the states, the model stays with them: as compressed rows where those
+   fit well into memory, as blocks where not.
+3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped. Should that become too
+   large as well, the diagrams get all the time there is.
+
+So a wrong first guess costs a bounded share of the run, and what has been explored is kept.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from symcheck.engines.base import Engine
+from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
+
+if TYPE_CHECKING:
+    from symcheck.check.options import Options
+    from symcheck.explicit.build import Exploration
+    from symcheck.semantics.model import BoundModel
+    from symcheck.symbolic.model import StateSpace, Transitions
+
+__all__ = ["Choice", "choose"]
+
+_SMALL = 50_000  # states that explicit search explores sooner than diagrams are loaded
+_LARGE = 30_000_000  # states at which explicit search gives way to diagrams
+_ATTEMPT = 4.0  # seconds that diagrams get to show whether they compress
+_SPARSE_NODES = 0.5  # diagram nodes per state above which rows of bits are the better container
+_ENTRY_BYTES = 12
+_ROWS_SHARE = 0.2  # of the machine's memory that compressed rows may take
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """An engine that was chosen, and why."""
+
+    engine: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.engine}: {self.reason}"
+
+
+Observer = Callable[[object], None]
+
+
+def choose(model: BoundModel, options: Options, observer: Observer | None = None) -> Engine:
+    """Build a model on the engine that fits it; `observer` gets the Choice, besides what the builders tell.
+
+    Raises ModelFault for a faulty model, and ResourceError.
+    """
+    from symcheck.explicit.build import Exploration
+
+    exploration = Exploration(model, options)
+    if exploration.run(_SMALL):
+        return _explicit(exploration, observer, f"{exploration.progress.states:,} states are few")
+    if any(v.low is None for v in model.variables):
+        exploration.run(None, observer)
+        return _explicit(exploration, observer, "there are integers without bounds")
+    started = perf_counter()
+    try:
+        space = _reach(model, options, observer)
+        nodes = space.states.node_count
+        if nodes <= _SPARSE_NODES * space.count:
+            return _symbolic(space, options, observer, f"{nodes:,} nodes hold {space.count:,} states")
+        reason = f"{nodes:,} nodes for {space.count:,} states compress nothing"
+    except (TimeLimitError, MemoryLimitError, UnsupportedError) as error:
+        if options.time_limit is not None and isinstance(error, TimeLimitError) and perf_counter() - started < _ATTEMPT:
+            raise
+        reason = f"diagrams did not finish within {_ATTEMPT:g} s" if isinstance(error, TimeLimitError) else str(error)
+    if exploration.run(_LARGE, observer):
+        return _explicit(exploration, observer, reason)
+    del exploration
+    return _symbolic(_reach(model, options, observer, None), options, observer, f"more than {_LARGE:,} states")
+
+
+def _explicit(exploration: Exploration, observer: Observer | None, reason: str) -> Engine:
+    from symcheck.engines.explicit import ExplicitEngine
+
+    if observer is not None:
+        observer(Choice("explicit", reason))
+    return ExplicitEngine(exploration.finish())
+
+
+def _reach(model: BoundModel, options: Options, observer: Observer | None, attempt: float | None = _ATTEMPT) -> StateSpace:
+    """The states as a diagram, within `attempt` seconds (None: within the time limit of the options)."""
+    from symcheck.symbolic.build import build
+    from symcheck.symbolic.reach import reach
+
+    limit = options.time_limit if attempt is None else min(attempt, options.time_limit or attempt)
+    symbolic = build(model, replace(options, time_limit=limit))
+    space = reach(symbolic, options)
+    symbolic.manager.limit_time(options.time_limit)
+    if observer is not None:
+        observer(space)
+    return space
+
+
+def _symbolic(space: StateSpace, options: Options, observer: Observer | None, reason: str) -> Engine:
+    from symcheck.engines.hybrid import HybridEngine
+    from symcheck.engines.sparse import SparseEngine
+    from symcheck.symbolic.transitions import transitions
+
+    built: Transitions = transitions(space, options, observer)
+    sparse = SparseEngine.of(built)
+    size = sparse.transitions * _ENTRY_BYTES
+    fits = size <= _ROWS_SHARE * _memory()
+    if observer is not None:
+        observer(Choice("sparse" if fits else "hybrid", f"{reason}, and rows of {size / 1e6:,.0f} MB {'fit' if fits else 'are too many'}"))
+    return sparse if fits else HybridEngine.of(built)
+
+
+def _memory() -> int:
+    """Memory of the machine, in bytes."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
