@@ -249,6 +249,17 @@ def test_init_over_a_huge_domain_that_a_conjunct_fixes():
     assert list(result.states) == [(7, 0), (7, 1)]
 
 
+@pytest.mark.parametrize("last", [60000, 70000])
+def test_many_distinct_probabilities(last):
+    """Fewer and more than two bytes can number."""
+    result = _explore(
+        f"dtmc\nmodule m\n x : [0..{last}];\n [] x<{last} -> x/{last}:(x'=x+1) + 1-x/{last}:(x'=0);\nendmodule\ninit true endinit"
+    )
+    x = np.arange(1, last)
+    assert (result.matrix.data[1:-1].reshape(-1, 2) == np.stack([1 - x / last, x / last], axis=1)).all()
+    assert result.matrix.indices[1:-1].reshape(-1, 2)[:, 1].tolist() == list(range(2, last + 1))
+
+
 def test_wide_rows_merge_duplicates():
     command = "[go] true -> 0.5:(x{0}'=true) + 0.5:(x{0}'=true&!x{1});"
     modules = "\n".join(f"module m{i}\n x{i} : bool;\n {command.format(i, (i + 1) % 7)}\nendmodule" for i in range(7))

@@ -13,8 +13,7 @@ from symcheck.explicit.build import explore
 from symcheck.semantics.bind import bind
 from symcheck.syntax.parse import parse_model_file
 
-_DEFAULT = Path(__file__).parents[3] / "shared" / "peers"
-PEERS = Path(os.environ.get("SYMCHECK_PEERS", _DEFAULT)) / "prism-benchmarks"
+PEERS = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set")) / "prism-benchmarks"
 LIMIT = int(os.environ.get("SYMCHECK_PEERS_STATES", "30000"))
 
 
@@ -26,7 +25,7 @@ def _instances():
                 yield pytest.param(path, row["model_consts"], int(row["states"]), id=f"{path.stem}-{row['model_consts']}")
 
 
-@pytest.mark.skipif(not PEERS.exists(), reason="the peers' models are not here: set SYMCHECK_PEERS")
+@pytest.mark.skipif(not PEERS.exists(), reason="needs the peers' models: set SYMCHECK_PEERS")
 @pytest.mark.parametrize(("path", "constants", "states"), list(_instances()))
 def test_published_number_of_states(path, constants, states):
     given = dict(c.split("=") for c in constants.split(",") if c)

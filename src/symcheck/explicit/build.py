@@ -109,7 +109,7 @@ class Exploration:
     def progress(self) -> Progress:
         """How far the search is."""
         e = self._explorer
-        return Progress(len(e.states), e.explored, e.choices, e.transitions, e.level, e.nbytes, self._seconds)
+        return Progress(len(e.states), e.explored, e.rows.closed, e.rows.entries, e.level, e.nbytes, self._seconds)
 
     @property
     def complete(self) -> bool:
@@ -119,7 +119,7 @@ class Exploration:
     def rows(self) -> Rows:
         """All states known so far, packed, in the order of discovery: uint64[states, words]."""
         rows = np.empty((len(self._explorer.states), self.layout.words), np.uint64)
-        self._explorer.copy_states(rows)
+        self._explorer.states.copy_rows(rows)
         return rows
 
     def run(self, state_budget: int | None = None, observer: Observer | None = None) -> bool:
@@ -187,6 +187,7 @@ class Exploration:
         started = time.perf_counter()
         e, words = self._explorer, self.layout.words
         n = len(e.states)
+        e.states.drop_table()
         rows, order, rank = self.rows(), np.empty(n, np.int32), np.empty(n, np.int32)
         order_rows(rows, order, rank)
         states = StateTable(self.layout, rows[order].reshape(-1, words))
@@ -210,14 +211,14 @@ class Exploration:
             raise ModelFault(faults.deadlocks(examples, len(deadlocks)))
 
     def _matrix(self, order: Int32s, rank: Int32s) -> tuple[SparseMatrix, Int32s, list[Floats]]:
-        e, n = self._explorer, len(order)
+        n, found = len(order), self._explorer.rows
         groups = np.empty(n + 1, np.int64) if self.model.type is ModelType.MDP else None
-        indptr, indices, data = np.empty(e.choices + 1, np.int64), np.empty(e.transitions, np.int32), np.empty(e.transitions)
-        actions = np.empty(e.choices, np.int32)
+        indptr, indices, data = np.empty(found.closed + 1, np.int64), np.empty(found.entries, np.int32), np.empty(found.entries)
+        actions = np.empty(found.closed, np.int32)
         having = [any(not i.on_states for i in r.items) for r in self.model.rewards]
-        choice_rewards = [np.empty(e.choices) if h else np.zeros(e.choices) for h in having]
-        e.finish(order, rank, indptr, indices, data, groups, actions, [r for r, h in zip(choice_rewards, having, strict=True) if h])
-        return SparseMatrix(indptr, indices, data, n, groups), actions, choice_rewards
+        rewards = [np.empty(found.closed) if h else np.zeros(found.closed) for h in having]
+        found.finish(order, rank, indptr, indices, data, groups, actions, [r for r, h in zip(rewards, having, strict=True) if h])
+        return SparseMatrix(indptr, indices, data, n, groups), actions, rewards
 
     def _state_rewards(self, states: StateTable) -> list[Floats]:
         found = []

@@ -8,9 +8,10 @@ prefetching, and a deep search over narrow levels costs no more per state than a
 
 from libc.stdint cimport int32_t, int64_t, uint64_t
 from libc.stdlib cimport free, malloc
-from libc.string cimport memcpy, memset
+from libc.string cimport memcpy
 from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
+from symcheck.kernels.csr cimport RowStore
 from symcheck.kernels.hashing cimport StateSet
 from symcheck.kernels.memory cimport Buffer, release, reserve
 from symcheck.kernels.vm cimport Instruction, Slot, Status, execute
@@ -18,7 +19,6 @@ from symcheck.kernels.vm cimport Instruction, Slot, Status, execute
 cdef enum:
     BATCH = 256  # states
     WIDE = 16384  # successors: a batch ends here
-    SCAN = 24  # entries of a row up to which duplicates are looked for one by one
     PATIENCE = 2048  # states between looks at the clock
 
 cdef enum Kind:
@@ -45,11 +45,12 @@ cdef double now() noexcept nogil:
 cdef class Explorer:
     """A search that can be paused. `tables`: see `symcheck.explicit.tables.Tables`.
 
-    `add` puts states in, `run` explores, `finish` gives the rows. Everything is numbered in the order of discovery.
+    `add` puts states in, `run` explores; `states` and `rows` hold what was found, in the order of discovery.
     """
 
     cdef readonly StateSet states
-    cdef readonly long long explored, choices, transitions, level, level_end, deadlock_count
+    cdef readonly RowStore rows
+    cdef readonly long long explored, level, level_end, deadlock_count
     cdef readonly int fault_status
     cdef readonly long long fault_state
     cdef object tables
@@ -84,14 +85,10 @@ cdef class Explorer:
     cdef int candidate_count, enabled_count, evaluated_count, part_count
     cdef int joint, row_action
     # scratch of one batch
-    cdef Buffer successors, weights, ids, ends, stamps
+    cdef Buffer successors, weights, ids, ends, deadlocks
     cdef long long successor_count, row_count
-    # the result
-    cdef Buffer indptr, indices, data, groups, actions, deadlocks
-    cdef Buffer* row_rewards
 
     def __cinit__(self, tables):
-        cdef int s
         self.tables = tables
         self.kind = tables.kind
         self.words = tables.words
@@ -115,9 +112,7 @@ cdef class Explorer:
         self.states = StateSet(self.words)
         self.fault_state = -1
         self._allocate(tables.slots, tables.most_updates, tables.most_commands, tables.most_parts)
-        for s in range(self.structures):
-            self.row_rewards[s].data = NULL
-            self.row_rewards[s].size = 0
+        self.rows = RowStore(self.structures)
 
     def _allocate(self, const int64_t[::1] slots, int most_updates, int most_commands, int most_parts):
         cdef size_t size = slots.shape[0] * sizeof(Slot) + 8
@@ -134,11 +129,10 @@ cdef class Explorer:
         self.evaluated_update = <int32_t*> malloc((most_updates + 1) * 4)
         self.evaluated_value = <uint64_t*> malloc((most_updates + 1) * 8 * self.words)
         self.level_words = <uint64_t*> malloc((most_parts + 1) * 8 * self.words)
-        self.row_rewards = <Buffer*> malloc((self.structures + 1) * sizeof(Buffer))
         if (self.r == NULL or self.canonical_slots == NULL or self.candidates == NULL or self.enabled == NULL
                 or self.enabled_begin == NULL or self.enabled_total == NULL or self.enabled_status == NULL or self.part_begin == NULL or self.chosen == NULL
                 or self.evaluated_weight == NULL or self.evaluated_update == NULL or self.evaluated_value == NULL
-                or self.level_words == NULL or self.row_rewards == NULL):
+                or self.level_words == NULL):
             raise MemoryError
         if slots.shape[0]:
             memcpy(self.r, &slots[0], slots.shape[0] * sizeof(Slot))
@@ -162,30 +156,12 @@ cdef class Explorer:
         release(&self.weights)
         release(&self.ids)
         release(&self.ends)
-        release(&self.stamps)
-        self._drop_rows()
-        free(self.row_rewards)
-
-    cdef void _drop_rows(self) noexcept:
-        cdef int s
-        release(&self.indptr)
-        release(&self.indices)
-        release(&self.data)
-        release(&self.groups)
-        release(&self.actions)
         release(&self.deadlocks)
-        if self.row_rewards != NULL:
-            for s in range(self.structures):
-                release(&self.row_rewards[s])
 
     @property
     def nbytes(self):
         """Memory held, in bytes."""
-        cdef long long total = (self.indptr.size + self.indices.size + self.data.size + self.groups.size + self.actions.size
-                                + self.successors.size + self.weights.size + self.ids.size)
-        for s in range(self.structures):
-            total += self.row_rewards[s].size
-        return total + self.states.nbytes
+        return self.states.nbytes + self.rows.nbytes + self.successors.size + self.weights.size + self.ids.size
 
     def add(self, const uint64_t[:, ::1] rows):
         """Put states in (uint64[n, words]), to be explored in their turn; known ones are passed over."""
@@ -274,17 +250,11 @@ cdef class Explorer:
             for i in range(first, self.successor_count):
                 (<double*> self.weights.data)[i] /= self.joint
             for v in range(self.structures):
-                (<double*> self.row_rewards[v].data)[self.choices - 1] /= self.joint
+                (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint
         if self.kind != Kind.MDP:
             self._end_row(self.row_action)
             return 0
-        return self._end_group(state)
-
-    cdef int _end_group(self, long long state) noexcept nogil:
-        if reserve(&self.groups, (state + 1) * 8):
-            return Status.MEMORY
-        (<int64_t*> self.groups.data)[state] = self.choices
-        return 0
+        return Status.MEMORY if self.rows.end_group() else 0
 
     cdef int _deadlock(self, long long state, const uint64_t* source) noexcept nogil:
         """A loop with probability (rate) 1 and no action."""
@@ -299,24 +269,15 @@ cdef class Explorer:
         (<double*> self.weights.data)[self.successor_count] = 1.0
         self.successor_count += 1
         self._end_row(-1)
-        return self._end_group(state) if self.kind == Kind.MDP else 0
+        return Status.MEMORY if self.kind == Kind.MDP and self.rows.end_group() else 0
 
     cdef int _open_row(self) noexcept nogil:
-        """Make room for one more row, with rewards of 0. It counts as a choice from now on."""
-        cdef int s
-        if (reserve(&self.actions, (self.choices + 1) * 4) or reserve(&self.ends, (self.row_count + 1) * 8)
-                or reserve(&self.indptr, (self.choices + 2) * 8)):
-            return 1
-        for s in range(self.structures):
-            if reserve(&self.row_rewards[s], (self.choices + 1) * 8):
-                return 1
-            (<double*> self.row_rewards[s].data)[self.choices] = 0.0
-        self.choices += 1
-        return 0
+        """Make room for one more row, which counts as a choice from now on."""
+        return reserve(&self.ends, (self.row_count + 1) * 8) or self.rows.open()
 
     cdef void _end_row(self, int action) noexcept nogil:
         (<int64_t*> self.ends.data)[self.row_count] = self.successor_count
-        (<int32_t*> self.actions.data)[self.choices - 1] = action
+        self.rows.label(action)
         self.row_count += 1
 
     cdef int _room(self, long long more) noexcept nogil:
@@ -586,7 +547,7 @@ cdef class Explorer:
             reward = self.r[self.rewards[k, 2]].d
             if reward - reward != 0:
                 return Status.NOT_A_NUMBER
-            (<double*> self.row_rewards[self.rewards[k, 0]].data)[self.choices - 1] += total * reward
+            (<double*> self.rows.rewards[self.rewards[k, 0]].data)[self.rows.opened - 1] += total * reward
         return 0
 
     # ------------------------------------------------------------------------------------------ one batch
@@ -594,7 +555,6 @@ cdef class Explorer:
     cdef int _settle(self) noexcept nogil:
         """Number the batch's successors and append its rows."""
         cdef long long row, begin = 0, end
-        cdef int64_t* indptr = <int64_t*> self.indptr.data
         cdef int32_t* ids
         cdef double* weights = <double*> self.weights.data
         cdef int failed
@@ -604,164 +564,16 @@ cdef class Explorer:
         failed = self.states.insert(<const uint64_t*> self.successors.data, self.successor_count, ids)
         if failed:
             return failed
-        if (reserve(&self.indices, (self.transitions + self.successor_count) * 4)
-                or reserve(&self.data, (self.transitions + self.successor_count) * 8)):
-            return 1
-        if self.choices == self.row_count:
-            indptr[0] = 0
         for row in range(self.row_count):
             end = (<int64_t*> self.ends.data)[row]
-            if end - begin > SCAN:
-                if self._close_wide(ids + begin, weights + begin, end - begin):
-                    return 1
-            else:
-                self._close(ids + begin, weights + begin, end - begin)
-            indptr[self.choices - self.row_count + row + 1] = self.transitions
+            if self.rows.close(ids + begin, weights + begin, end - begin):
+                return 1
             begin = end
         return 0
 
-    cdef void _close(self, const int32_t* ids, const double* weights, long long n) noexcept nogil:
-        """Append a row, summing what leads to the same state."""
-        cdef int32_t* indices = <int32_t*> self.indices.data + self.transitions
-        cdef double* data = <double*> self.data.data + self.transitions
-        cdef long long i, j, size = 0
-        for i in range(n):
-            j = 0
-            while j < size and indices[j] != ids[i]:
-                j += 1
-            if j < size:
-                data[j] += weights[i]
-            else:
-                indices[size] = ids[i]
-                data[size] = weights[i]
-                size += 1
-        self.transitions += size
-
-    cdef int _close_wide(self, const int32_t* ids, const double* weights, long long n) noexcept nogil:
-        """The same for long rows, through a small table of positions."""
-        cdef int32_t* indices = <int32_t*> self.indices.data + self.transitions
-        cdef double* data = <double*> self.data.data + self.transitions
-        cdef long long i, size = 0
-        cdef uint64_t capacity = 64, place
-        cdef int32_t* table
-        while capacity < <uint64_t> n * 2:
-            capacity *= 2
-        if reserve(&self.stamps, capacity * 4):
-            return 1
-        table = <int32_t*> self.stamps.data
-        memset(table, 0, capacity * 4)
-        for i in range(n):
-            place = (<uint64_t> ids[i] * 0x9E3779B97F4A7C15ULL >> 20) & (capacity - 1)
-            while table[place] and indices[table[place] - 1] != ids[i]:
-                place = (place + 1) & (capacity - 1)
-            if table[place]:
-                data[table[place] - 1] += weights[i]
-            else:
-                indices[size] = ids[i]
-                data[size] = weights[i]
-                size += 1
-                table[place] = <int32_t> size
-        self.transitions += size
-        return 0
-
     # ------------------------------------------------------------------------------------------ the result
-
-    def copy_states(self, uint64_t[:, ::1] out):
-        """The states so far, in the order of discovery, into `out` (uint64[states, words]); `explored` of them have rows."""
-        self.states.copy_rows(out)
 
     def copy_deadlocks(self, int64_t[::1] out):
         """Numbers of the deadlock states, into `out` (int64[deadlock_count])."""
         if self.deadlock_count:
             memcpy(&out[0], self.deadlocks.data, self.deadlock_count * 8)
-
-    def finish(self, const int32_t[::1] order, const int32_t[::1] rank, int64_t[::1] indptr, int32_t[::1] indices,
-               double[::1] data, groups, int32_t[::1] actions, list rewards):
-        """The rows, with states renumbered: new number i is old number `order[i]`, and `rank` is its inverse.
-
-        Only after COMPLETE, and once: the memory of the search is given back on the way. Columns come out ascending.
-        Shapes: indptr int64[choices+1], indices int32[transitions], data float64[transitions], groups int64[states+1]
-        or None (not an MDP), actions int32[choices], rewards: one float64[choices] per structure.
-        """
-        cdef int64_t[::1] own_groups
-        cdef double[::1] out
-        cdef long long n = order.shape[0], i, row, new = 0, begin, end, at = 0, size
-        cdef const int64_t* old_indptr = <const int64_t*> self.indptr.data
-        cdef const int64_t* old_groups = <const int64_t*> self.groups.data
-        cdef int s
-        cdef bint grouped = groups is not None
-        if n == 0:
-            return
-        if grouped:
-            own_groups = groups
-        self.states.drop_table()
-        with nogil:
-            indptr[0] = 0
-            if grouped:
-                own_groups[0] = 0
-            self._renumber(&rank[0])
-            for i in range(n):
-                self._rows_of(order[i], grouped, &begin, &end)
-                for row in range(begin, end):
-                    size = old_indptr[row + 1] - old_indptr[row]
-                    memcpy(&indices[at], <int32_t*> self.indices.data + old_indptr[row], size * 4)
-                    at += size
-                    new += 1
-                    indptr[new] = at
-                    actions[new - 1] = (<int32_t*> self.actions.data)[row]
-                if grouped:
-                    own_groups[i + 1] = new
-            release(&self.indices)
-            release(&self.actions)
-            at = 0
-            for i in range(n):
-                self._rows_of(order[i], grouped, &begin, &end)
-                size = old_indptr[end] - old_indptr[begin]
-                memcpy(&data[at], <double*> self.data.data + old_indptr[begin], size * 8)
-                at += size
-            release(&self.data)
-        for s in range(self.structures):
-            out = rewards[s]
-            new = 0
-            with nogil:
-                for i in range(n):
-                    self._rows_of(order[i], grouped, &begin, &end)
-                    for row in range(begin, end):
-                        out[new] = (<double*> self.row_rewards[s].data)[row]
-                        new += 1
-        self._drop_rows()
-
-    cdef inline void _rows_of(self, long long state, bint grouped, long long* begin, long long* end) noexcept nogil:
-        if grouped:
-            begin[0] = (<int64_t*> self.groups.data)[state - 1] if state else 0
-            end[0] = (<int64_t*> self.groups.data)[state]
-        else:
-            begin[0] = state
-            end[0] = state + 1
-
-    cdef void _renumber(self, const int32_t* rank) noexcept nogil:
-        """Rename columns in place and sort each row by them."""
-        cdef const int64_t* indptr = <const int64_t*> self.indptr.data
-        cdef int32_t* indices
-        cdef double* data
-        cdef long long row, i, j, n, gap
-        cdef int32_t column
-        cdef double weight
-        for row in range(self.choices):
-            indices = <int32_t*> self.indices.data + indptr[row]
-            data = <double*> self.data.data + indptr[row]
-            n = indptr[row + 1] - indptr[row]
-            for i in range(n):
-                indices[i] = rank[indices[i]]
-            gap = 1
-            while gap * 9 < n:  # Shell's sort: short rows are the rule, and need a single insertion pass
-                gap = gap * 3 + 1
-            while gap > 0:
-                for i in range(gap, n):
-                    column, weight = indices[i], data[i]
-                    j = i
-                    while j >= gap and indices[j - gap] > column:
-                        indices[j], data[j] = indices[j - gap], data[j - gap]
-                        j -= gap
-                    indices[j], data[j] = column, weight
-                gap //= 3

@@ -15,4 +15,3 @@ cdef class StateSet:
 
     cdef int insert(self, const uint64_t* rows, Py_ssize_t n, int32_t* ids) noexcept nogil
     cdef int _enlarge(self, uint64_t size) noexcept nogil
-    cdef void drop_table(self) noexcept nogil

@@ -10,7 +10,7 @@ from libc.stdint cimport int32_t, uint64_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
-from symcheck.kernels.memory cimport Buffer, release, reserve
+from symcheck.kernels.memory cimport Buffer, prefer_huge_pages, release, reserve
 
 cdef extern from *:
     void __builtin_prefetch(const void*) nogil
@@ -68,6 +68,8 @@ cdef class StateSet:
         cdef int failed
         if rows.shape[0] == 0:
             return
+        if self.table == NULL:
+            raise ValueError("the table is dropped")
         with nogil:
             failed = self.insert(&rows[0, 0], rows.shape[0], &ids[0])
         if failed == 1:
@@ -80,7 +82,8 @@ cdef class StateSet:
         if self.count:
             memcpy(&out[0, 0], self.rows.data, <size_t> self.count * self.words * 8)
 
-    cdef void drop_table(self) noexcept nogil:
+    def drop_table(self):
+        """Give the table's memory back: nothing can be inserted any more."""
         free(self.table)
         self.table = NULL
 
@@ -92,6 +95,7 @@ cdef class StateSet:
         cdef uint64_t hashes[16]
         if table == NULL:
             return 1
+        prefer_huge_pages(table, size * 8)
         for i in range(self.count + 16):
             if i >= 16:
                 h = hashes[i & 15]
