@@ -73,17 +73,15 @@ def initial_states(model: BoundModel, translator: Translator) -> Bdd:
     encoding = translator.encoding
     if model.initial is None:
         return translator.state({v.name: v.variable.initial for v in encoding.variables if v.variable.initial is not None})
-    states = translator.boolean(model.initial)
-    for variable in reversed(encoding.ordered):
-        states = states & translator.valid(variable)
-    return states
+    valuations = translator.manager.conjunction([translator.valid(v) for v in reversed(encoding.ordered)])
+    return valuations & translator.boolean_on(model.initial, valuations)
 
 
 def group_relations(manager: DiagramManager, encoding: Encoding, events: Sequence[EncodedEvent]) -> tuple[Relation, ...]:
     """One relation for all events that touch the same variables, from the lowest-touching to the highest."""
     groups: dict[tuple[int, ...], list[int]] = {}
     for number, event in enumerate(events):
-        if event.relation or event.learned:
+        if event.relation or event.learned is not None:
             groups.setdefault(event.touched, []).append(number)
     relations = [make_relation(manager, encoding, events, numbers) for numbers in groups.values()]
     return tuple(sorted(relations, key=lambda r: -r.top))

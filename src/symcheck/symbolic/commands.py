@@ -16,7 +16,7 @@ from symcheck.symbolic.translate import Translator
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
 
-__all__ = ["encode_command", "encode_event", "frame", "positive", "touched_by"]
+__all__ = ["encode_command", "encode_event", "frame", "knowledge", "positive", "touched_by"]
 
 
 def encode_event(translator: Translator, event: Event) -> EncodedEvent:
@@ -32,8 +32,13 @@ def encode_event(translator: Translator, event: Event) -> EncodedEvent:
     else:
         relation = manager.false
     touched = tuple(sorted({i for commands in participants for i in touched_by(commands)}))
-    learned = any(any(translator.learned_parts(c.command)) for commands in participants for c in commands)
-    return EncodedEvent(event, participants, touched, guard, relation, learned)
+    return EncodedEvent(event, participants, touched, guard, relation, knowledge(translator, event))
+
+
+def knowledge(translator: Translator, event: Event) -> int | None:
+    """How many valuations the learned parts of an event know, None if it has no such part."""
+    parts = [part for commands in event.participants for c in commands for kind in translator.learned_parts(c) for part in kind]
+    return sum(part.evaluated for part in parts) if parts else None
 
 
 def encode_command(translator: Translator, command: BoundCommand) -> EncodedCommand:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.errors import UnsupportedError
 from symcheck.semantics.vectorised import Column, evaluate_columns
 from symcheck.symbolic.encode import EncodedVariable, Encoding
 from symcheck.symbolic.minterms import minterms
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
 
 __all__ = ["Learned", "LearnedAssignment", "LearnedBoolean", "LearnedNumber"]
+
+
+MAX_VALUATIONS = 20_000_000  # of one expression, found at once: 1 GB while they are evaluated
 
 
 class Learned:
@@ -46,6 +50,11 @@ class Learned:
         unseen = states.exists(self.others) - self.known
         if not unseen:
             return False
+        if self.manager.count(unseen, self.bits) > MAX_VALUATIONS:
+            raise UnsupportedError(
+                f"an expression would have to be evaluated for {self.manager.count(unseen, self.bits)} valuations of the "
+                f"{len(self.variables)} variables that it reads ({self.expression.span}): use the explicit engine (-ex)"
+            )
         rows = minterms(self.manager, unseen, self.bits)
         values = np.broadcast_to(evaluate_columns(self.expression, columns_of(self.variables, rows)), rows.shape[:1])
         self.add(rows, values)

@@ -66,14 +66,14 @@ class EncodedCommand:
 class EncodedEvent:
     """An event. `touched`: indices of the variables that any of its commands assigns; `guard`: some joint command is
     enabled; `relation`: row bits to the column bits of the touched variables, transitions of positive probability only;
-    `learned`: some of it is encoded only for the valuations that were reached."""
+    `learned`: None if it is encoded in full, else how many valuations it was encoded for (see `learn`)."""
 
     event: Event
     participants: tuple[tuple[EncodedCommand, ...], ...]
     touched: tuple[int, ...]
     guard: Bdd
     relation: Bdd
-    learned: bool = False
+    learned: int | None = None
 
     def __repr__(self) -> str:
         commands = " × ".join(str(len(p)) for p in self.participants)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from symcheck.symbolic.build import group_relations
 from symcheck.symbolic.checks import check_initial
-from symcheck.symbolic.commands import encode_event
+from symcheck.symbolic.commands import encode_event, knowledge
 from symcheck.symbolic.model import EncodedEvent, Iteration, Relation, StateSpace, SymbolicModel
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def enabled(symbolic: SymbolicModel) -> Bdd:
 
 def choose_schedule(symbolic: SymbolicModel) -> str:
     """A schedule by the model's structure (the reasons are in benchmarks/README.md)."""
-    if any(e.learned for e in symbolic.events):
+    if learns(symbolic):
         return "frontier"
     return "saturation"
 
@@ -86,7 +86,7 @@ def search(symbolic: SymbolicModel, schedule: str = "frontier", *, counting: boo
     """
     if schedule not in SCHEDULES:
         raise ValueError(f"unknown schedule {schedule}: one of {', '.join(SCHEDULES)}")
-    if schedule != "frontier" and any(e.learned for e in symbolic.events):
+    if schedule != "frontier" and learns(symbolic):
         raise ValueError(f"schedule {schedule} cannot learn relations on the way: use frontier")
     before = symbolic.manager.false
     started = time.perf_counter()
@@ -183,30 +183,39 @@ SCHEDULES: dict[str, Callable[[SymbolicModel], Progress]] = {
 # ------------------------------------------------------------------------------------------------ learning
 
 
+def learns(symbolic: SymbolicModel) -> bool:
+    """Whether some event is encoded only for the valuations that are reached."""
+    return any(e.learned is not None for e in symbolic.events)
+
+
 def learn(symbolic: SymbolicModel, states: Bdd) -> SymbolicModel:
     """Complete the learned events on `states`; the same model if nothing is new."""
-    if not any(e.learned for e in symbolic.events):
+    if not learns(symbolic):
         return symbolic
+    translator = symbolic.translator
     events = list(symbolic.events)
-    changed = False
     for number, event in enumerate(events):
-        if event.learned and _learn_event(symbolic, event, states):
-            events[number] = encode_event(symbolic.translator, event.event)
-            changed = True
-    if not changed:
+        if event.learned is None:
+            continue
+        # Again as long as something is new: a guard that is learned first may show that there is more behind it.
+        while _extend(symbolic, event, states):
+            encode_event(translator, event.event)
+        if knowledge(translator, event.event) != event.learned:
+            events[number] = encode_event(translator, event.event)
+    if all(new is old for new, old in zip(events, symbolic.events, strict=True)):
         return symbolic
     return replace(symbolic, events=tuple(events), relations=group_relations(symbolic.manager, symbolic.encoding, events))
 
 
-def _learn_event(symbolic: SymbolicModel, event: EncodedEvent, states: Bdd) -> bool:
+def _extend(symbolic: SymbolicModel, event: EncodedEvent, states: Bdd) -> bool:
+    """Evaluate the learned parts of an event on `states`; whether anything was new."""
     translator, changed = symbolic.translator, False
-    for commands in event.participants:
-        for command in commands:
-            always, guarded = translator.learned_parts(command.command)
-            for part in always:
-                changed |= part.extend(states)
-            if guarded:
-                here = states & translator.boolean(command.command.guard)
-                for part in guarded:
-                    changed |= part.extend(here)
+    for command in (c for commands in event.event.participants for c in commands):
+        always, guarded = translator.learned_parts(command)
+        for part in always:
+            changed |= part.extend(states)
+        if guarded:
+            here = states & translator.boolean(command.guard)
+            for part in guarded:
+                changed |= part.extend(here)
     return changed

@@ -236,6 +236,7 @@ class Translator:
 
     def undefined(self, expression: Expression) -> Bdd:
         """Where a numeric expression has no value (NaN, such as 0/0); its diagram holds 0 there."""
+        self.learned_number(expression)
         known = self.learned.get(("", expression))
         if isinstance(known, LearnedNumber):
             return known.undefined

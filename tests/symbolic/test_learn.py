@@ -1,0 +1,61 @@
+"""Learned relations against full encoding, and where full encoding is hopeless."""
+
+from __future__ import annotations
+
+import pytest
+from symbolic.oracle import assert_same, bound, explore, states_of
+from symbolic.test_build import MODELS
+
+from symcheck.check.options import Options
+from symcheck.errors import ModelFault
+from symcheck.symbolic.build import build
+from symcheck.symbolic.reach import reach, search
+from symcheck.symbolic.transitions import transitions
+from symcheck.symbolic.translate import Limits
+
+NOTHING = Limits(table=0, wide=0, nodes=0, leaves=0)
+
+WIDE = """dtmc
+module walk
+  p : [0..3];
+  a : [0..1000000] init 17; b : [0..1000000] init 5; c : [0..1000000];
+  [] p=0 -> 0.5 : (c'=mod(floor(1.7*a)+3*b,11)) & (p'=1) + 0.5 : (c'=mod(a*b+c,13)) & (p'=1);
+  [] p=1 -> (a'=b) & (p'=2);
+  [] p=2 & mod(a*b+c,17)!=0 -> (c/20)/2 : (b'=c) & (p'=0) + 1-(c/20)/2 : (b'=mod(a+b+c,7)) & (p'=0);
+  [] p=2 & mod(a*b+c,17)=0 -> (p'=3);
+endmodule
+"""
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_everything_learned_is_the_same_model(name):
+    model = bound(MODELS[name])
+    made = build(model, Options(), limits=NOTHING)
+    assert any(e.learned is not None for e in made.events)
+    space = reach(made, Options())
+    assert_same(model, transitions(space, Options()))
+
+
+def test_a_domain_beyond_tables_needs_the_reached_valuations_only():
+    model = bound(WIDE)
+    made = build(model, Options())
+    assert any(e.learned is not None for e in made.events)
+    space = reach(made, Options())
+    expected = explore(model)
+    assert set(states_of(space)) == set(expected)
+    assert_same(model, transitions(space, Options()))
+    evaluated = sum(part.evaluated for part in space.symbolic.translator.learned.values())
+    assert evaluated < 20 * len(expected)
+
+
+def test_a_learned_update_out_of_range_is_reported():
+    text = "dtmc module m a : [0..1000000] init 1; b : [0..1000000] init 1; c : [0..100]; [] true -> (c'=a*b+c) & (a'=a*2+b); endmodule"
+    space = reach(build(bound(text), Options()), Options())
+    with pytest.raises(ModelFault, match="c would become") as caught:
+        transitions(space, Options())
+    assert [d.code for d in caught.value.diagnostics] == ["update-range"]
+
+
+def test_only_breadth_first_search_learns():
+    with pytest.raises(ValueError, match="frontier"):
+        list(search(build(bound(WIDE), Options()), "chaining"))
