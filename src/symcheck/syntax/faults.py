@@ -187,6 +187,8 @@ def _mistake(fault: Fault, source: Source, expected: set[str], words: Words) -> 
         length, message, hint = 2, "'<-' is read as one sign", "for less than minus …, write < -"
     elif rest.startswith("->") and words[fault.at - 1] == "]" and "INTEGER" in expected:
         length, message, hint = 2, "the guard is missing before '->'", "write true for a command that is always enabled"
+    elif rest.startswith("->") and "INTEGER" in expected:
+        length, message, hint = 2, "an expression is missing before '->'", _COMMAND
     elif rest.startswith("->") and "RPAR" not in expected:
         length, message, hint = 2, "'->' has no place here", "implication is written =>"
     elif glued and before.endswith("-") and rest.startswith(">"):
@@ -197,8 +199,9 @@ def _mistake(fault: Fault, source: Source, expected: set[str], words: Words) -> 
         message, hint = "an update stands in parentheses", f"write ({words[fault.at - 1]}' = …)"
     elif rest.startswith("'"):
         message, hint = "a prime belongs to the left side of an update only", "write (x'=…) in an update, and x without prime elsewhere"
-    elif rest.startswith("/*"):
-        length, message, hint = 2, "this comment cannot be read", "comments start with // and end with the line"
+    elif rest.startswith("/*") or (glued and rest.startswith("*") and before.endswith("/")):
+        start, length = (start, 2) if rest.startswith("/*") else (start - 1, 2)
+        message, hint = "this comment cannot be read", "comments start with // and end with the line"
     elif rest.startswith("=") and glued and before.endswith((">", "<")):
         message, hint = "this is no comparison", "comparisons are < <= > >= = !="
     else:
@@ -227,6 +230,11 @@ def _misplaced(fault: Fault, source: Source, expected: set[str], words: Words) -
     if found in ("U", "W", "R") and "UNTIL" not in expected and "AND" in expected and _inside_path(words, fault.at):
         hint = f"put what belongs together in parentheses: (… {found} …)"
         return Diagnostic(f"the path operator {found} cannot stand here", span, "path", hint)
+    if expected == {"QUOTE"} and last.isidentifier():
+        named = Span(source, words.starts[fault.at - 1], words.ends[fault.at - 1])
+        return Diagnostic(f"the prime is missing in the update of {last}", named, "prime", f"write ({last}'=…)")
+    if expected == {"LPAR"} and last in ("min", "max"):
+        return _reserved(last, Span(source, words.starts[fault.at - 1], words.ends[fault.at - 1]))
     if found in (";", "+") and "COLON" in expected and _in_update(words, fault.at):
         return _no_update(source, words, fault, span)
     if last == "->" and "INTEGER" in expected:

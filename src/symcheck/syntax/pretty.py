@@ -128,9 +128,14 @@ def _binary(node: ast.Binary) -> str:
         if length >= LONGEST_CHAIN and operator in "&|+*":
             text, length = f"({text})", 1
         space = "" if strength >= _BINARY["="] and strength != _BINARY["+"] else " "
-        text += f"{space}{part.operator}{space}{_tree(part.right, strength + 1)}"
+        text += _glued(f"{space}{part.operator}", space + _tree(part.right, strength + 1))
         length += 1
     return text
+
+
+def _glued(operator: str, operand: str) -> str:
+    """The two together, but `< -x` apart, as `<-` is a sign of its own."""
+    return f"{operator} {operand}" if operator.endswith("<") and operand.startswith("-") else operator + operand
 
 
 def _path(node: ast.Next | ast.Eventually | ast.Globally | ast.Until | ast.WeakUntil | ast.Release) -> tuple[str, int]:
@@ -138,21 +143,27 @@ def _path(node: ast.Next | ast.Eventually | ast.Globally | ast.Until | ast.WeakU
     match node:
         case ast.Next() | ast.Eventually() | ast.Globally():
             sign = "X" if isinstance(node, ast.Next) else "F" if isinstance(node, ast.Eventually) else "G"
-            return f"{sign}{bound} {_tree(node.operand, _TEMPORAL)}", _TEMPORAL
+            return f"{sign}{bound} {_behind(bound, node.operand)}", _TEMPORAL
         case ast.Until() | ast.WeakUntil() | ast.Release():
             sign = "U" if isinstance(node, ast.Until) else "W" if isinstance(node, ast.WeakUntil) else "R"
-            return f"{_tree(node.left, _TEMPORAL)} {sign}{bound} {_tree(node.right, _TEMPORAL)}", _PATH
+            return f"{_tree(node.left, _TEMPORAL)} {sign}{bound} {_behind(bound, node.right)}", _PATH
         case _:
             assert_never(node)
 
 
+def _behind(bound: str, operand: Tree) -> str:
+    """What a temporal operator applies to: in parentheses where a minus would be read as a part of the bound."""
+    text = _tree(operand, _TEMPORAL)
+    return f"({text})" if bound and text.startswith("-") else text
+
+
 def _limit(bound: ast.Bound | ast.TimeBound | ast.RewardBound) -> str:
-    """`<=k` and its kin. What is no plain number or name gets parentheses, as a path may follow that starts with a sign."""
+    """`<=k` and its kin. What is no plain number or name gets parentheses."""
     match bound:
         case ast.Bound(operator=operator, threshold=threshold):
-            return operator + _tree(threshold, _BINARY["+"])
+            return _glued(operator, _tree(threshold, _BINARY["+"]))
         case ast.RewardBound(structure=structure, operator=operator, limit=limit):
-            return f"^{{rew{_structure(structure)}{operator}{_tree(limit, _CONDITIONAL)}}}"
+            return f"^{{rew{_structure(structure)}{_glued(operator, _tree(limit, _CONDITIONAL))}}}"
         case ast.TimeBound(lower=lower, upper=None) if lower is not None:
             return (">" if bound.lower_strict else ">=") + _tree(lower, _ATOM)
         case ast.TimeBound(lower=None, upper=upper) if upper is not None:

@@ -1,0 +1,116 @@
+"""Every fault is found where it is, in the right words; and nothing whatever raises anything but a SyntaxFault."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from symcheck.errors import SyntaxFault, UsageError
+from symcheck.syntax.lalr import MAX_NESTING
+from symcheck.syntax.parse import parse_expression, parse_model, parse_model_file, parse_properties, parse_properties_file
+from syntax.cases import FOLDER, outcome, read
+from syntax.samples import MODEL, PROPERTIES
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.case")), ids=lambda p: p.stem)
+def test_case(path: Path) -> None:
+    sections = read(path)
+    assert outcome(sections) == sections["error"]
+    assert sections["error"] != "no error\n"
+
+
+def reads_or_complains(text: str) -> None:
+    for parse in (parse_model, parse_properties, parse_expression):
+        try:
+            parse(text)
+        except SyntaxFault as fault:
+            complaint = str(fault)
+        else:
+            continue
+        assert complaint
+
+
+@given(st.text())
+def test_any_text(text: str) -> None:
+    reads_or_complains(text)
+
+
+@given(st.binary())
+def test_any_bytes(data: bytes) -> None:
+    reads_or_complains(data.decode("latin-1"))
+
+
+WORDS = [
+    *("module", "endmodule", "rewards", "endrewards", "init", "endinit", "system", "endsystem", "const", "label", "formula", "global"),
+    *("[", "]", "(", ")", "{", "}", ";", ":", ",", "'", "..", "->", "<-", "=", "==", "<=", "=>", "<=>", "&", "|", "||", "|[", "]|", "!"),
+    *("+", "-", "*", "/", "^", "?", '"', '"a"', "x", "P", "R", "S", "F", "U", "=?", "1", "0.5", "1e9", "filter", "multi", "max", "\n"),
+]
+
+
+@given(st.lists(st.sampled_from(WORDS)))
+def test_any_words(words: list[str]) -> None:
+    reads_or_complains(" ".join(words))
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_damaged_texts(seed: int) -> None:
+    chance = random.Random(seed)
+    for text in (MODEL, PROPERTIES):
+        for _ in range(chance.randint(1, 4)):
+            i = chance.randrange(len(text))
+            text = text[:i] + chance.choice(["", chance.choice(WORDS), text[i : i + 30]]) + text[i + chance.randrange(4) :]
+        reads_or_complains(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(" * 20_000,
+        "(" * 20_000 + "1" + ")" * 20_000,
+        "!" * 20_000 + "true",
+        "-" * 20_000 + "1",
+        "2^" * 20_000 + "1",
+        "1-" * 20_000 + "1",
+        "x?1:" * 20_000 + "1",
+        "P>0[ F " * 20_000,
+        "9" * 20_000,
+        "1e" + "9" * 20_000,
+        "0." + "9" * 20_000,
+        '"' * 10_000,
+        "[;" * 10_000,
+        "\0" * 10_000,
+    ],
+    ids=lambda text: text[:6],
+)
+def test_huge_texts_end_quickly(text: str) -> None:
+    reads_or_complains(text)
+
+
+def test_deep_but_bearable() -> None:
+    levels = MAX_NESTING - 10
+    nested = parse_expression("x-" * levels + "x")
+    assert nested == parse_expression("x-" * levels + "x")
+    with pytest.raises(SyntaxFault, match="levels deep"):
+        parse_expression("x-" * (MAX_NESTING + 10) + "x")
+
+
+def test_faults_in_order_and_one_a_line() -> None:
+    with pytest.raises(SyntaxFault) as caught:
+        parse_properties("P=? [ F ];\nP=? [ x== 1 && ];\nx=1;\nR=? [ Q ;")
+    lines = [d.span.source.position(d.span.start)[0] for d in caught.value.diagnostics]
+    assert lines == [1, 2, 4]
+
+
+def test_files(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"cannot read .*none\.pm"):
+        parse_model_file(tmp_path / "none.pm")
+    with pytest.raises(UsageError, match="cannot read"):
+        parse_properties_file(tmp_path)
+    (tmp_path / "old.pm").write_bytes("// Gr\xf6\xdfe\nctmc\n".encode("latin-1"))
+    assert parse_model_file(tmp_path / "old.pm") == parse_model("ctmc")
+    (tmp_path / "marked.pm").write_bytes(b"\xef\xbb\xbfdtmc\r\n")
+    assert parse_model_file(str(tmp_path / "marked.pm")) == parse_model("dtmc")

@@ -1,0 +1,223 @@
+"""Whatever is printed reads back as the same tree."""
+
+from __future__ import annotations
+
+import os
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symcheck.errors import SyntaxFault
+from symcheck.syntax import ast
+from symcheck.syntax.ast import Binary, Expression, Literal, Name, PathFormula, Type
+from symcheck.syntax.build import FILTERS, FUNCTIONS, LONGEST_CHAIN
+from symcheck.syntax.lexer import KEYWORDS
+from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
+from symcheck.syntax.pretty import pretty, pretty_number
+from syntax.samples import MODEL, PROPERTIES
+
+NAMES = st.sampled_from(["x", "y", "_z1", "Fx", "floor", "modx", "rew"])
+OPERATORS = ["+", "-", "*", "/", "^", "=", "!=", "<", "<=", ">", ">=", "&", "|", "=>", "<=>"]
+INTEGERS = st.integers(0, 2**40)
+DOUBLES = st.builds(lambda n, p: Fraction(n) * Fraction(10) ** p, st.integers(0, 10**6), st.integers(-30, 30))
+LITERALS = st.one_of(
+    st.booleans().map(lambda v: Literal(v, Type.BOOL)),
+    INTEGERS.map(lambda v: Literal(v, Type.INT)),
+    DOUBLES.map(lambda v: Literal(v, Type.DOUBLE)),
+)
+ATOMS = st.one_of(LITERALS, NAMES.map(Name))
+
+
+def combined(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
+    """Expressions of a model over inner ones."""
+    return st.one_of(
+        st.builds(Binary, st.sampled_from(OPERATORS), inner, inner),
+        st.builds(ast.Unary, st.sampled_from(["-", "!"]), inner),
+        st.builds(ast.Conditional, inner, inner, inner),
+        st.builds(ast.Call, st.sampled_from(FUNCTIONS), st.lists(inner, min_size=1, max_size=3).map(tuple)),
+    )
+
+
+EXPRESSIONS = st.recursive(ATOMS, combined, max_leaves=12)
+TIMES = st.one_of(
+    st.builds(lambda e, s: ast.TimeBound(upper=e, upper_strict=s), EXPRESSIONS, st.booleans()),
+    st.builds(lambda e, s: ast.TimeBound(lower=e, lower_strict=s), EXPRESSIONS, st.booleans()),
+    st.builds(lambda a, b: ast.TimeBound(lower=a, upper=b), EXPRESSIONS, EXPRESSIONS),
+    st.builds(ast.RewardBound, st.one_of(NAMES, LITERALS), st.sampled_from(["<", "<=", ">", ">="]), EXPRESSIONS),
+)
+BOUNDS = st.one_of(st.none(), st.builds(ast.Bound, st.sampled_from(["<", "<=", ">", ">="]), EXPRESSIONS))
+DIRECTIONS = st.sampled_from([None, "min", "max", "minmax", "maxmin"])
+
+
+def temporal(inner: st.SearchStrategy[PathFormula]) -> st.SearchStrategy[PathFormula]:
+    bound = st.one_of(st.none(), TIMES)
+    return st.one_of(
+        *(st.builds(kind, inner, bound) for kind in (ast.Next, ast.Eventually, ast.Globally)),
+        *(st.builds(kind, inner, inner, bound) for kind in (ast.Until, ast.WeakUntil, ast.Release)),
+        st.builds(Binary, st.sampled_from(["&", "|", "=>", "<=>", "="]), inner, inner),
+        st.builds(ast.Unary, st.just("!"), inner),
+        st.builds(ast.Conditional, inner, inner, inner),
+    )
+
+
+def properties(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
+    """Properties over inner ones."""
+    paths = st.recursive(inner, temporal, max_leaves=4)
+    queries = st.one_of(
+        paths,
+        EXPRESSIONS.map(lambda e: ast.CumulativeReward(ast.TimeBound(upper=e))),
+        EXPRESSIONS.map(ast.InstantaneousReward),
+        st.just(ast.TotalReward()),
+        st.just(ast.SteadyStateReward()),
+    )
+    structures = st.one_of(st.none(), NAMES, EXPRESSIONS)
+    operators = st.one_of(
+        st.builds(ast.ProbabilityOperator, DIRECTIONS, BOUNDS, paths),
+        st.builds(ast.RewardOperator, structures, DIRECTIONS, BOUNDS, queries),
+        st.builds(ast.SteadyState, BOUNDS, inner),
+    )
+    return st.one_of(
+        combined(inner),
+        operators,
+        st.builds(ast.PathQuantifier, st.sampled_from(["A", "E"]), paths),
+        st.builds(ast.Filter, st.sampled_from(FILTERS), inner, st.one_of(st.none(), inner)),
+        st.builds(ast.StateFilter, st.lists(st.sampled_from(["min", "max"]), max_size=2).map(tuple), operators, inner),
+        st.builds(ast.MultiObjective, st.lists(inner, min_size=1, max_size=3).map(tuple)),
+    )
+
+
+@given(EXPRESSIONS)
+def test_expressions(tree: Expression) -> None:
+    assert parse_expression(pretty(tree)) == tree
+    label = parse_model(f'label "x" = {pretty(tree)};').labels[0]
+    assert label.expression == tree  # both grammars read expressions alike
+
+
+@pytest.mark.filterwarnings("ignore:Generating overly large repr")
+@settings(deadline=None, max_examples=50)
+@given(st.recursive(st.one_of(ATOMS, NAMES.map(ast.LabelReference)), properties, max_leaves=6))
+def test_properties(tree: Expression) -> None:
+    assert parse_expression(pretty(tree)) == tree
+
+
+def variables(name: str) -> st.SearchStrategy[ast.VariableDeclaration]:
+    initial = st.one_of(st.none(), EXPRESSIONS)
+    return st.one_of(
+        st.builds(ast.VariableDeclaration, st.just(name), st.just(Type.INT), EXPRESSIONS, EXPRESSIONS, initial),
+        st.builds(ast.VariableDeclaration, st.just(name), st.sampled_from([Type.INT, Type.BOOL]), st.none(), st.none(), initial),
+    )
+
+
+UPDATES = st.lists(st.builds(ast.Assignment, NAMES, EXPRESSIONS), max_size=3).map(tuple)
+COMMANDS = st.builds(
+    ast.Command,
+    st.one_of(st.none(), NAMES),
+    EXPRESSIONS,
+    st.one_of(
+        UPDATES.map(lambda a: (ast.Update(None, a),)),
+        st.lists(st.builds(ast.Update, EXPRESSIONS, UPDATES), min_size=1, max_size=3).map(tuple),
+    ),
+)
+ACTIONS = st.lists(NAMES, min_size=1, max_size=2).map(tuple)
+COMPOSITIONS: st.SearchStrategy[ast.Composition] = st.recursive(
+    NAMES.map(ast.ModuleReference),
+    lambda inner: st.one_of(
+        st.builds(ast.Parallel, st.lists(inner, min_size=2, max_size=3).map(tuple)),
+        st.builds(ast.Interleaving, st.lists(inner, min_size=2, max_size=3).map(tuple)),
+        st.builds(ast.Synchronised, inner, inner, ACTIONS),
+        st.builds(ast.Hiding, inner, ACTIONS),
+        st.builds(ast.Renaming, inner, st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple)),
+    ),
+    max_leaves=6,
+)
+ITEMS = st.builds(ast.RewardItem, st.one_of(st.just(False), st.none(), NAMES), EXPRESSIONS, EXPRESSIONS)
+PROGRAMS = st.builds(
+    ast.Program,
+    st.one_of(st.none(), st.sampled_from(ast.ModelType)),
+    constants=st.lists(st.builds(ast.Constant, NAMES, st.sampled_from(Type), st.one_of(st.none(), EXPRESSIONS)), max_size=2).map(tuple),
+    formulas=st.lists(st.builds(ast.Formula, NAMES, EXPRESSIONS), max_size=1).map(tuple),
+    labels=st.lists(st.builds(ast.Label, NAMES, EXPRESSIONS), max_size=1).map(tuple),
+    globals=st.lists(variables("g"), max_size=1).map(tuple),
+    modules=st.lists(
+        st.one_of(
+            st.builds(ast.Module, NAMES, st.lists(variables("v"), max_size=2).map(tuple), st.lists(COMMANDS, max_size=2).map(tuple)),
+            st.builds(ast.RenamedModule, NAMES, NAMES, st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple)),
+        ),
+        max_size=2,
+    ).map(tuple),
+    rewards=st.lists(
+        st.builds(
+            ast.RewardStructure,
+            st.one_of(st.none(), NAMES),
+            st.lists(ITEMS, max_size=2).map(tuple),
+        ),
+        max_size=1,
+    ).map(tuple),
+    initial=st.one_of(st.none(), EXPRESSIONS),
+    system=st.one_of(st.none(), COMPOSITIONS),
+)
+
+
+@settings(deadline=None, max_examples=60)
+@given(PROGRAMS)
+def test_programs(program: ast.Program) -> None:
+    assert parse_model(pretty(program)) == program
+
+
+@given(COMPOSITIONS)
+def test_compositions(tree: ast.Composition) -> None:
+    assert parse_model(f"system {pretty(tree)} endsystem").system == tree
+
+
+def test_samples() -> None:
+    program = parse_model(MODEL)
+    assert parse_model(pretty(program)) == program
+    file = parse_properties(PROPERTIES)
+    assert parse_properties(pretty(file)) == file
+    for item in file.properties:
+        assert parse_properties(pretty(item)).properties == (item,)
+
+
+@pytest.mark.parametrize("length", [LONGEST_CHAIN, LONGEST_CHAIN + 1, 500, 5000])
+def test_long_chains(length: int) -> None:
+    tree = parse_expression("|".join(f"x={i}" for i in range(length)))
+    assert parse_expression(pretty(tree)) == tree
+    leaning: Expression = Name("x")
+    for _ in range(min(length, 300)):
+        leaning = Binary("+", leaning, Name("y"))
+    assert parse_expression(pretty(leaning)) == leaning
+
+
+@pytest.mark.parametrize("number", ["0.0", "1.0", "0.5", "100.25", "0.0001", "1e-30", "1e30", "25e-31", "123456789.0"])
+def test_numbers_keep_their_digits(number: str) -> None:
+    assert pretty(parse_expression(number)) == number
+
+
+def test_numbers_without_digits_become_quotients() -> None:
+    assert pretty_number(Fraction(1, 3)) == "(1.0/3.0)"
+
+
+def test_reserved_words_are_no_names() -> None:
+    for word in KEYWORDS:
+        with pytest.raises(SyntaxFault):
+            parse_model(f"const int {word} = 1;")
+
+
+PEERS = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set"))
+
+
+@pytest.mark.skipif(not PEERS.exists(), reason="needs the peers' models: set SYMCHECK_PEERS")
+def test_peers() -> None:
+    models = [p for p in sorted(PEERS.rglob("*")) if p.suffix in (".prism", ".nm", ".pm", ".sm")]
+    files = [p for p in sorted(PEERS.rglob("*")) if p.suffix in (".props", ".pctl", ".csl")]
+    assert models
+    assert files
+    for path in models:
+        program = parse_model(path.read_text(), path.name)
+        assert parse_model(pretty(program)) == program, path
+    for path in files:
+        file = parse_properties(path.read_text(), path.name)
+        assert parse_properties(pretty(file)) == file, path
