@@ -1,4 +1,4 @@
-"""Random small models and properties, as texts, from a `random.Random` (hypothesis can give one that it shrinks)."""
+"""Random small models and properties, as texts, from a `random.Random`."""
 
 from __future__ import annotations
 

@@ -57,10 +57,16 @@ class Equations:
     def problem(self, constant: Floats, upper: Floats | None, direction: str | None, *, probability: bool) -> LinearProblem:
         """The equations x = A x + constant (bounds: up to `upper`)."""
         leave = self.into(~self.system.states)
-        if self.context.engine.has_rows:
+        if self.context.engine.has_rows or self._end_components_matter(direction, probability):
             return LinearProblem(constant, self._matrix(), upper, leave, direction, probability)
         operator = self.system.operator if self.rates is None else Scaled(self.system.operator, self.rates)
         return LinearProblem(constant, None, upper, leave, direction, probability, operator, self.system.groups)
+
+    def _end_components_matter(self, direction: str | None, probability: bool) -> bool:
+        """Whether bounds from above would stay where they are in an end component, which only rows can be cleared of."""
+        if direction is None or probability != (direction == "max"):
+            return False
+        return next(self.context.engine.graph.end_components(self.system.states), None) is not None
 
     def _matrix(self) -> SparseMatrix:
         matrix = self.system.matrix
@@ -86,6 +92,9 @@ class Equations:
         else:
             found = smaller.expand(solve_linear(replace(smaller.problem, direction=problem.direction), self.context.options))
         seconds = perf_counter() - started
+        width = found.width(self.context.options.relative)
+        if found.certified and width > self.context.options.epsilon:
+            self.context.notes.warn(f"the bounds are {width:.1E} apart, further than asked for: {found.explanation}")
         point = found.exact or not found.certified
         self.context.notes.runs.append(
             Run("linear", found.method, self.system.n, found.iterations, seconds, found.explanation, found.certified)
