@@ -19,12 +19,15 @@ from symcheck.syntax.ast import (
     Next,
     PathFormula,
     Release,
+    RewardBound,
+    TimeBound,
     Unary,
     Until,
     WeakUntil,
 )
+from symcheck.syntax.walk import children
 
-__all__ = ["NextPath", "Path", "StatePath", "StatesOf", "TemporalPath", "UntilPath", "is_state_formula", "negated", "resolve"]
+__all__ = ["NextPath", "Path", "StatePath", "StatesOf", "TemporalPath", "UntilPath", "is_state_formula", "negated", "resolve", "temporal"]
 
 StatesOf = Callable[[Expression], StateSet]
 
@@ -58,9 +61,10 @@ class UntilPath:
 
 @dataclass(frozen=True, slots=True)
 class TemporalPath:
-    """Any other formula of linear time, as it was written."""
+    """Any other formula of linear time, as it was written, and the states of its largest state formulas."""
 
     formula: PathFormula
+    letters: tuple[tuple[Expression, StateSet], ...] = ()
     negative: bool = False
 
 
@@ -88,6 +92,19 @@ def is_state_formula(path: PathFormula) -> bool:
             return True
 
 
+def temporal(path: PathFormula, states_of: StatesOf) -> TemporalPath:
+    """A path formula of any form, with the states of its largest state formulas."""
+    letters: dict[Expression, StateSet] = {}
+    todo = [path]
+    while todo:
+        part = todo.pop()
+        if not is_state_formula(part):
+            todo.extend(p for p in children(part) if not isinstance(p, TimeBound | RewardBound))  # type: ignore[misc]
+        elif part not in letters:
+            letters[part] = states_of(part)  # type: ignore[index,arg-type]
+    return TemporalPath(path, tuple(letters.items()))
+
+
 def resolve(path: PathFormula, states_of: StatesOf, everything: StateSet) -> Path:
     """Read a path formula, asking `states_of` for the states of its state formulas."""
     if is_state_formula(path):
@@ -96,7 +113,7 @@ def resolve(path: PathFormula, states_of: StatesOf, everything: StateSet) -> Pat
     if isinstance(path, Unary):
         return negated(resolve(path.operand, states_of, everything))
     if isinstance(path, Binary | Conditional) or not all(is_state_formula(p) for p in parts):
-        return TemporalPath(path)
+        return temporal(path, states_of)
     sets = [states_of(p) for p in parts]
     match path:
         case Next(_, bound):

@@ -41,10 +41,8 @@ def probability(context: Context, path: Path, direction: str | None) -> Values:
             return _fair_minimum(context, left, right)
         case UntilPath(left, right):
             return measures(context).until(context, left, right, direction)
-        case TemporalPath(formula, negative):
-            if negative:
-                return complement(context, path_probability_ltl(context, formula, flipped(direction)))
-            return path_probability_ltl(context, formula, direction)
+        case TemporalPath():
+            return path_probability_ltl(context, path, direction)
         case _:
             assert_never(path)
 

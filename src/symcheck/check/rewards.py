@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from symcheck.check.context import Context
 from symcheck.check.measures import measures
-from symcheck.check.paths import StatesOf, UntilPath, resolve
+from symcheck.check.paths import StatesOf, UntilPath, resolve, temporal
 from symcheck.check.window import bound_value, window
 from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
@@ -13,6 +13,7 @@ from symcheck.syntax.ast import (
     CumulativeReward,
     Eventually,
     InstantaneousReward,
+    PathFormula,
     RewardOperator,
     SteadyStateReward,
     TotalReward,
@@ -47,9 +48,19 @@ def reward_values(context: Context, formula: RewardOperator, structure: int, sta
             if isinstance(target, UntilPath) and target.window.trivial:
                 _refuse_fairness(context)
                 return who.reach_reward(context, structure, target.right, direction)
-            raise UnsupportedError("an expected reward until a bounded or nested path formula is not supported; F over states is")
+            return _until_shown(context, structure, query, states_of, direction)
         case _:
-            raise UnsupportedError("an expected reward until a formula of linear time is not supported yet; F, C, I and S are")
+            return _until_shown(context, structure, query, states_of, direction)
+
+
+def _until_shown(
+    context: Context, structure: int, path: PathFormula, states_of: StatesOf, direction: str | None
+) -> Values:
+    """The expected reward until a run shows that it satisfies a path formula."""
+    from symcheck.check.ltl import co_safe_reward
+
+    _refuse_fairness(context)
+    return co_safe_reward(context, structure, temporal(path, states_of), direction)
 
 
 def _refuse_fairness(context: Context) -> None:

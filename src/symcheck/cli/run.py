@@ -65,6 +65,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         check_sums=arguments.check_sums,
         fairness=arguments.fairness,
         ltl2da=arguments.ltl2datool,
+        ltl2da_syntax=arguments.ltl2dasyntax,
     )
 
 
