@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from symbolic.oracle import assert_same, at, bound, states_of, symbolic
 
+from symbolic.oracle import assert_same, at, bound, states_of, symbolic
 from symcheck.check.options import Options
 from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.symbolic.build import build, construct

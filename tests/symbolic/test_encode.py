@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from symbolic.oracle import bound
 
+from symbolic.oracle import bound
 from symcheck.errors import UnsupportedError
 from symcheck.symbolic.encode import encode
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+
 from symbolic.oracle import assert_same, bound, explore, states_of
 from symbolic.test_build import MODELS
-
 from symcheck.check.options import Options
 from symcheck.errors import ModelFault
 from symcheck.symbolic.build import build
@@ -19,9 +19,9 @@ WIDE = """dtmc
 module walk
   p : [0..3];
   a : [0..1000000] init 17; b : [0..1000000] init 5; c : [0..1000000];
-  [] p=0 -> 0.5 : (c'=mod(floor(1.7*a)+3*b,11)) & (p'=1) + 0.5 : (c'=mod(a*b+c,13)) & (p'=1);
+  [] p=0 -> 0.5 : (c'=mod(floor(1.7*a)+3*b,5)) & (p'=1) + 0.5 : (c'=mod(a*b+c,6)) & (p'=1);
   [] p=1 -> (a'=b) & (p'=2);
-  [] p=2 & mod(a*b+c,17)!=0 -> (c/20)/2 : (b'=c) & (p'=0) + 1-(c/20)/2 : (b'=mod(a+b+c,7)) & (p'=0);
+  [] p=2 & mod(a*b+c,17)!=0 -> (c/8)/2 : (b'=c) & (p'=0) + 1-(c/8)/2 : (b'=mod(a+b+c,7)) & (p'=0);
   [] p=2 & mod(a*b+c,17)=0 -> (p'=3);
 endmodule
 """

@@ -8,8 +8,8 @@ from itertools import product
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from symbolic.oracle import at, bound
 
+from symbolic.oracle import at, bound
 from symcheck.check.options import Options
 from symcheck.errors import InputError
 from symcheck.semantics.bind import bind

@@ -51,9 +51,7 @@ def build(
     return SymbolicModel(model, manager, encoding, translator, initial, tuple(events), group_relations(manager, encoding, events))
 
 
-def construct(
-    model: BoundModel, options: Options, observer: Observer | None = None, *, order: Sequence[str] | None = None
-) -> Transitions:
+def construct(model: BoundModel, options: Options, observer: Observer | None = None, *, order: Sequence[str] | None = None) -> Transitions:
     """Build, explore and make the matrices, in one call. `observer` gets events, iterations and the results between.
 
     Raises ModelFault for a model that breaks a rule at a reachable state, and what `build` raises.

@@ -46,11 +46,11 @@ def encode_command(translator: Translator, command: BoundCommand) -> EncodedComm
     guard = translator.boolean(command.guard)
     updates: list[EncodedUpdate] = []
     if guard:
-        updates = [u for u in (_encode_update(translator, command, update) for update in command.updates) if u.probability != 0.0]
+        updates = [u for u in (_encode_update(translator, update) for update in command.updates) if u.probability != 0.0]
     return EncodedCommand(command, guard, tuple(updates))
 
 
-def _encode_update(translator: Translator, command: BoundCommand, update: BoundUpdate) -> EncodedUpdate:
+def _encode_update(translator: Translator, update: BoundUpdate) -> EncodedUpdate:
     true = translator.manager.true
     probability = translator.probability(update.probability)
     relation, in_range = true, true

@@ -9,7 +9,7 @@ probabilities and guards alike.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,7 +36,7 @@ class Learned:
     `evaluated` counts them. Subclasses keep the diagram that grows with them.
     """
 
-    def __init__(self, manager: DiagramManager, encoding: Encoding, names: Sequence[str], expression: Expression) -> None:
+    def __init__(self, manager: DiagramManager, encoding: Encoding, names: Iterable[str], expression: Expression) -> None:
         self.manager = manager
         self.expression = expression
         self.variables = encoding.sorted(names)
@@ -70,23 +70,25 @@ class Learned:
 class LearnedBoolean(Learned):
     """A condition; `holds` is right on known valuations and false elsewhere."""
 
-    def __init__(self, manager: DiagramManager, encoding: Encoding, names: Sequence[str], expression: Expression) -> None:
+    def __init__(self, manager: DiagramManager, encoding: Encoding, names: Iterable[str], expression: Expression) -> None:
         super().__init__(manager, encoding, names, expression)
         self.holds: Bdd = manager.false
 
     def add(self, rows: NDArray[np.uint8], values: Column) -> None:
+        """See `Learned.add`."""
         self.holds = self.holds | self.manager.bdd_from_rows(self.bits, rows[values.astype(np.bool_)])
 
 
 class LearnedNumber(Learned):
     """A number; `value` is right on known valuations and 0 elsewhere (and where it is `undefined`)."""
 
-    def __init__(self, manager: DiagramManager, encoding: Encoding, names: Sequence[str], expression: Expression) -> None:
+    def __init__(self, manager: DiagramManager, encoding: Encoding, names: Iterable[str], expression: Expression) -> None:
         super().__init__(manager, encoding, names, expression)
         self.value: Mtbdd = manager.zero
         self.undefined: Bdd = manager.false
 
     def add(self, rows: NDArray[np.uint8], values: Column) -> None:
+        """See `Learned.add`."""
         numbers = values.astype(np.float64)
         nan = np.isnan(numbers)
         if nan.any():
@@ -98,7 +100,7 @@ class LearnedAssignment(Learned):
     """`target' = expression`; `relation` and `in_range` hold known valuations only."""
 
     def __init__(
-        self, manager: DiagramManager, encoding: Encoding, names: Sequence[str], expression: Expression, target: EncodedVariable
+        self, manager: DiagramManager, encoding: Encoding, names: Iterable[str], expression: Expression, target: EncodedVariable
     ) -> None:
         super().__init__(manager, encoding, names, expression)
         self.target = target
@@ -106,6 +108,7 @@ class LearnedAssignment(Learned):
         self.in_range: Bdd = manager.false
 
     def add(self, rows: NDArray[np.uint8], values: Column) -> None:
+        """See `Learned.add`."""
         codes, valid = code_values(self.target, values)
         shifts = np.arange(self.target.width - 1, -1, -1)
         code_bits = (codes[:, None] >> shifts & 1).astype(np.uint8)

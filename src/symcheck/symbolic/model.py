@@ -44,7 +44,8 @@ T = TypeVar("T")
 @dataclass(frozen=True, eq=False)
 class EncodedUpdate:
     """One update. `probability`: a number or an MTBDD over row bits; `relation`: row bits to the column bits of the
-    `assigned` variables (indices); `in_range`: rows where every assigned value is in its variable's range."""
+    `assigned` variables (indices); `in_range`: rows where every assigned value is in its variable's range.
+    """
 
     update: BoundUpdate
     probability: float | Mtbdd
@@ -66,7 +67,8 @@ class EncodedCommand:
 class EncodedEvent:
     """An event. `touched`: indices of the variables that any of its commands assigns; `guard`: some joint command is
     enabled; `relation`: row bits to the column bits of the touched variables, transitions of positive probability only;
-    `learned`: None if it is encoded in full, else how many valuations it was encoded for (see `learn`)."""
+    `learned`: None if it is encoded in full, else how many valuations it was encoded for (see `learn`).
+    """
 
     event: Event
     participants: tuple[tuple[EncodedCommand, ...], ...]
@@ -77,7 +79,8 @@ class EncodedEvent:
 
     def __repr__(self) -> str:
         commands = " × ".join(str(len(p)) for p in self.participants)
-        return f"EncodedEvent({self.event.action or '[]'}: {commands} commands, {self.relation.node_count} nodes, touches {len(self.touched)} variables)"
+        touches = f"{self.relation.node_count} nodes, touches {len(self.touched)} variables"
+        return f"EncodedEvent({self.event.action or '[]'}: {commands} commands, {touches})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +146,8 @@ class SymbolicModel:
 @dataclass(frozen=True, slots=True)
 class Iteration:
     """One step of the search. `states` and `frontier` are numbers of states (None where they were not counted), nodes
-    are BDD nodes, seconds since the search began."""
+    are BDD nodes, seconds since the search began.
+    """
 
     number: int
     states: int | None
@@ -156,7 +160,8 @@ class Iteration:
 @dataclass(frozen=True, eq=False)
 class StateSpace:
     """The reachable states. `deadlocks` have no transition of their own. `symbolic` is the encoded model (complete on
-    the reachable states, learned parts included); `schedule` says how the search went, `iterations` what it saw."""
+    the reachable states, learned parts included); `schedule` says how the search went, `iterations` what it saw.
+    """
 
     symbolic: SymbolicModel = field(repr=False)
     states: Bdd = field(repr=False)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd
 
-__all__ = ["Found", "SCHEDULES", "reach", "search"]
+__all__ = ["SCHEDULES", "Found", "reach", "search"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,8 @@ def state_rewards(space: StateSpace) -> Deferred[Mtbdd]:
 
 def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> Deferred[tuple[Mtbdd, ...]]:
     """Transition rewards of a DTMC or CTMC: per structure one MTBDD, the sum over transitions of probability (rate)
-    times reward. `numbers`: enabled joint commands per state, where there may be several (DTMC)."""
+    times reward. `numbers`: enabled joint commands per state, where there may be several (DTMC).
+    """
     return Deferred([partial(_chain_reward, space, structure, numbers) for structure in space.symbolic.model.rewards])
 
 

@@ -15,7 +15,7 @@ from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.commands import frame, touched_by
 from symcheck.symbolic.model import ChoiceSlot, EncodedCommand, EncodedEvent, StateSpace, SymbolicModel, Transitions
 from symcheck.symbolic.rewards import chain_rewards, slot_rewards, state_rewards
-from symcheck.symbolic.slots import JointSlot, choice_slots
+from symcheck.symbolic.slots import choice_slots
 from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:

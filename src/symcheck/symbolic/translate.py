@@ -18,19 +18,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundCommand
 from symcheck.semantics.vectorised import Column, evaluate_columns
 from symcheck.symbolic.encode import EncodedVariable, Encoding
+from symcheck.symbolic.expressions import children, contains, leaf_bound, mesh, support
 from symcheck.symbolic.learn import Learned, LearnedAssignment, LearnedBoolean, LearnedNumber, code_values
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
 
-__all__ = ["Assigned", "Limits", "TooLarge", "Translator", "support"]
+__all__ = ["Assigned", "Limits", "TooLarge", "Translator"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +40,14 @@ class Limits:
     table: bits (log2 of valuations) up to which an expression is tabulated at once.
     wide: bits up to which it is tabulated when composing is not possible.
     nodes: nodes of a composed diagram beyond which its expression counts as too large.
-    leaves: different values of a composed diagram beyond which it is not even tried.
+    moves: bits up to which an assignment is tabulated when composing is not possible.
+    leaves: different values of a diagram of more than `table` bits beyond which it is not even tried.
     """
 
     table: int = 14
     wide: int = 20
     nodes: int = 500_000
+    moves: int = 16
     leaves: int = 20_000
 
 
@@ -59,13 +61,6 @@ class Assigned:
 
     relation: Bdd
     in_range: Bdd
-
-
-def support(expression: Expression) -> frozenset[str]:
-    """Names of the variables that occur in an arithmetic expression."""
-    if isinstance(expression, Name):
-        return frozenset((expression.name,))
-    return frozenset().union(*map(support, _children(expression)))
 
 
 _COMPARISONS = {"=", "!=", "<", "<=", ">", ">="}
@@ -110,13 +105,13 @@ class Translator:
             if name or isinstance(learned, LearnedNumber):
                 if (name, part) in names or part in behind:
                     guarded.append(learned)
-            elif any(part == e or _contains(e, part) for e in (command.guard, *behind)):
+            elif any(part == e or contains(e, part) for e in (command.guard, *behind)):
                 always.append(learned)
         return always, guarded
 
     def reads_learned(self, expression: Expression) -> bool:
         """Whether the diagram of `expression` contains a learned part, so that it changes as that grows."""
-        return any(not name and (part == expression or _contains(expression, part)) for name, part in self.learned)
+        return any(not name and (part == expression or contains(expression, part)) for name, part in self.learned)
 
     # ------------------------------------------------------------------------------------------------ booleans
 
@@ -215,7 +210,7 @@ class Translator:
     def boolean_on(self, expression: Expression, states: Bdd) -> Bdd:
         """As `boolean`, right on `states` also where a part of it is too large."""
         found = self.boolean(expression)
-        if self.learned and any([part.extend(states) for part in self._conditions_in(expression)]):
+        if self.learned and sum(part.extend(states) for part in self._conditions_in(expression)):
             found = self.boolean(expression)
         return found
 
@@ -231,7 +226,7 @@ class Translator:
         return [
             learned
             for (name, part), learned in self.learned.items()
-            if isinstance(learned, LearnedBoolean) and not name and (part == expression or _contains(expression, part))
+            if isinstance(learned, LearnedBoolean) and not name and (part == expression or contains(expression, part))
         ]
 
     def undefined(self, expression: Expression) -> Bdd:
@@ -242,7 +237,7 @@ class Translator:
             return known.undefined
         if expression in self._undefined or self.width(expression) <= self.limits.table:
             return self._undefined.get(expression, self.manager.false)
-        return self.manager.disjunction([self.undefined(e) for e in _children(expression)])
+        return self.manager.disjunction([self.undefined(e) for e in children(expression)])
 
     def probability(self, expression: Expression) -> float | Mtbdd:
         """A probability or rate: a float where it is constant."""
@@ -272,8 +267,8 @@ class Translator:
                 return self._mtbdd_table(expression)
 
     def _arithmetic(self, operator: str, x: Mtbdd, y: Mtbdd, expression: Expression) -> Mtbdd:
-        """x op y, unless the result may have so many leaves that its diagram cannot be small."""
-        leaves = _leaf_bound(operator, x.leaves, y.leaves)
+        """X op y, unless the result may have so many leaves that its diagram cannot be small."""
+        leaves = leaf_bound(operator, x.leaves, y.leaves)
         if leaves > self.limits.leaves:
             raise TooLarge(f"the diagram of an expression may have {leaves} different values ({expression.span})")
         return x + y if operator == "+" else x - y if operator == "-" else x * y
@@ -281,6 +276,8 @@ class Translator:
     def _mtbdd_table(self, expression: Expression) -> Mtbdd:
         variables, values = self._tabulate(expression)
         numbers = values.astype(np.float64)
+        if self.width(expression) > self.limits.table and len(np.unique(numbers)) > self.limits.leaves:
+            raise TooLarge(f"the diagram of an expression has more than {self.limits.leaves} different values ({expression.span})")
         nan = np.isnan(numbers)
         if nan.any():
             self._undefined[expression] = self.manager.bdd_table(_row_bits(variables), nan)
@@ -294,7 +291,7 @@ class Translator:
         variables = self.encoding.sorted(self.support(expression))
         width = sum(v.width for v in variables)
         if width > self.limits.wide:
-            raise TooLarge(f"an expression reads {width} bits at once, more than the {self.limits.wide} that a table may have ({expression.span})")
+            raise TooLarge(f"an expression reads {width} bits at once, a table may have {self.limits.wide} ({expression.span})")
         values = evaluate_columns(expression, mesh(variables))
         shape = tuple(1 << v.width for v in variables)
         return variables, np.broadcast_to(values, shape).reshape(-1)
@@ -324,9 +321,14 @@ class Translator:
             return Assigned(self.unchanged(target), self.manager.true)
         if self.width(expression) <= self.limits.table:
             return self._assignment_table(target, expression)
+        # A wide counter that counts itself is a small relation; one wide variable in another has a node per value.
+        if self.support(expression) <= {target.name}:
+            return self._assignment_table(target, expression)
         try:
             return self._assignment_composed(target, expression)
         except TooLarge:
+            if self.width(expression) > self.limits.moves:
+                raise
             return self._assignment_table(target, expression)
 
     def _assignment_table(self, target: EncodedVariable, expression: Expression) -> Assigned:
@@ -343,10 +345,10 @@ class Translator:
         if target.is_bool:
             value = self.boolean(expression)
             return Assigned(self.manager.variable(target.columns[0]).equivalent(value), self.manager.true)
-        value = self.number(expression)
+        number = self.number(expression)
         next_value = self.manager.table(target.columns, target.column().astype(np.float64))
-        relation = value.equal(next_value) & self.next_valid(target)
-        in_range = value.compare(">=", float(target.low)) & value.compare("<=", float(target.high))
+        relation = number.equal(next_value) & self.next_valid(target)
+        in_range = number.compare(">=", float(target.low)) & number.compare("<=", float(target.high))
         return Assigned(relation, in_range)
 
     def bits_equal(self, target: EncodedVariable, bits: Sequence[Bdd]) -> Bdd:
@@ -389,43 +391,6 @@ class Translator:
                 literal = self.manager.variable(row)
                 result = result & (literal if code >> bit & 1 else ~literal)
         return result
-
-
-def mesh(variables: Sequence[EncodedVariable]) -> dict[str, Column]:
-    """All values of each variable, each along an axis of its own (axes in the given order)."""
-    columns: dict[str, Column] = {}
-    for axis, v in enumerate(variables):
-        shape = [1] * len(variables)
-        shape[axis] = 1 << v.width
-        columns[v.name] = v.column().reshape(shape)
-    return columns
-
-
-def _leaf_bound(operator: str, x: NDArray[np.float64], y: NDArray[np.float64]) -> int:
-    """How many different values x op y may take, at most."""
-    pairs = len(x) * len(y)
-    if operator == "*" or not (np.all(x == np.floor(x)) and np.all(y == np.floor(y))):
-        return pairs
-    span = float(x.max() - x.min() + y.max() - y.min()) + 1
-    return int(min(pairs, span)) if np.isfinite(span) else pairs
-
-
-def _contains(expression: Expression, part: Expression) -> bool:
-    return any(child == part or _contains(child, part) for child in _children(expression))
-
-
-def _children(expression: Expression) -> tuple[Expression, ...]:
-    match expression:
-        case Unary(_, operand):
-            return (operand,)
-        case Binary(_, left, right):
-            return (left, right)
-        case Conditional(condition, then, otherwise):
-            return (condition, then, otherwise)
-        case Call(_, arguments):
-            return arguments
-        case _:
-            return ()
 
 
 def _row_bits(variables: Sequence[EncodedVariable]) -> tuple[str, ...]:
