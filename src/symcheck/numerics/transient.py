@@ -148,21 +148,17 @@ def _sum(
     entry does not grow).
     """
     window = poisson(chain.q * time)
-    if source:
-        weights = np.append(window.at_least()[1:], 0.0)
-    else:
-        weights = np.concatenate((np.zeros(window.left), window.values))
-    rest = np.append(np.cumsum(weights[::-1])[::-1], 0.0)
+    weights = window.tails() if source else window.masses()
     y, z, total = start.copy(), np.empty_like(start), np.zeros_like(start)
     pick: Callable[[Floats], Floats] = (lambda v: v) if interest is None else (lambda v: v[interest])
     k, look = 0, min(LOOK, len(weights))
     slip = (chain.longest + 6) * ROUND
     while True:
-        y, z, low, high, most = chain.advance(y, z, total, weights[k : k + look])
+        y, z, low, high, most = chain.advance(y, z, total, weights.part(k, k + look))
         k += look
-        error = (k + 4) * slip + 1e-11
+        error = (k + 4) * slip + 1e-10
         below = total * (1.0 - error)
-        ahead = rest[k] + window.missing
+        ahead = weights.rest(k) + window.missing
         size = float(y.sum()) if mass else most
         above = total * (1.0 + error) + ahead * size * (1.0 + error)
         if observer is not None:
@@ -170,12 +166,11 @@ def _sum(
         if k >= len(weights) or _near(pick(below), pick(above), settings):
             return _result(below, above, k, len(weights), "")
         if high < np.inf and _promising(low, high, ahead, pick(total), pick(y), settings):
-            m = np.arange(len(weights) - k)
-            with np.errstate(over="ignore"):
-                least = float(np.sum(weights[k:] * (low * (1.0 - 2 * slip)) ** m))
-                greatest = float(np.sum(weights[k:] * (high * (1.0 + 2 * slip)) ** m)) + window.missing * min(1.0, high) * 2
+            least = weights.powers(k, low * (1.0 - slip))
+            greatest = weights.powers(k, high * (1.0 + slip)) + 2.0 * window.missing
             shortcut = below + least * y * (1.0 - error), total * (1.0 + error) + greatest * y * (1.0 + error)
-            if _near(pick(shortcut[0]), pick(shortcut[1]), settings):
+            # Ratios that differ by rounding only will not come nearer.
+            if high - low <= 2.0 * slip or _near(pick(shortcut[0]), pick(shortcut[1]), settings):
                 return _result(*shortcut, k, len(weights), f", then a steady ratio of {0.5 * (low + high):.12g} per step")
         look = min(max(LOOK, k // 20), len(weights) - k)
 

@@ -1,0 +1,141 @@
+"""Transient analysis against matrix exponentials in rational arithmetic (Taylor series with a bound), and closed forms."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symcheck.errors import NumericalError
+from symcheck.numerics.matrix import Floats, SparseMatrix
+from symcheck.numerics.poisson import poisson
+from symcheck.numerics.settings import Accuracy
+from symcheck.numerics.transient import transient_distribution, transient_values
+
+
+def sparse_of(dense: Floats) -> SparseMatrix:
+    nonzero = dense > 0
+    indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
+    return SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), dense[nonzero], len(dense))
+
+
+def integrate(rates: Floats, leave: Floats, terminal: list[Fraction], gain: list[Fraction], time: Fraction) -> list[Fraction]:
+    """x(time) for x' = Q x + gain by its Taylor series in fractions; the rest is below 1e-30."""
+    n = len(leave)
+    q = [[Fraction(rates[i, j]) for j in range(n)] for i in range(n)]
+    for i in range(n):
+        q[i][i] -= Fraction(leave[i])
+    total = list(terminal)
+    term = list(terminal)
+    size = float(leave.max()) * 2 * float(time)
+    for k in range(1, int(3 * size) + 120):
+        product = [sum((q[i][j] * term[j] for j in range(n) if q[i][j]), Fraction(0)) for i in range(n)]
+        source = gain if k == 1 else [Fraction(0)] * n
+        term = [(p + g) * time / k for p, g in zip(product, source, strict=True)]
+        total = [a + b for a, b in zip(total, term, strict=True)]
+    return total
+
+
+@st.composite
+def cases(draw: st.DrawFn) -> tuple[Floats, Floats, list[float], list[float], float]:
+    n = draw(st.integers(1, 4))
+    weights = st.lists(st.sampled_from([0.0, 0.0, 0.25, 1.0, 3.0]), min_size=n, max_size=n)
+    rates = np.array([draw(weights) for _ in range(n)])
+    outside = np.array(draw(weights))
+    return rates, rates.sum(1) + outside, draw(weights), draw(weights), draw(st.sampled_from([0.125, 1.0, 4.0]))
+
+
+@settings(max_examples=60, deadline=None)
+@given(cases())
+def test_values_and_distributions(case: tuple[Floats, Floats, list[float], list[float], float]) -> None:
+    rates, leave, terminal, gain, time = case
+    n = len(leave)
+    exact = integrate(rates, leave, [Fraction(v) for v in terminal], [Fraction(v) for v in gain], Fraction(time))
+    found = transient_values(sparse_of(rates), leave, time, Accuracy(), terminal=np.array(terminal), gain=np.array(gain))
+    slack = Fraction(1, 10**28)
+    for s in range(n):
+        assert Fraction(float(found.lower[s])) <= exact[s] + slack
+        assert Fraction(float(found.upper[s])) >= exact[s] - slack
+    assert np.all(found.upper - found.lower <= 1e-6 * found.upper)
+    initial = np.zeros(n)
+    initial[0] = 1.0
+    distribution = transient_distribution(sparse_of(rates), leave, initial, time, Accuracy())
+    for s in range(n):
+        unit = [Fraction(int(i == s)) for i in range(n)]
+        value = integrate(rates, leave, unit, [Fraction(0)] * n, Fraction(time))[0]
+        assert Fraction(float(distribution.lower[s])) <= value + slack
+        assert Fraction(float(distribution.upper[s])) >= value - slack
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.01, 1.0, 30.5, 1e4, 1e7])
+def test_poisson_weights(rate: float) -> None:
+    weights = poisson(rate)
+    assert weights.values.sum() == pytest.approx(1.0, abs=1e-12)
+    mean = float(np.arange(weights.left, weights.right + 1) @ weights.values)
+    assert mean == pytest.approx(rate, rel=1e-9)
+    for k in {weights.left, int(rate), weights.right}:
+        exact = math.exp(k * math.log(rate) - rate - math.lgamma(k + 1)) if rate else 1.0
+        assert weights.values[k - weights.left] == pytest.approx(exact, rel=1e-12 + 1e-14 * rate)
+    assert weights.missing <= 1e-290
+
+
+def test_a_long_horizon_ends_early_and_right() -> None:
+    """Failure of one of two redundant parts with fast repair, over 1e8 uniformisation steps: P(down by t) in closed form."""
+    fail, repair, time = 1e-4, 10.0, 1e7
+    rates = np.array([[0.0, 2 * fail], [repair, 0.0]])
+    leave = np.array([2 * fail, repair + fail])
+    found = transient_values(sparse_of(rates), leave, time, Accuracy(), gain=np.array([0.0, fail]))
+    # Survival is a sum of two exponentials with the roots of x^2 + (3 fail + repair) x + 2 fail^2.
+    b, c = 3 * fail + repair, 2 * fail * fail
+    slow = 2 * c / (b + math.sqrt(b * b - 4 * c))
+    fast = b - slow
+    exact = 1.0 - (fast * math.exp(-slow * time) - slow * math.exp(-fast * time)) / (fast - slow)
+    assert found.lower[0] <= exact * (1 + 1e-12)
+    assert found.upper[0] >= exact * (1 - 1e-12)
+    assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]
+    assert found.iterations < 10_000
+
+
+def test_tiny_probabilities_keep_their_digits() -> None:
+    """Twenty steps within a short time: about (rate t)^20/20!, 1e-38."""
+    n, time = 20, 0.01
+    rates = np.diag(np.ones(n - 1), 1)
+    found = transient_values(sparse_of(rates), np.ones(n), time, Accuracy(), gain=np.eye(n)[n - 1])
+    exact = sum(math.exp(-time) * time**k / math.factorial(k) for k in range(n, n + 20))
+    assert found.lower[0] <= exact * (1 + 1e-12)
+    assert found.upper[0] >= exact * (1 - 1e-12)
+    assert found.upper[0] - found.lower[0] <= 1e-6 * exact
+
+
+def test_only_the_states_of_interest_decide_when_to_stop() -> None:
+    n = 150
+    rates = np.zeros((n, n))
+    rates[np.arange(n - 1), np.arange(1, n)] = 1.0
+    everywhere = transient_values(sparse_of(rates), np.ones(n), 1.0, Accuracy(), gain=np.eye(n)[n - 1])
+    last = transient_values(sparse_of(rates), np.ones(n), 1.0, Accuracy(), gain=np.eye(n)[n - 1], interest=np.array([n - 1]))
+    assert last.iterations < everywhere.iterations
+    assert last.upper[n - 1] == pytest.approx(1 - math.exp(-1))
+    assert everywhere.lower[0] == pytest.approx(math.exp(-1 - math.lgamma(n + 1)), rel=0.02)
+
+
+def test_products_are_enough() -> None:
+    rates = np.array([[0.0, 1.0], [2.0, 0.0]])
+
+    class Product:
+        def multiply(self, x: Floats) -> Floats:
+            return np.asarray(rates @ x)
+
+    whole = transient_values(sparse_of(rates), np.array([1.5, 2.0]), 2.0, Accuracy(), terminal=np.ones(2))
+    product = transient_values(Product(), np.array([1.5, 2.0]), 2.0, Accuracy(), terminal=np.ones(2))
+    assert np.all(product.lower <= whole.upper)
+    assert np.all(product.upper >= whole.lower)
+    assert np.all(product.upper - product.lower <= 1e-6 * product.upper)
+
+
+def test_negative_rewards_are_refused() -> None:
+    with pytest.raises(NumericalError, match="non-negative"):
+        transient_values(sparse_of(np.zeros((1, 1))), np.ones(1), 1.0, Accuracy(), terminal=-np.ones(1))
