@@ -13,6 +13,7 @@ import resource
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 CASES = (
@@ -23,10 +24,11 @@ CASES = (
     ("qcomp/ctmc/kanban/kanban.prism", "t=5"),
     ("prism-benchmarks/ctmcs/polling/poll15.sm", ""),
     ("prism-benchmarks/ctmcs/fms/fms.sm", "n=6"),
-    ("prism-benchmarks/mdps/firewire/impl/firewire.nm", "delay=36"),
-    ("prism-benchmarks/mdps/csma/csma4_4.nm", "K=4"),
+    ("prism-benchmarks/mdps/firewire_impl_dl/firewire_impl_dl.nm", "deadline=800,delay=3"),
+    ("prism-benchmarks/mdps/csma/csma3_4.nm", ""),
     ("prism-benchmarks/mdps/consensus/coin6.nm", "K=8"),
-    ("qcomp/mdp/zeroconf/zeroconf.prism", "N=1000,K=8,reset=false"),
+    ("prism-benchmarks/mdps/wlan/wlan6.nm", "COL=0"),
+    ("prism-benchmarks/mdps/zeroconf/zeroconf.nm", "reset=false,N=1000,K=8"),
 )
 
 
@@ -45,7 +47,7 @@ def measure(path: str, constants: str) -> dict[str, float]:
     times.append(time.process_time())
     result = exploration.finish()
     times.append(time.process_time())
-    prepare, search, finish = (b - a for a, b in zip(times, times[1:], strict=False))
+    prepare, search, finish = (b - a for a, b in pairwise(times))
     return {
         "states": len(result.states),
         "transitions": result.matrix.entries,
@@ -65,9 +67,8 @@ def main(arguments: list[str]) -> None:
     peers = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set"))
     given = list(zip(arguments[::2], arguments[1::2], strict=True))
     cases = given or [(str(peers / path), constants) for path, constants in CASES if (peers / path).exists()]
-    print(
-        f"{'model':38}{'states':>10}{'transitions':>12}{'levels':>7}{'prepare':>9}{'search':>8}{'finish':>8}{'M st/s':>8}{'all':>6}{'MB':>6}"
-    )
+    head = f"{'model':38}{'states':>10}{'transitions':>12}{'levels':>7}{'prepare':>9}{'search':>8}{'finish':>8}"
+    print(f"{head}{'M st/s':>8}{'all':>6}{'MB':>6}")
     for path, constants in cases:
         run = subprocess.run([sys.executable, __file__, "--one", path, constants], capture_output=True, text=True, check=False)
         if run.returncode:

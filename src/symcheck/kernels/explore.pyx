@@ -1,30 +1,25 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
 """Breadth-first exploration of a model given as tables, straight into compressed rows.
 
-A batch of states of one level is expanded (guards, updates, products of synchronised commands) into one array of
-successors; these are then numbered through the hash table, and the rows are closed. So the table is probed with
-prefetching, and a deep search over narrow levels costs no more per state than a wide one.
+A batch of states of one level is expanded into one array of successors; these are then numbered through the hash table,
+and the rows are closed. So the table is probed with prefetching, and a deep search over narrow levels costs no more per
+state than a wide one.
 """
 
 from libc.stdint cimport int32_t, int64_t, uint64_t
-from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy
 from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
 from symcheck.kernels.csr cimport RowStore
+from symcheck.kernels.expand cimport Expander
 from symcheck.kernels.hashing cimport StateSet
 from symcheck.kernels.memory cimport Buffer, release, reserve
-from symcheck.kernels.vm cimport Instruction, Slot, Status, execute
+from symcheck.kernels.vm cimport Status
 
 cdef enum:
     BATCH = 256  # states
     WIDE = 16384  # successors: a batch ends here
     PATIENCE = 2048  # states between looks at the clock
-
-cdef enum Kind:
-    DTMC = 0
-    CTMC = 1
-    MDP = 2
 
 
 cpdef enum Outcome:
@@ -45,137 +40,50 @@ cdef double now() noexcept nogil:
 cdef class Explorer:
     """A search that can be paused. `tables`: see `symcheck.explicit.tables.Tables`.
 
-    `add` puts states in, `run` explores; `states` and `rows` hold what was found, in the order of discovery.
+    `add` puts states in, `run` explores; `states` and `rows` hold what was found, in the order of discovery. After a
+    fault, `fault_state` is the number of the state that the model breaks a rule in.
     """
 
     cdef readonly StateSet states
     cdef readonly RowStore rows
-    cdef readonly long long explored, level, level_end, deadlock_count
+    cdef readonly long long explored, level, level_end, fault_state
     cdef readonly int fault_status
-    cdef readonly long long fault_state
-    cdef object tables
-    # the model
-    cdef int kind, words, variables, structures
-    cdef bint check_sums
-    cdef double tolerance
-    cdef const int32_t[:, ::1] fields, program
-    cdef const int64_t[::1] lows
-    cdef const uint64_t[::1] ranges
-    cdef const int32_t[::1] command_guard, command_code, command_updates, update_probability, update_code, update_assignments
-    cdef const uint64_t[:, ::1] update_keep, update_preset
-    cdef const int32_t[::1] assignment_register, assignment_variable
-    cdef const int32_t[::1] event_action, event_parts, part_commands, part_list, part_forest, forest, action_rewards
-    cdef const int32_t[:, ::1] rewards, canonical
-    cdef int root, canonical_code, events
-    cdef const Instruction* code
-    cdef Slot* r
-    cdef Slot* canonical_slots
-    # scratch of one state
-    cdef int32_t* candidates
-    cdef int32_t* enabled
-    cdef int32_t* enabled_begin
-    cdef double* enabled_total
-    cdef int* enabled_status
-    cdef int32_t* part_begin
-    cdef int32_t* chosen
-    cdef double* evaluated_weight
-    cdef int32_t* evaluated_update
-    cdef uint64_t* evaluated_value
-    cdef uint64_t* level_words
-    cdef int candidate_count, enabled_count, evaluated_count, part_count
-    cdef int joint, row_action
-    # scratch of one batch
-    cdef Buffer successors, weights, ids, ends, deadlocks
-    cdef long long successor_count, row_count
+    cdef Expander expander
+    cdef Buffer ids
 
     def __cinit__(self, tables):
-        self.tables = tables
-        self.kind = tables.kind
-        self.words = tables.words
-        self.tolerance = tables.tolerance
-        self.fields, self.lows, self.ranges = tables.fields, tables.lows, tables.ranges
-        self.variables = self.fields.shape[0]
-        self.program = tables.program
-        self.command_guard, self.command_code = tables.command_guard, tables.command_code
-        self.command_updates, self.check_sums = tables.command_updates, tables.check_sums
-        self.update_probability, self.update_code = tables.update_probability, tables.update_code
-        self.update_assignments = tables.update_assignments
-        self.update_keep, self.update_preset = tables.update_keep, tables.update_preset
-        self.assignment_register, self.assignment_variable = tables.assignment_register, tables.assignment_variable
-        self.event_action, self.event_parts = tables.event_action, tables.event_parts
-        self.part_commands, self.part_list, self.part_forest = tables.part_commands, tables.part_list, tables.part_forest
-        self.forest, self.root = tables.forest, tables.root
-        self.action_rewards, self.rewards, self.structures = tables.action_rewards, tables.rewards, tables.structures
-        self.canonical_code, self.canonical = tables.canonical_code, tables.canonical
-        self.events = self.event_action.shape[0]
-        self.code = <const Instruction*> &self.program[0, 0]
-        self.states = StateSet(self.words)
+        self.expander = Expander(tables)
+        self.rows = self.expander.rows
+        self.states = StateSet(tables.words)
         self.fault_state = -1
-        self._allocate(tables.slots, tables.most_updates, tables.most_commands, tables.most_parts)
-        self.rows = RowStore(self.structures)
-
-    def _allocate(self, const int64_t[::1] slots, int most_updates, int most_commands, int most_parts):
-        cdef size_t size = slots.shape[0] * sizeof(Slot) + 8
-        self.r = <Slot*> malloc(size)
-        self.canonical_slots = <Slot*> malloc(size)
-        self.candidates = <int32_t*> malloc((self.events + most_commands + 1) * 4)
-        self.enabled = <int32_t*> malloc((most_commands + 1) * 4)
-        self.enabled_begin = <int32_t*> malloc((most_commands + 2) * 4)
-        self.enabled_total = <double*> malloc((most_commands + 1) * 8)
-        self.enabled_status = <int*> malloc((most_commands + 1) * sizeof(int))
-        self.part_begin = <int32_t*> malloc((most_parts + 2) * 4)
-        self.chosen = <int32_t*> malloc((most_parts + 1) * 4)
-        self.evaluated_weight = <double*> malloc((most_updates + 1) * 8)
-        self.evaluated_update = <int32_t*> malloc((most_updates + 1) * 4)
-        self.evaluated_value = <uint64_t*> malloc((most_updates + 1) * 8 * self.words)
-        self.level_words = <uint64_t*> malloc((most_parts + 1) * 8 * self.words)
-        if (self.r == NULL or self.canonical_slots == NULL or self.candidates == NULL or self.enabled == NULL
-                or self.enabled_begin == NULL or self.enabled_total == NULL or self.enabled_status == NULL or self.part_begin == NULL or self.chosen == NULL
-                or self.evaluated_weight == NULL or self.evaluated_update == NULL or self.evaluated_value == NULL
-                or self.level_words == NULL):
-            raise MemoryError
-        if slots.shape[0]:
-            memcpy(self.r, &slots[0], slots.shape[0] * sizeof(Slot))
-            memcpy(self.canonical_slots, &slots[0], slots.shape[0] * sizeof(Slot))
 
     def __dealloc__(self):
-        free(self.r)
-        free(self.canonical_slots)
-        free(self.candidates)
-        free(self.enabled)
-        free(self.enabled_begin)
-        free(self.part_begin)
-        free(self.chosen)
-        free(self.evaluated_weight)
-        free(self.evaluated_update)
-        free(self.evaluated_value)
-        free(self.level_words)
-        free(self.enabled_total)
-        free(self.enabled_status)
-        release(&self.successors)
-        release(&self.weights)
         release(&self.ids)
-        release(&self.ends)
-        release(&self.deadlocks)
 
     @property
     def nbytes(self):
         """Memory held, in bytes."""
-        return self.states.nbytes + self.rows.nbytes + self.successors.size + self.weights.size + self.ids.size
+        return self.states.nbytes + self.expander.nbytes + self.ids.size
+
+    @property
+    def deadlock_count(self):
+        """Number of deadlock states found."""
+        return self.expander.deadlock_count
+
+    def copy_deadlocks(self, int64_t[::1] out):
+        """Numbers of the deadlock states, into `out` (int64[deadlock_count])."""
+        if self.expander.deadlock_count:
+            memcpy(&out[0], self.expander.deadlocks.data, self.expander.deadlock_count * 8)
 
     def add(self, const uint64_t[:, ::1] rows):
         """Put states in (uint64[n, words]), to be explored in their turn; known ones are passed over."""
-        cdef int failed
+        cdef int32_t[::1] ids
         if rows.shape[0] == 0:
             return
         if reserve(&self.ids, rows.shape[0] * 4):
             raise MemoryError
-        with nogil:
-            failed = self.states.insert(&rows[0, 0], rows.shape[0], <int32_t*> self.ids.data)
-        if failed == 1:
-            raise MemoryError
-        if failed:
-            raise OverflowError("more than 2**31 - 1 states")
+        ids = <int32_t[:rows.shape[0]]> <int32_t*> self.ids.data
+        self.states.add(rows, ids)
         if self.explored == 0:
             self.level_end = self.states.count
 
@@ -187,393 +95,58 @@ cdef class Explorer:
         return Outcome(outcome)
 
     cdef int _run(self, long long budget, double deadline) noexcept nogil:
-        cdef long long stop, looked = self.explored
-        cdef int failed
+        cdef long long looked = self.explored
+        cdef int outcome
         while self.explored < self.states.count:
             if self.states.count >= budget:
                 return Outcome.BUDGET
-            if self.explored - looked >= PATIENCE or self.successor_count >= WIDE:
+            if self.explored - looked >= PATIENCE or self.expander.successor_count >= WIDE:
                 looked = self.explored
                 if now() > deadline:
                     return Outcome.PAUSED
             if self.explored >= self.level_end:
                 self.level += 1
                 self.level_end = self.states.count
-            stop = min(self.level_end, self.explored + BATCH)
-            self.successor_count = 0
-            self.row_count = 0
-            while self.explored < stop and self.successor_count < WIDE:
-                failed = self._expand(self.explored)
-                if failed == Status.MEMORY:
-                    return Outcome.NO_MEMORY
-                if failed:
-                    self.fault_status = failed
-                    self.fault_state = self.explored
-                    return Outcome.FAULT
-                self.explored += 1
-            failed = self._settle()
-            if failed:
-                return Outcome.TOO_MANY if failed == 2 else Outcome.NO_MEMORY
+            outcome = self._batch()
+            if outcome:
+                return outcome
         return Outcome.COMPLETE
 
-    # ------------------------------------------------------------------------------------------ one state
-
-    cdef int _expand(self, long long state) noexcept nogil:
-        """Successors of one state at the end of the batch, with its rows."""
-        cdef const uint64_t* source = <const uint64_t*> self.states.rows.data + state * self.words
-        cdef const int32_t* field
-        cdef long long first = self.successor_count, i
-        cdef int v, k, status
-        cdef int32_t e
-        for v in range(self.variables):
-            field = &self.fields[v, 0]
-            self.r[v].i = <int64_t> ((source[field[1]] >> field[2]) & ((<uint64_t> 1 << field[3]) - 1)) + self.lows[v]
-        if self.kind != Kind.MDP and self._open_row():
-            return Status.MEMORY
-        self.joint = 0
-        self.row_action = -1
-        self.candidate_count = 0
-        self._walk(self.root)
-        self._sort_candidates(0)
-        k = self.candidate_count
-        for v in range(k):
-            e = self.candidates[v]
-            if self.event_parts[e + 1] - self.event_parts[e] == 1:
-                status = self._alone(e, source)
-            else:
-                status = self._together(e, source)
-            if status:
-                return status
-        if self.successor_count == first:
-            return self._deadlock(state, source)
-        if self.kind == Kind.DTMC and self.joint > 1:
-            for i in range(first, self.successor_count):
-                (<double*> self.weights.data)[i] /= self.joint
-            for v in range(self.structures):
-                (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint
-        if self.kind != Kind.MDP:
-            self._end_row(self.row_action)
-            return 0
-        return Status.MEMORY if self.rows.end_group() else 0
-
-    cdef int _deadlock(self, long long state, const uint64_t* source) noexcept nogil:
-        """A loop with probability (rate) 1 and no action."""
-        cdef int v
-        if reserve(&self.deadlocks, (self.deadlock_count + 1) * 8) or self._room(1):
-            return Status.MEMORY
-        if self.kind == Kind.MDP and self._open_row():
-            return Status.MEMORY
-        (<int64_t*> self.deadlocks.data)[self.deadlock_count] = state
-        self.deadlock_count += 1
-        memcpy(<uint64_t*> self.successors.data + self.successor_count * self.words, source, self.words * 8)
-        (<double*> self.weights.data)[self.successor_count] = 1.0
-        self.successor_count += 1
-        self._end_row(-1)
-        return Status.MEMORY if self.kind == Kind.MDP and self.rows.end_group() else 0
-
-    cdef int _open_row(self) noexcept nogil:
-        """Make room for one more row, which counts as a choice from now on."""
-        return reserve(&self.ends, (self.row_count + 1) * 8) or self.rows.open()
-
-    cdef void _end_row(self, int action) noexcept nogil:
-        (<int64_t*> self.ends.data)[self.row_count] = self.successor_count
-        self.rows.label(action)
-        self.row_count += 1
-
-    cdef int _room(self, long long more) noexcept nogil:
-        """Make room for so many more successors."""
-        return (reserve(&self.successors, (self.successor_count + more) * self.words * 8)
-                or reserve(&self.weights, (self.successor_count + more) * 8))
-
-    # ------------------------------------------------------------------------------------------ candidates
-
-    cdef void _walk(self, int node) noexcept nogil:
-        """Collect what a forest holds for the current state. Nodes: (0, n, items…) or (1, variable, low, next, children…)."""
-        cdef int i
-        cdef int32_t child
-        cdef const int32_t* f = &self.forest[0]
-        while node >= 0:
-            if f[node] == 0:
-                for i in range(f[node + 1]):
-                    self.candidates[self.candidate_count] = f[node + 2 + i]
-                    self.candidate_count += 1
-                return
-            child = f[node + 4 + <int> (self.r[f[node + 1]].i - f[node + 2])]
-            if child >= 0:
-                self._walk(child)
-            node = f[node + 3]
-
-    cdef void _sort_candidates(self, int first) noexcept nogil:
-        """Into the order of the model. Few, and nearly sorted."""
-        cdef int i, j
-        cdef int32_t item
-        for i in range(first + 1, self.candidate_count):
-            item = self.candidates[i]
-            j = i
-            while j > first and self.candidates[j - 1] > item:
-                self.candidates[j] = self.candidates[j - 1]
-                j -= 1
-            self.candidates[j] = item
-
-    # ------------------------------------------------------------------------------------------ events
-
-    cdef int _alone(self, int32_t event, const uint64_t* source) noexcept nogil:
-        """An event with one participant: each enabled command is a choice."""
-        cdef int part = self.event_parts[event], i, count, offset = self.candidate_count, status
-        cdef const int32_t* commands
-        if self.part_forest[part] >= 0:
-            self._walk(self.part_forest[part])
-            self._sort_candidates(offset)
-            count = self.candidate_count - offset
-            self.candidate_count = offset
-            commands = self.candidates + offset
-        else:
-            commands = &self.part_list[self.part_commands[part]]
-            count = self.part_commands[part + 1] - self.part_commands[part]
-        self.part_count = 1
-        for i in range(count):
-            self.evaluated_count = 0
-            status = self._evaluate(commands[i], 0)
-            if status == Status.DISABLED:
-                continue
-            if status:
-                return status
-            self.enabled_begin[0] = 0
-            self.enabled_begin[1] = self.evaluated_count
-            self.chosen[0] = 0
-            status = self._choice(event, source)
-            if status:
-                return status
+    cdef int _batch(self) noexcept nogil:
+        """Explore some states of one level."""
+        cdef const uint64_t* rows = <const uint64_t*> self.states.rows.data
+        cdef long long stop = min(self.level_end, self.explored + BATCH)
+        cdef int failed
+        self.expander.clear()
+        while self.explored < stop and self.expander.successor_count < WIDE:
+            failed = self.expander.expand(self.explored, rows + self.explored * self.states.words)
+            if failed == Status.MEMORY:
+                return Outcome.NO_MEMORY
+            if failed:
+                self.fault_status = failed
+                self.fault_state = self.explored
+                return Outcome.FAULT
+            self.explored += 1
+        failed = self._settle()
+        if failed:
+            return Outcome.TOO_MANY if failed == 2 else Outcome.NO_MEMORY
         return 0
-
-    cdef int _together(self, int32_t event, const uint64_t* source) noexcept nogil:
-        """A synchronised event: all combinations of the participants' enabled commands."""
-        cdef int first = self.event_parts[event], parts = self.event_parts[event + 1] - first, p, i, status
-        self.enabled_count = 0
-        for p in range(parts):
-            self.part_begin[p] = self.enabled_count
-            status = self._guards(first + p)
-            if status:
-                return status
-            if self.enabled_count == self.part_begin[p]:
-                return 0
-        self.part_begin[parts] = self.enabled_count
-        self.part_count = parts
-        self.evaluated_count = 0
-        for i in range(self.enabled_count):
-            self.enabled_begin[i] = self.evaluated_count
-            status = self._evaluate(self.enabled[i], i)
-            if status:
-                return status
-        self.enabled_begin[self.enabled_count] = self.evaluated_count
-        for p in range(parts):
-            self.chosen[p] = self.part_begin[p]
-        while True:
-            status = self._choice(event, source)
-            if status:
-                return status
-            p = parts - 1
-            while p >= 0:
-                self.chosen[p] += 1
-                if self.chosen[p] < self.part_begin[p + 1]:
-                    break
-                self.chosen[p] = self.part_begin[p]
-                p -= 1
-            if p < 0:
-                return 0
-
-    cdef int _guards(self, int part) noexcept nogil:
-        """Append the participant's enabled commands to `enabled`."""
-        cdef int i, count, offset = self.candidate_count, status
-        cdef const int32_t* commands
-        if self.part_forest[part] >= 0:
-            self._walk(self.part_forest[part])
-            self._sort_candidates(offset)
-            count = self.candidate_count - offset
-            self.candidate_count = offset
-            commands = self.candidates + offset
-        else:
-            commands = &self.part_list[self.part_commands[part]]
-            count = self.part_commands[part + 1] - self.part_commands[part]
-        for i in range(count):
-            status = execute(self.code + self.command_guard[commands[i]], self.code, self.r)
-            if status == Status.DONE:
-                self.enabled[self.enabled_count] = commands[i]
-                self.enabled_count += 1
-            elif status != Status.DISABLED:
-                return status
-        return 0
-
-    cdef int _evaluate(self, int32_t command, int place) noexcept nogil:
-        """Guard, probabilities and new values of a command, appended to the evaluated updates.
-
-        An update that has no value is a fault only if the commands chosen with it are possible: `_choice` decides.
-        """
-        cdef int u, first = self.command_updates[command], end = self.command_updates[command + 1]
-        cdef int status = execute(self.code + self.command_code[command], self.code, self.r)
-        cdef double weight, total = 0.0
-        self.enabled_status[place] = 0
-        if status:
-            return status
-        for u in range(first, end):
-            weight = self.r[self.update_probability[u]].d
-            if not (0 <= weight <= 1.7976931348623157e308):
-                return Status.PROBABILITY
-            total += weight
-        self.enabled_total[place] = total
-        for u in range(first, end):
-            weight = self.r[self.update_probability[u]].d
-            if weight == 0:
-                continue
-            status = self._update(u)
-            if status:
-                self.enabled_status[place] = status
-            self.evaluated_weight[self.evaluated_count] = weight
-            self.evaluated_update[self.evaluated_count] = u
-            self.evaluated_count += 1
-        return 0
-
-    cdef inline int _update(self, int u) noexcept nogil:
-        """The new values of an update, packed."""
-        cdef int w, a, status
-        cdef int32_t variable
-        cdef uint64_t bits
-        cdef uint64_t* value = self.evaluated_value + self.evaluated_count * self.words
-        if self.update_code[u] >= 0:
-            status = execute(self.code + self.update_code[u], self.code, self.r)
-            if status:
-                return status
-        for w in range(self.words):
-            value[w] = self.update_preset[u, w]
-        for a in range(self.update_assignments[u], self.update_assignments[u + 1]):
-            variable = self.assignment_variable[a]
-            bits = <uint64_t> self.r[self.assignment_register[a]].i - <uint64_t> self.lows[variable]
-            if bits > self.ranges[variable]:
-                return Status.RANGE
-            value[self.fields[variable, 1]] |= bits << self.fields[variable, 2]
-        return 0
-
-    cdef int _choice(self, int32_t event, const uint64_t* source) noexcept nogil:
-        """One joint choice: all combinations of the updates of the chosen commands."""
-        cdef long long many = 1, first = self.successor_count
-        cdef double total = 1.0
-        cdef int p, status = 0
-        for p in range(self.part_count):
-            many *= self.enabled_begin[self.chosen[p] + 1] - self.enabled_begin[self.chosen[p]]
-            total *= self.enabled_total[self.chosen[p]]
-            status = status or self.enabled_status[self.chosen[p]]
-        if self.check_sums and not (-self.tolerance <= total - 1 <= self.tolerance):
-            return Status.SUM
-        if many == 0:
-            return 0
-        if status:
-            return status
-        if self._room(many):
-            return Status.MEMORY
-        self._product(0, 1.0, source)
-        if self.successor_count == first:
-            return 0
-        if self.kind == Kind.MDP and self._open_row():
-            return Status.MEMORY
-        if self.canonical_code >= 0:
-            status = self._canonicalise(first)
-            if status:
-                return status
-        if self.structures:
-            status = self._reward(event, first)
-            if status:
-                return status
-        self.row_action = self.event_action[event] if self.joint == 0 or self.row_action == self.event_action[event] else -1
-        self.joint += 1
-        if self.kind == Kind.MDP:
-            self._end_row(self.event_action[event])
-        return 0
-
-    cdef void _product(self, int part, double weight, const uint64_t* base) noexcept nogil:
-        cdef int c = self.chosen[part], i, w, words = self.words
-        cdef bint last = part == self.part_count - 1
-        cdef uint64_t* target = self.level_words + part * words
-        cdef const uint64_t* keep
-        cdef const uint64_t* value
-        for i in range(self.enabled_begin[c], self.enabled_begin[c + 1]):
-            if last:
-                target = <uint64_t*> self.successors.data + self.successor_count * words
-            keep = &self.update_keep[self.evaluated_update[i], 0]
-            value = self.evaluated_value + i * words
-            for w in range(words):
-                target[w] = (base[w] & keep[w]) | value[w]
-            if last:
-                (<double*> self.weights.data)[self.successor_count] = weight * self.evaluated_weight[i]
-                # A product that underflows is no transition.
-                self.successor_count += weight * self.evaluated_weight[i] > 0
-            else:
-                self._product(part + 1, weight * self.evaluated_weight[i], target)
-
-    cdef int _canonicalise(self, long long first) noexcept nogil:
-        """Replace each new successor by its canonical form: variables set to values computed from the successor."""
-        cdef long long s
-        cdef int v, k, status
-        cdef const int32_t* field
-        cdef uint64_t* row
-        cdef uint64_t mask
-        for s in range(first, self.successor_count):
-            row = <uint64_t*> self.successors.data + s * self.words
-            for v in range(self.variables):
-                field = &self.fields[v, 0]
-                self.canonical_slots[v].i = <int64_t> ((row[field[1]] >> field[2]) & ((<uint64_t> 1 << field[3]) - 1)) + self.lows[v]
-            status = execute(self.code + self.canonical_code, self.code, self.canonical_slots)
-            if status:
-                return status
-            for k in range(self.canonical.shape[0]):
-                field = &self.fields[self.canonical[k, 0], 0]
-                mask = ((<uint64_t> 1 << field[3]) - 1) << field[2]
-                row[field[1]] = (row[field[1]] & ~mask) | (
-                    (<uint64_t> (self.canonical_slots[self.canonical[k, 1]].i - self.lows[self.canonical[k, 0]]) << field[2]) & mask)
-        return 0
-
-    cdef int _reward(self, int32_t event, long long first) noexcept nogil:
-        """Add the action's rewards, weighted with the choice's total weight, to the current row."""
-        cdef int action = self.event_action[event] + 1, k, status
-        cdef long long i
-        cdef double total = 0.0, reward
-        if self.action_rewards[action] == self.action_rewards[action + 1]:
-            return 0
-        for i in range(first, self.successor_count):
-            total += (<double*> self.weights.data)[i]
-        for k in range(self.action_rewards[action], self.action_rewards[action + 1]):
-            status = execute(self.code + self.rewards[k, 1], self.code, self.r)
-            if status:
-                return status
-            reward = self.r[self.rewards[k, 2]].d
-            if reward - reward != 0:
-                return Status.NOT_A_NUMBER
-            (<double*> self.rows.rewards[self.rewards[k, 0]].data)[self.rows.opened - 1] += total * reward
-        return 0
-
-    # ------------------------------------------------------------------------------------------ one batch
 
     cdef int _settle(self) noexcept nogil:
         """Number the batch's successors and append its rows."""
-        cdef long long row, begin = 0, end
+        cdef long long row, begin = 0, end, n = self.expander.successor_count
+        cdef const double* weights = <const double*> self.expander.weights.data
         cdef int32_t* ids
-        cdef double* weights = <double*> self.weights.data
         cdef int failed
-        if reserve(&self.ids, self.successor_count * 4):
+        if reserve(&self.ids, n * 4):
             return 1
         ids = <int32_t*> self.ids.data
-        failed = self.states.insert(<const uint64_t*> self.successors.data, self.successor_count, ids)
+        failed = self.states.insert(<const uint64_t*> self.expander.successors.data, n, ids)
         if failed:
             return failed
-        for row in range(self.row_count):
-            end = (<int64_t*> self.ends.data)[row]
+        for row in range(self.expander.row_count):
+            end = (<const int64_t*> self.expander.ends.data)[row]
             if self.rows.close(ids + begin, weights + begin, end - begin):
                 return 1
             begin = end
         return 0
-
-    # ------------------------------------------------------------------------------------------ the result
-
-    def copy_deadlocks(self, int64_t[::1] out):
-        """Numbers of the deadlock states, into `out` (int64[deadlock_count])."""
-        if self.deadlock_count:
-            memcpy(&out[0], self.deadlocks.data, self.deadlock_count * 8)
