@@ -6,7 +6,6 @@ from fractions import Fraction
 from typing import assert_never
 
 from symcheck.check.context import Context
-from symcheck.check.ltl import path_probability_ltl
 from symcheck.check.measures import measures
 from symcheck.check.paths import NextPath, Path, StatePath, TemporalPath, UntilPath, negated
 from symcheck.engines.base import StateSet, Values
@@ -42,6 +41,8 @@ def probability(context: Context, path: Path, direction: str | None) -> Values:
         case UntilPath(left, right):
             return measures(context).until(context, left, right, direction)
         case TemporalPath():
+            from symcheck.check.ltl import path_probability_ltl
+
             return path_probability_ltl(context, path, direction)
         case _:
             assert_never(path)

@@ -155,9 +155,11 @@ class ExactEngine:
         """Not offered: the exact measures work on `rationals`."""
         raise UnsupportedError("the exact engine has no floating-point equations")
 
-    def product(self, letters: Sequence[ArraySet], automaton: Any) -> Any:  # noqa: ARG002
-        """Not supported yet."""
-        raise UnsupportedError("formulas of linear time are not supported in exact arithmetic yet")
+    def product(self, letters: Sequence[ArraySet], automaton: Any) -> Any:
+        """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
+        from symcheck.engines.exact_product import product
+
+        return product(self, letters, automaton)
 
 
 def explore_exactly(

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from symcheck.engines.explicit import ExplicitEngine
     from symcheck.engines.product import Automaton
 
-__all__ = ["ExplicitProduct", "ProductModel", "product"]
+__all__ = ["ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
 
 _PAIRS_LIMIT = 2**33
 
@@ -135,12 +135,12 @@ def product(base: ExplicitEngine, letters: Sequence[ArraySet], automaton: Automa
     size = table.shape[0]
     if base.states * size > _PAIRS_LIMIT:
         raise MemoryLimitError(f"the product with an automaton of {size} states is too large for the explicit engine")
-    found = _reachable(base.matrix, table, letter, automaton.initial)
+    found = reachable_pairs(base.matrix, table, letter, automaton.initial)
     keys = np.flatnonzero(found)
     state, second = (keys // size).astype(np.int32), (keys % size).astype(np.int32)
     number = np.full(len(found), -1, np.int32)
     number[keys] = np.arange(len(keys), dtype=np.int32)
-    matrix, rows = _matrix(base.matrix, table[second, letter[state]], state, number, size)
+    matrix, rows = pair_matrix(base.matrix, table[second, letter[state]], state, number, size)
     pairs = ProductModel(base, state, second, matrix, rows, automaton.initial)
     entry = number[np.arange(base.states, dtype=np.int64) * size + automaton.initial].astype(np.int64)
     return ExplicitProduct(ExplicitEngine(pairs, f"{base.name} product"), pairs, entry, letter)  # type: ignore[arg-type]
@@ -151,7 +151,7 @@ def _entries(matrix: SparseMatrix) -> Int64s:
     return matrix.indptr if matrix.groups is None else matrix.indptr[matrix.groups]
 
 
-def _reachable(matrix: SparseMatrix, table: Int64s, letter: Int64s, initial: int) -> NDArray[np.bool_]:
+def reachable_pairs(matrix: SparseMatrix, table: Int64s, letter: Int64s, initial: int) -> NDArray[np.bool_]:
     """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for some s."""
     size = table.shape[0]
     edges = _entries(matrix)
@@ -167,7 +167,7 @@ def _reachable(matrix: SparseMatrix, table: Int64s, letter: Int64s, initial: int
     return found
 
 
-def _matrix(matrix: SparseMatrix, following: Int64s, state: Int32s, number: Int32s, size: int) -> tuple[SparseMatrix, Int64s]:
+def pair_matrix(matrix: SparseMatrix, following: Int64s, state: Int32s, number: Int32s, size: int) -> tuple[SparseMatrix, Int64s]:
     """The rows of the pairs, in their order, and the base row of each."""
     if matrix.groups is None:
         rows, groups, per_state = state.astype(np.int64), None, np.ones(len(state), np.int64)
