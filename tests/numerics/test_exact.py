@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from numerics.oracle import System, brute_force, solve_chain
 from numerics.test_methods import attained, chains, mdps, restrict, split
-
 from symcheck.errors import NumericalError
 from symcheck.numerics import exact
 from symcheck.numerics.matrix import SparseMatrix

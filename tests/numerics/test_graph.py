@@ -57,8 +57,8 @@ def almost_sure_reach(rows: Rows, left: set[int], right: set[int]) -> set[int]:
 @settings(max_examples=400, deadline=None)
 @given(mdps())
 def test_probability_zero_and_one_of_an_mdp(case: tuple[Rows, list[bool], list[bool]]) -> None:
-    rows, l, r = case
-    left, right, everything = np.array(l), np.array(r), set(range(len(rows)))
+    rows, ls_, rs_ = case
+    left, right, everything = np.array(ls_), np.array(rs_), set(range(len(rows)))
     source = graph.Incidence(matrix_of(rows))
     ls, rs = as_set(left), as_set(right)
     assert as_set(graph.prob0a(source, left, right)) == everything - exists_reach(rows, ls, rs)
@@ -79,8 +79,8 @@ def test_probability_zero_and_one_of_an_mdp(case: tuple[Rows, list[bool], list[b
 @settings(max_examples=300, deadline=None)
 @given(mdps(choices=1))
 def test_probability_zero_and_one_of_a_chain(case: tuple[Rows, list[bool], list[bool]]) -> None:
-    rows, l, r = case
-    left, right, everything = np.array(l), np.array(r), set(range(len(rows)))
+    rows, ls_, rs_ = case
+    left, right, everything = np.array(ls_), np.array(rs_), set(range(len(rows)))
     source = matrix_of(rows, grouped=False)
     never = everything - exists_reach(rows, as_set(left), as_set(right))
     assert as_set(graph.prob0(source, left, right)) == never
@@ -119,7 +119,7 @@ def test_maximal_end_components(case: tuple[Rows, list[bool], list[bool]]) -> No
         kept = closed(part)
         if not part or not all(kept.values()):
             return False
-        graph_rows: Rows = [[r for r in kept.get(s, [])] for s in range(len(rows))]
+        graph_rows: Rows = [list(kept.get(s, [])) for s in range(len(rows))]
         return all(exists_reach(graph_rows, part, {s}) >= part for s in part)
 
     expected: list[set[int]] = []

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numerics.oracle import Row, System, brute_force, leaves, problem_of, solve_chain
 
+from numerics.oracle import Row, System, brute_force, leaves, problem_of, solve_chain
 from symcheck.numerics import graph
 from symcheck.numerics.methods import METHODS, solve_linear
 from symcheck.numerics.problem import LinearProblem, Solution
@@ -27,7 +28,8 @@ def rows(draw: st.DrawFn, n: int, reward: bool = False) -> Row:
     share = [Fraction(w, 64) for w in weights]
     share[0] += 1 - sum(share)
     entries = {p: w for p, w in zip(picks, share, strict=True) if p < n}
-    gain = draw(st.sampled_from([Fraction(0), Fraction(1), Fraction(3, 8)])) if reward else dict(zip(picks, share, strict=True)).get(n, Fraction(0))
+    into_target = dict(zip(picks, share, strict=True)).get(n, Fraction(0))
+    gain = draw(st.sampled_from([Fraction(0), Fraction(1), Fraction(3, 8)])) if reward else into_target
     return entries, gain, 1 - sum(entries.values(), Fraction(0))
 
 
@@ -76,7 +78,7 @@ def mdps(draw: st.DrawFn, reward: bool = False) -> System:
     return [draw(st.lists(rows(n, reward), min_size=1, max_size=3)) for _ in range(n)]
 
 
-def restrict(system: System, keep: set[int], ones: set[int] = frozenset()) -> System:  # type: ignore[assignment]
+def restrict(system: System, keep: set[int], ones: Set[int] = frozenset()) -> System:
     """The equations of the states in `keep`; `ones` have value 1, all others 0."""
     place = {s: i for i, s in enumerate(sorted(keep))}
     out: System = []
@@ -148,7 +150,7 @@ def test_rewards_of_mdps(method: str, direction: str, system: System) -> None:
     target: System = [[(r[0], r[2], r[2]) for r in c] for c in system]  # leaving is the target
     _, sure = split(target, "min" if direction == "max" else "max")
     if direction == "max":
-        part = restrict([[r for r in c] for c in system], sure)
+        part = restrict([list(c) for c in system], sure)
     else:
         # Only rows that stay among the states with a strategy that leaves almost surely are of use.
         part = restrict([[r for r in c if set(r[0]) <= sure] for c in system], sure)

@@ -83,7 +83,7 @@ class LocalSystem:
         return LinearProblem(constant=constant[policy], matrix=chain.matrix, exit=chain.exit, probability=probability)
 
     def rows_of(self, x: Floats, constant: Floats) -> Floats:
-        """constant + A x, per row."""
+        """Constant + A x, per row."""
         out = np.empty(self.matrix.rows)
         sparse.multiply(self.matrix.indptr, self.matrix.indices, self.matrix.data, x, out)
         return out + constant
@@ -103,7 +103,7 @@ def _scale(x: Floats) -> Floats:
 
 
 def _around(x: Floats, weight: Floats, below: float, above: float) -> Bounds | None:
-    """x - below·weight and x + above·weight, rounded outwards; None where a factor is infinite."""
+    """X - below·weight and x + above·weight, rounded outwards; None where a factor is infinite."""
     if not (np.isfinite(below) and np.isfinite(above)):
         return None
     slip = np.abs(x) * 2.0**-51
@@ -138,7 +138,9 @@ def policy_iteration(local: LocalSystem, goal: float, evaluate: Evaluate, rounds
         return None
     fine = Accuracy(epsilon=min(goal * 0.1, 1e-9))
     middle = 0.5 * (local.low + local.high)
-    for done in range(1, rounds + 1):
+    count = 0
+    while count < rounds:
+        count += 1
         x = evaluate(local.problem(policy, middle), fine).middle
         if not np.all(np.isfinite(x)):
             return None
@@ -149,10 +151,10 @@ def policy_iteration(local: LocalSystem, goal: float, evaluate: Evaluate, rounds
         policy = better
     own = evaluate(replace(local.problem(policy, local.low), upper=local.high[policy]), fine)
     if _clearly_best(local, policy, own):
-        return Bounds(own.lower, own.upper, policy, done)
+        return Bounds(own.lower, own.upper, policy, count)
     weights = _weights(local, policy, x, rows, evaluate)
     found = None if weights is None else _around(x, weights, *local.certify(x, weights, policy))
-    return None if found is None else replace(found, policy=policy, iterations=done)
+    return None if found is None else replace(found, policy=policy, iterations=count)
 
 
 def _clearly_best(local: LocalSystem, policy: Int64s, own: Solution) -> bool:
@@ -215,7 +217,7 @@ def _improve(local: LocalSystem, policy: Int64s, rows: Floats, mode: int, allowe
 
 
 def _weights(local: LocalSystem, policy: Int64s, x: Floats, rows: Floats, evaluate: Evaluate) -> Floats | None:
-    """w with A_r w + |x| about w or less, along the rows that are as good as the policy's (the greatest reward |x|)."""
+    """W with A_r w + |x| about w or less, along the rows that are as good as the policy's (the greatest reward |x|)."""
     groups = local.matrix.groups
     assert groups is not None
     scale = _scale(x)

@@ -34,9 +34,7 @@ class Collapsed:
         """The solution of the original problem, with a strategy that walks to the best way out."""
         strategy = None if solution.strategy is None else self._strategy(solution.strategy)
         note = f"{solution.explanation}; {self.components} end component{'s' * (self.components != 1)} collapsed"
-        return replace(
-            solution, lower=solution.lower[self.place], upper=solution.upper[self.place], strategy=strategy, explanation=note
-        )
+        return replace(solution, lower=solution.lower[self.place], upper=solution.upper[self.place], strategy=strategy, explanation=note)
 
     def _strategy(self, chosen: Int64s) -> Int64s:
         """Rows of the original states: the chosen one at its owner, and inside rows towards it elsewhere."""

@@ -83,9 +83,9 @@ class ExactSolution:
 
 def solve_exact(problem: ExactProblem) -> ExactSolution:
     """The exact solution. Raises NumericalError where it is not unique or not finite."""
-    rounded, leave = _rounded(problem)
+    rounded, _leave = _rounded(problem)
     if rounded.mode == 0:
-        x = _solve_chain(_rows(problem.matrix, range(problem.matrix.rows)), [_number(c) for c in problem.constant], problem.matrix)
+        x = _solve_chain(_rows(problem.matrix, range(problem.matrix.rows)), [_number(c) for c in problem.constant])
         return ExactSolution([_fraction(v) for v in x], None, f"{len(x)} states: rational elimination")
     smaller = collapse(rounded)
     if smaller is None:
@@ -101,21 +101,20 @@ def solve_exact(problem: ExactProblem) -> ExactSolution:
 def _rounded(problem: ExactProblem) -> tuple[LinearProblem, list[Fraction]]:
     """The problem in doubles, with exits that are positive exactly where they are."""
     m = problem.matrix
-    leave = []
-    for r in range(m.rows):
-        leave.append(1 - sum((m.values[c] for c in m.codes[m.indptr[r] : m.indptr[r + 1]]), Fraction(0)))
+    parts = [m.codes[m.indptr[r] : m.indptr[r + 1]] for r in range(m.rows)]
+    leave = [1 - sum((m.values[c] for c in codes), Fraction(0)) for codes in parts]
     exits = np.array([max(float(v), 1e-300) if v > 0 else 0.0 for v in leave])
     constant = np.array([float(c) for c in problem.constant])
-    linear = LinearProblem(
-        constant=constant, matrix=m.rounded(), exit=exits, direction=problem.direction, probability=problem.probability
-    )
+    linear = LinearProblem(constant=constant, matrix=m.rounded(), exit=exits, direction=problem.direction, probability=problem.probability)
     return linear, leave
 
 
 def _merged(problem: ExactProblem, smaller: Collapsed) -> tuple[ExactProblem, LinearProblem]:
     """The exact problem with its end components merged as in the rounded one."""
     m = problem.matrix
-    indptr, indices, values = [0], [], []
+    indptr = [0]
+    indices: list[int] = []
+    values: list[Fraction] = []
     for r in smaller.kept:
         row: dict[int, Fraction] = {}
         for k in range(m.indptr[r], m.indptr[r + 1]):
@@ -146,7 +145,7 @@ def _policy_iteration(problem: ExactProblem, rounded: LinearProblem) -> tuple[li
     table = _rows(m, range(m.rows))
     sign = 1 if problem.direction == "max" else -1
     for rounds in range(1, 10_000):
-        x = _solve_chain([table[r] for r in policy], [constant[r] for r in policy], m, policy)
+        x = _solve_chain([table[r] for r in policy], [constant[r] for r in policy])
         changed = False
         for s in range(len(x)):
             best = x[s]
@@ -178,8 +177,8 @@ def _rows(matrix: ExactMatrix, rows: Sequence[int]) -> list[Row]:
     return out
 
 
-def _solve_chain(rows: list[Row], constant: list[Number], matrix: ExactMatrix, policy: Int64s | None = None) -> list[Number]:
-    """x = A x + b for a chain, component by component."""
+def _solve_chain(rows: list[Row], constant: list[Number]) -> list[Number]:
+    """Solve x = A x + b for a chain, component by component."""
     indptr = np.cumsum([0] + [len(r) for r in rows]).astype(np.int64)
     indices = np.array([t for r in rows for t in r], dtype=np.int32)
     parts = graph.sccs(SparseMatrix(indptr, indices, np.ones(len(indices)), len(rows)))
@@ -195,7 +194,7 @@ def _solve_chain(rows: list[Row], constant: list[Number], matrix: ExactMatrix, p
 
 
 def _solve(rows: list[Row], right: list[Number]) -> list[Number]:
-    """x = A x + b within a component."""
+    """Solve x = A x + b within a component."""
     n = len(rows)
     if n == 1:
         rest = 1 - rows[0].get(0, 0)

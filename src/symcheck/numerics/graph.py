@@ -138,7 +138,7 @@ def bsccs(source: Source, within: Bools | None = None) -> list[Int32s]:
     graph = _incidence(source)
     parts = sccs(graph, within)
     closed = kernel.bottom(graph.edges, graph.matrix.indices, parts.of, parts.count)
-    return [np.sort(parts.members(c)) for c in np.flatnonzero(closed)]
+    return [np.sort(parts.members(c)) for c in np.flatnonzero(closed).tolist()]
 
 
 def forward_reachable(source: Source, sources: Bools, through: Bools | None = None) -> Bools:

@@ -33,7 +33,9 @@ Observer = Callable[[Step], None]
 class Operator(Protocol):
     """A matrix that can only be multiplied: x (a value per state) → A x (a value per row)."""
 
-    def multiply(self, x: Floats, /) -> Floats: ...
+    def multiply(self, x: Floats, /) -> Floats:
+        """A x."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

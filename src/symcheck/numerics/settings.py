@@ -12,15 +12,29 @@ class Settings(Protocol):
     """Width wanted (relative, or absolute), whether it must be proved, the method ('auto' or a name), and a limit."""
 
     @property
-    def method(self) -> str: ...
+    def method(self) -> str:
+        """'auto' or a name in METHODS."""
+        ...
+
     @property
-    def epsilon(self) -> float: ...
+    def epsilon(self) -> float:
+        """The width wanted."""
+        ...
+
     @property
-    def relative(self) -> bool: ...
+    def relative(self) -> bool:
+        """Whether the width is relative to the value."""
+        ...
+
     @property
-    def certify(self) -> bool: ...
+    def certify(self) -> bool:
+        """Whether it must be proved."""
+        ...
+
     @property
-    def max_iterations(self) -> int: ...
+    def max_iterations(self) -> int:
+        """A limit on sweeps, products or policies."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

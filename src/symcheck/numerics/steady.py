@@ -90,9 +90,7 @@ def _estimate(rates: SparseMatrix, settings: Settings, observer: Observer | None
     return pi, count
 
 
-def long_run_average(
-    rates: SparseMatrix, rewards: Floats, settings: Settings, observer: Observer | None = None
-) -> Average:
+def long_run_average(rates: SparseMatrix, rewards: Floats, settings: Settings, observer: Observer | None = None) -> Average:
     """Long-run average of a reward (float64[n]) of an irreducible chain: per unit of time, given its rates; per step, given
     its probabilities.
 

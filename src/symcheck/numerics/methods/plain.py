@@ -16,7 +16,7 @@ __all__ = ["gauss_seidel", "jacobi", "power"]
 
 
 def power(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
-    """x ← opt(A x + b) from 0."""
+    """Iterate x ← opt(A x + b) from 0."""
     return _iterate("power", Stepper.of(problem).step, problem, settings, observer)
 
 
