@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from checking import RESULTS, check_text, engine_of
 
+from checking import RESULTS, check_text, engine_of
 from symcheck.check import thresholds
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import NumericalError

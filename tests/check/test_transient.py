@@ -6,12 +6,12 @@ from random import Random
 
 import numpy as np
 import pytest
-from checking import check_text, engine_of
-from generate import random_model
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from checking import check_text, engine_of
+from generate import random_model
 from symcheck.errors import InputError, UnsupportedError
 
 

@@ -6,11 +6,11 @@ from math import isinf, isnan
 from random import Random
 
 import pytest
-from checking import check_text, engine_of
-from generate import random_model, random_property
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from checking import check_text, engine_of
+from generate import random_model, random_property
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import InputError, UnsupportedError
 

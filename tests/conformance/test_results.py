@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from checking import RESULTS, judge_file
 
+from checking import RESULTS, judge_file
 from symcheck.check.resultlines import VerdictKind
 from symcheck.engines.registry import BUILDERS
 

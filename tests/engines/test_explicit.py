@@ -8,11 +8,11 @@ from random import Random
 
 import numpy as np
 import pytest
-from checking import engine_of
-from generate import random_model
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from checking import engine_of
+from generate import random_model
 from symcheck.engines.arrays import ArraySet
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.syntax.ast import Type

@@ -1,0 +1,92 @@
+"""Filters, and what is printed of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from checking import RESULTS, check_text, engine_of
+from symcheck.engines.registry import BUILDERS
+from symcheck.errors import InputError
+
+DIE = (RESULTS / "die.pm").read_text()
+MANY = (RESULTS / "many.pm").read_text()
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+@pytest.mark.parametrize(
+    ("formula", "value"),
+    [
+        ("filter(min, P=? [ F x=4 ])", 0),
+        ("filter(max, P=? [ F x=4 ], x<4)", 0.75),
+        ("filter(+, P=? [ F x=4 ])", 2.5),
+        ("filter(sum, x)", 10),
+        ("filter(avg, P=? [ F x=4 ])", 0.5),
+        ("filter(avg, x, x>2)", 3.5),
+        ("filter(count, P>0.4 [ F x=4 ])", 3),
+        ("filter(range, x, x>1)", (2, 4)),
+        ("filter(&, x<5)", True),
+        ("filter(forall, x<4)", False),
+        ("filter(|, x>3)", True),
+        ("filter(exists, x>4)", False),
+        ("filter(first, x, x>1)", 2),
+        ("filter(first, x>2, x>1)", False),
+        ("filter(state, x=3, x=3)", True),
+        ("filter(count, filter(argmax, P=? [ F x=4 ], x<4) & x=3)", 1),
+        ("filter(count, filter(argmin, x))", 1),
+        ("filter(max, P=? [ F x=4 ], x<4) + filter(min, x, x>2)", (3.75, 3.75)),
+        ('P=? [ F x=4 {x=1} ]', 0.25),
+        ('P=? [ F x=4 {x<4}{max} ]', 0.75),
+        ('P=? [ F x=4 {x<4}{min}{max} ]', (0, 0.75)),
+    ],
+)
+def test_values(name, formula, value):
+    found = check_text(engine_of(MANY, name), formula).value
+    if isinstance(value, bool):
+        assert found is value
+    else:
+        assert found == pytest.approx(value)
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+def test_printed_lines(name):
+    result = check_text(engine_of(MANY, name), "filter(printall, P=? [ F x=4 ])")
+    assert result.value is None
+    assert [(line.index, line.state, pytest.approx(float(line.value))) for line in result.lines] == [
+        (0, (0,), 0.0),
+        (1, (1,), 0.25),
+        (2, (2,), 0.5),
+        (3, (3,), 0.75),
+        (4, (4,), 1.0),
+    ]
+    nonzero = check_text(engine_of(MANY, name), "filter(print, P=? [ F x=4 ], x<3)")
+    assert [line.index for line in nonzero.lines] == [1, 2]
+    true = check_text(engine_of(MANY, name), "filter(print, x>2)")
+    assert [str(line) for line in true.lines] == ["3:(3)=true", "4:(4)=true"]
+
+
+@pytest.mark.parametrize(
+    ("formula", "reason"),
+    [
+        ("filter(state, x, x>2)", "selects 2 states"),
+        ("filter(max, x, x>9)", "no state"),
+        ("filter(forall, x>0, x>9)", "no state"),
+    ],
+)
+def test_refused(formula, reason):
+    with pytest.raises(InputError, match=reason):
+        check_text(engine_of(MANY), formula)
+
+
+def test_a_filter_inside_is_the_same_everywhere():
+    assert check_text(engine_of(DIE), 'P>=1 [ F filter(max, P=? [ F "six" ], s=2) > 0.3 ]').value is True
+
+
+def test_result_as_text():
+    engine = engine_of(MANY)
+    assert str(check_text(engine, "P=? [ F x>=0 ]")) == "[1.0,1.0] (exact)"
+    assert str(check_text(engine, "filter(state, P=? [ F x=4 ], x=2)")) == "0.5 (exact up to rounding)"
+    assert str(check_text(engine, "filter(count, x>1)")) == "3 (exact)"
+    assert str(check_text(engine, "x>=0")) == "true"
+    assert str(check_text(engine_of(MANY, "exact"), "filter(state, P=? [ F x=4 ], x=1)")) == "1/4 (exact)"
+    certified = check_text(engine_of((RESULTS / "queue.sm").read_text()), "P=? [ F<=1 k=2 ]")
+    assert "(certified: +/- " in str(certified)
