@@ -31,7 +31,11 @@ _TIME = "the time limit was reached while working on decision diagrams: raise it
 include "_cudd_symbols.pxi"
 include "_cudd_core.pxi"
 include "_cudd_recursions.pxi"
-include "_cudd_handles.pxi"
+include "_cudd_steps.pxi"
+include "_cudd_prepared.pxi"
+include "_cudd_sets.pxi"
+include "_cudd_numbers.pxi"
+include "_cudd_export.pxi"
 include "_cudd_tables.pxi"
 
 _validate_layout()

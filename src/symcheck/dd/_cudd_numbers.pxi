@@ -1,0 +1,266 @@
+# Mtbdd: a number per assignment; and operations on many diagrams at once.
+
+@cython.final
+@cython.no_gc
+@cython.freelist(256)
+cdef class Mtbdd:
+    """A number (float64) per assignment. Immutable; equal functions of one manager are the same node."""
+
+    cdef readonly Core core
+    cdef DdNode* node
+
+    __array_ufunc__ = None       # numpy scalars leave arithmetic with a diagram to the diagram
+
+    def __init__(self):
+        raise TypeError("an Mtbdd is made by a DiagramManager")
+
+    def __dealloc__(self):
+        if self.node is not NULL:
+            Cudd_RecursiveDeref(self.core.e.dd, self.node)
+
+    cdef Mtbdd _apply(self, Op op, object other):
+        cdef Mtbdd o = as_mtbdd(self.core, other)
+        return wrap_mtbdd(self.core, apply(self.core.begin(), op, self.node, o.node))
+
+    cdef Mtbdd _rapply(self, Op op, object other):
+        cdef Mtbdd o = as_mtbdd(self.core, other)
+        return wrap_mtbdd(self.core, apply(self.core.begin(), op, o.node, self.node))
+
+    def __add__(Mtbdd self, other):
+        return self._apply(PLUS, other)
+
+    def __radd__(Mtbdd self, other):
+        return self._apply(PLUS, other)
+
+    def __mul__(Mtbdd self, other):
+        return self._apply(TIMES, other)
+
+    def __rmul__(Mtbdd self, other):
+        return self._apply(TIMES, other)
+
+    def __sub__(Mtbdd self, other):
+        return self._apply(MINUS, other)
+
+    def __rsub__(Mtbdd self, other):
+        return self._rapply(MINUS, other)
+
+    def __truediv__(Mtbdd self, other):
+        return self._apply(DIVIDE, other)
+
+    def __rtruediv__(Mtbdd self, other):
+        return self._rapply(DIVIDE, other)
+
+    def __neg__(Mtbdd self):
+        return self._rapply(MINUS, 0.0)
+
+    def __pow__(Mtbdd self, other, modulus):
+        if modulus is not None:
+            return NotImplemented
+        return self._apply(POWER, other)
+
+    def __rpow__(Mtbdd self, other, modulus):
+        return self._rapply(POWER, other)
+
+    def __mod__(Mtbdd self, other):
+        return self._apply(MODULO, other)
+
+    def __rmod__(Mtbdd self, other):
+        return self._rapply(MODULO, other)
+
+    def minimum(self, other):
+        """The smaller value, leaf by leaf."""
+        return self._apply(MINIMUM, other)
+
+    def maximum(self, other):
+        """The larger value, leaf by leaf."""
+        return self._apply(MAXIMUM, other)
+
+    def compare(self, str operator, other):
+        """The set where `self operator other`; operators: < <= > >= = == !=. `other`: an Mtbdd or a number."""
+        cdef Mtbdd o = as_mtbdd(self.core, other)
+        cdef Env* e = self.core.begin()
+        cdef DdNode* r
+        if operator == "<":
+            r = compare(e, LESS, self.node, o.node)
+        elif operator == "<=":
+            r = compare(e, LESS_EQUAL, self.node, o.node)
+        elif operator == ">":
+            r = compare(e, LESS, o.node, self.node)
+        elif operator == ">=":
+            r = compare(e, LESS_EQUAL, o.node, self.node)
+        elif operator == "=" or operator == "==":
+            r = compare(e, EQUAL, self.node, o.node)
+        elif operator == "!=":
+            r = compare(e, EQUAL, self.node, o.node)
+            r = r if r is NULL else negate(r)
+        else:
+            raise ValueError(f"unknown comparison {operator!r}")
+        return wrap_bdd(self.core, r)
+
+    def equal(self, other):
+        """The set where both have the same value."""
+        return self.compare("==", other)
+
+    def times_bdd(self, states):
+        """This on the set `states`, 0 elsewhere."""
+        cdef Bdd f = as_bdd(self.core, states)
+        return wrap_mtbdd(self.core, masked(self.core.begin(), self.node, f.node))
+
+    def to_bdd(self):
+        """The set where the value is not 0."""
+        return wrap_bdd(self.core, to_bdd(self.core.begin(), self.node))
+
+    def sum_over(self, Cube cube not None):
+        """The sum over all assignments of the cube's variables."""
+        return wrap_mtbdd(self.core, abstract(self.core.begin(), SUM_OVER, self.node, cube_of(self.core, cube)))
+
+    def max_over(self, Cube cube not None):
+        """The maximum over all assignments of the cube's variables."""
+        return wrap_mtbdd(self.core, abstract(self.core.begin(), MAX_OVER, self.node, cube_of(self.core, cube)))
+
+    def min_over(self, Cube cube not None):
+        """The minimum over all assignments of the cube's variables."""
+        return wrap_mtbdd(self.core, abstract(self.core.begin(), MIN_OVER, self.node, cube_of(self.core, cube)))
+
+    def multiply_sum(self, other, Cube cube not None):
+        """(self * other).sum_over(cube), without the product in between: a matrix times a vector or a matrix."""
+        cdef Mtbdd o = as_mtbdd(self.core, other)
+        return wrap_mtbdd(self.core, sum_product(self.core.begin(), self.node, o.node, cube_of(self.core, cube)))
+
+    def rename(self, Renaming renaming not None):
+        """The same numbers with the variables changed."""
+        if renaming.core is not self.core:
+            raise ValueError("the renaming belongs to another manager")
+        return wrap_mtbdd(self.core, permute(self.core.begin(), False, self.node, &renaming.map))
+
+    def map(self, function):
+        """The diagram with `function` (float64[n] -> float64[n]) applied to its array of leaves, e.g. numpy.floor."""
+        table = export_nodes(self.core, [self])
+        values = np.ascontiguousarray(function(table[3]), dtype=np.float64)
+        if values.shape != table[3].shape:
+            raise ValueError("the function must give one number per leaf")
+        return import_nodes(self.core, *table[:3], values, table[4])[0]
+
+    def __hash__(self):
+        return <Py_hash_t>(<uintptr_t>self.node >> 4)
+
+    def __eq__(Mtbdd self, other):
+        if type(other) is Mtbdd:
+            return self.node is (<Mtbdd>other).node
+        return NotImplemented
+
+    @property
+    def node_count(self):
+        """Number of nodes, leaves included."""
+        return Cudd_DagSize(self.node)
+
+    @property
+    def support(self):
+        """Indices of the variables that the value depends on, topmost first."""
+        return support_of(self.core, self.node)
+
+    @property
+    def is_constant(self):
+        """Whether there is only one leaf."""
+        return self.node.index == CONSTANT
+
+    @property
+    def leaves(self):
+        """The values that occur, ascending; float64[n]."""
+        return np.sort(leaf_values(self.node))
+
+    @property
+    def minimum_leaf(self):
+        """The smallest value that occurs."""
+        return float(leaf_values(self.node).min())
+
+    @property
+    def maximum_leaf(self):
+        """The largest value that occurs."""
+        return float(leaf_values(self.node).max())
+
+    def evaluate(self, bits):
+        """The value at assignments; `bits`: uint8 by variable index, [variables] or [n, variables]."""
+        rows = _assignments(self.core, bits)
+        out = np.empty(len(rows), dtype=np.float64)
+        evaluate_rows(self.core.begin(), self.node, rows, out, None)
+        return float(out[0]) if np.ndim(bits) == 1 else out
+
+    def __float__(self):
+        if self.node.index != CONSTANT:
+            raise TypeError("this diagram is not constant")
+        return self.node.type.value
+
+    def __repr__(self):
+        if self.node.index == CONSTANT:
+            return f"<Mtbdd {self.node.type.value:g}>"
+        return f"<Mtbdd of {self.node_count} nodes over {len(self.support)} variables>"
+
+
+def _assignments(Core core, bits):
+    rows = np.ascontiguousarray(np.atleast_2d(bits), dtype=np.uint8)
+    if rows.ndim != 2 or rows.shape[1] != core.size():
+        raise ValueError(f"an assignment needs a bit for each of the {core.size()} variables")
+    return rows
+
+
+def unite(Core core not None, sets, bint conjunction=False):
+    """Union (or intersection) of many sets, as a balanced tree."""
+    cdef list layer = [as_bdd(core, f) for f in sets]
+    cdef Bdd f, g
+    cdef Env* e = core.begin()
+    cdef Py_ssize_t i
+    if not layer:
+        return wrap_bdd(core, e.one if conjunction else e.no)
+    while len(layer) > 1:
+        following = []
+        for i in range(0, len(layer) - 1, 2):
+            f = layer[i]
+            g = layer[i + 1]
+            following.append(wrap_bdd(core, (Cudd_bddAnd if conjunction else Cudd_bddOr)(e.dd, f.node, g.node)))
+        if len(layer) % 2:
+            following.append(layer[len(layer) - 1])
+        layer = following
+    return layer[0]
+
+
+def total(Core core not None, diagrams):
+    """Sum of many MTBDDs, as a balanced tree."""
+    cdef list layer = [as_mtbdd(core, m) for m in diagrams]
+    cdef Mtbdd f, g
+    cdef Env* e = core.begin()
+    cdef Py_ssize_t i
+    if not layer:
+        return wrap_mtbdd(core, e.zero)
+    while len(layer) > 1:
+        following = []
+        for i in range(0, len(layer) - 1, 2):
+            f = layer[i]
+            g = layer[i + 1]
+            following.append(wrap_mtbdd(core, apply(e, PLUS, f.node, g.node)))
+        if len(layer) % 2:
+            following.append(layer[len(layer) - 1])
+        layer = following
+    return layer[0]
+
+
+def shared_size(Core core not None, handles):
+    """Number of distinct nodes of several diagrams together."""
+    cdef list alive = [h if type(h) is Mtbdd else as_bdd(core, h) for h in handles]
+    cdef Py_ssize_t i, n = len(alive)
+    cdef Mtbdd m
+    cdef Bdd f
+    cdef DdNode** nodes = <DdNode**>malloc((n + 1) * sizeof(DdNode*))
+    if nodes is NULL:
+        raise MemoryError
+    for i in range(n):
+        if type(alive[i]) is Mtbdd:
+            m = alive[i]
+            nodes[i] = m.node
+        else:
+            f = alive[i]
+            nodes[i] = f.node
+    try:
+        return Cudd_SharingSize(nodes, <int>n)
+    finally:
+        free(nodes)

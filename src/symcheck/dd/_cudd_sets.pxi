@@ -1,0 +1,159 @@
+# Bdd: a set of assignments.
+
+@cython.final
+@cython.no_gc
+@cython.freelist(256)
+cdef class Bdd:
+    """A set of assignments. Immutable; equal sets of one manager are the same node, so comparing them costs nothing."""
+
+    cdef readonly Core core
+    cdef DdNode* node
+
+    def __init__(self):
+        raise TypeError("a Bdd is made by a DiagramManager")
+
+    def __dealloc__(self):
+        if self.node is not NULL:
+            Cudd_IterDerefBdd(self.core.e.dd, self.node)
+
+    def __and__(Bdd self, other):
+        cdef Bdd o = as_bdd(self.core, other)
+        return wrap_bdd(self.core, Cudd_bddAnd(self.core.begin().dd, self.node, o.node))
+
+    def __or__(Bdd self, other):
+        cdef Bdd o = as_bdd(self.core, other)
+        return wrap_bdd(self.core, Cudd_bddOr(self.core.begin().dd, self.node, o.node))
+
+    def __xor__(Bdd self, other):
+        cdef Bdd o = as_bdd(self.core, other)
+        return wrap_bdd(self.core, Cudd_bddXor(self.core.begin().dd, self.node, o.node))
+
+    def __sub__(Bdd self, other):
+        cdef Bdd o = as_bdd(self.core, other)
+        return wrap_bdd(self.core, Cudd_bddAnd(self.core.begin().dd, self.node, negate(o.node)))
+
+    def __invert__(self):
+        return wrap_bdd(self.core, negate(self.node))
+
+    def implies(self, other):
+        """~self | other."""
+        cdef Bdd o = as_bdd(self.core, other)
+        return wrap_bdd(self.core, Cudd_bddOr(self.core.begin().dd, negate(self.node), o.node))
+
+    def equivalent(self, other):
+        """The assignments on which both agree."""
+        cdef Bdd o = as_bdd(self.core, other)
+        return wrap_bdd(self.core, Cudd_bddXor(self.core.begin().dd, self.node, negate(o.node)))
+
+    def ite(self, then, otherwise):
+        """`then` on this set, `otherwise` elsewhere: a Bdd from two Bdds, else an Mtbdd (numbers become constants)."""
+        cdef Bdd a, b
+        cdef Mtbdd x, y
+        if isinstance(then, (Bdd, cudd.Function)) and isinstance(otherwise, (Bdd, cudd.Function)):
+            a = as_bdd(self.core, then)
+            b = as_bdd(self.core, otherwise)
+            return wrap_bdd(self.core, Cudd_bddIte(self.core.begin().dd, self.node, a.node, b.node))
+        x = as_mtbdd(self.core, then)
+        y = as_mtbdd(self.core, otherwise)
+        return wrap_mtbdd(self.core, ite(self.core.begin(), self.node, x.node, y.node))
+
+    def to_mtbdd(self, double value=1.0):
+        """`value` on this set, 0 elsewhere."""
+        cdef Mtbdd x = self.core.constant(value)
+        return wrap_mtbdd(self.core, masked(self.core.begin(), x.node, self.node))
+
+    def exists(self, Cube cube not None):
+        """Projection: the assignments that some values of the cube's variables bring into the set."""
+        return wrap_bdd(self.core, Cudd_bddExistAbstract(self.core.begin().dd, self.node, cube_of(self.core, cube)))
+
+    def forall(self, Cube cube not None):
+        """The assignments that every value of the cube's variables keeps in the set."""
+        return wrap_bdd(self.core, Cudd_bddUnivAbstract(self.core.begin().dd, self.node, cube_of(self.core, cube)))
+
+    def and_exists(self, other, Cube cube not None):
+        """(self & other).exists(cube), without the conjunction in between."""
+        cdef Bdd o = as_bdd(self.core, other)
+        return wrap_bdd(self.core, Cudd_bddAndAbstract(self.core.begin().dd, self.node, o.node, cube_of(self.core, cube)))
+
+    def rename(self, Renaming renaming not None):
+        """The set with its variables changed."""
+        if renaming.core is not self.core:
+            raise ValueError("the renaming belongs to another manager")
+        return wrap_bdd(self.core, permute(self.core.begin(), True, self.node, &renaming.map))
+
+    def cofactor(self, literals):
+        """The set with the variables fixed as in `literals`, a conjunction of literals."""
+        cdef Bdd o = as_bdd(self.core, literals)
+        if o.node is self.core.e.no:
+            raise ValueError("the literals contradict each other")
+        return wrap_bdd(self.core, Cudd_Cofactor(self.core.begin().dd, self.node, o.node))
+
+    def simplify(self, care):
+        """A set, often with fewer nodes, that agrees with this one on `care` (which must not be empty)."""
+        cdef Bdd o = as_bdd(self.core, care)
+        if o.node is self.core.e.no:
+            return self
+        return wrap_bdd(self.core, Cudd_bddRestrict(self.core.begin().dd, self.node, o.node))
+
+    def __bool__(self):
+        return self.node is not self.core.e.no
+
+    def __hash__(self):
+        return <Py_hash_t>(<uintptr_t>self.node >> 4 ^ sign(self.node))
+
+    def __eq__(Bdd self, other):
+        if type(other) is Bdd:
+            return self.node is (<Bdd>other).node
+        if isinstance(other, cudd.Function) and other.bdd is self.core.bdd:
+            return self.node is <DdNode*><uintptr_t>(int(other) - 2)
+        return NotImplemented
+
+    def __le__(Bdd self, other):
+        cdef Bdd o = as_bdd(self.core, other)
+        return Cudd_bddLeq(self.core.begin().dd, self.node, o.node) != 0
+
+    def __ge__(Bdd self, other):
+        cdef Bdd o = as_bdd(self.core, other)
+        return Cudd_bddLeq(self.core.begin().dd, o.node, self.node) != 0
+
+    def __lt__(Bdd self, other):
+        return self <= other and self != other
+
+    def __gt__(Bdd self, other):
+        return self >= other and self != other
+
+    def disjoint(self, other):
+        """Whether no assignment is in both sets; no diagram is built."""
+        cdef Bdd o = as_bdd(self.core, other)
+        return Cudd_bddLeq(self.core.begin().dd, self.node, negate(o.node)) != 0
+
+    @property
+    def is_true(self):
+        """Whether every assignment is in the set."""
+        return self.node is self.core.e.one
+
+    @property
+    def node_count(self):
+        """Number of nodes, the terminal included."""
+        return Cudd_DagSize(self.node)
+
+    @property
+    def support(self):
+        """Indices of the variables that the set depends on, topmost first."""
+        return support_of(self.core, self.node)
+
+    def evaluate(self, bits):
+        """Whether assignments are in the set; `bits`: uint8 by variable index, [variables] or [n, variables]."""
+        rows = _assignments(self.core, bits)
+        out = np.empty(len(rows), dtype=np.bool_)
+        evaluate_rows(self.core.begin(), self.node, rows, None, out.view(np.uint8))
+        return bool(out[0]) if np.ndim(bits) == 1 else out
+
+    def to_dd(self):
+        """This set as a Function of dd; nothing is copied."""
+        return self.core.bdd._add_int(<uintptr_t>self.node + 2)
+
+    def __repr__(self):
+        if self.node is self.core.e.no or self.node is self.core.e.one:
+            return f"<Bdd {'true' if self.node is self.core.e.one else 'false'}>"
+        return f"<Bdd of {self.node_count} nodes over {len(self.support)} variables>"

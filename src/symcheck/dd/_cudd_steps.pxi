@@ -1,0 +1,131 @@
+# Renaming, and steps along a relation; in the conventions of _cudd_recursions.pxi.
+
+cdef DdNode* permute(Env* e, bint boolean, DdNode* f, Mapping* map) noexcept nogil:
+    """Rename variables. Where the new variable stays above the new children, as in a change between neighbours, the
+    node is simply built; else it is composed by if-then-else."""
+    cdef Ref r, t, u, n = regular(f), x
+    cdef Op op = PERMUTE_BDD if boolean else PERMUTE_ADD
+    cdef int index
+    if n.index == CONSTANT:
+        return f
+    r = cuddCacheLookup2(e.dd, &_ops[<int>op], n, map.key)
+    if r is not NULL:
+        return signed(r, sign(f))
+    if tick(e):
+        return NULL
+    t = permute(e, boolean, n.type.kids.T, map)
+    if t is NULL:
+        return NULL
+    take(t)
+    u = permute(e, boolean, n.type.kids.E, map)
+    if u is NULL:
+        Cudd_RecursiveDeref(e.dd, t)
+        return NULL
+    take(u)
+    index = map.to[n.index] if <int>n.index < map.size else n.index
+    if e.perm[index] < min(level_of(e, t), level_of(e, u)):
+        r = bdd_node(e, index, t, u) if boolean else node(e, index, t, u)
+    else:
+        x = Cudd_bddIthVar(e.dd, index)
+        r = cuddBddIteRecur(e.dd, x, t, u) if boolean else ite(e, x, t, u)
+        if r is not NULL:
+            take(r)
+        Cudd_RecursiveDeref(e.dd, t)
+        Cudd_RecursiveDeref(e.dd, u)
+        if r is not NULL:
+            give(r)
+    if r is NULL:
+        return NULL
+    cuddCacheInsert2(e.dd, &_ops[<int>op], n, map.key, r)
+    return signed(r, sign(f))
+
+
+cdef DdNode* disjoined(Env* e, DdNode* t, DdNode* u) noexcept nogil:
+    """t or u, whose references are consumed; both may be NULL (stopped)."""
+    cdef DdNode* r = NULL
+    if t is not NULL and u is not NULL:
+        r = cuddBddAndRecur(e.dd, negate(t), negate(u))
+        if r is not NULL:
+            take(r)
+    if t is not NULL:
+        Cudd_IterDerefBdd(e.dd, t)
+    if u is not NULL:
+        Cudd_IterDerefBdd(e.dd, u)
+    if r is not NULL:
+        give(r)
+        return negate(r)
+    return NULL
+
+
+cdef inline DdNode* step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
+    cdef DdNode* result = relation_step(e, forward, s, r, pairs)
+    if result is not NULL:
+        take(result)
+    return result
+
+
+cdef DdNode* both(Env* e, bint forward, DdNode* s0, DdNode* r0, DdNode* s1, DdNode* r1, DdNode* pairs) noexcept nogil:
+    """step(s0, r0) or step(s1, r1), referenced."""
+    cdef DdNode* t = step(e, forward, s0, r0, pairs)
+    cdef DdNode* u
+    if t is NULL or t is e.one:
+        return t
+    u = step(e, forward, s1, r1, pairs)
+    t = disjoined(e, t, u)
+    if t is not NULL:
+        take(t)
+    return t
+
+
+cdef DdNode* relation_step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
+    """States reached from s by the relation r (forward), or that reach s by it.
+
+    `pairs` is the cube of the touched variables: a row variable, then its column variable right below it, and so on.
+    Variables that are not touched keep their values. Quantification and renaming happen on the way (as relnext and
+    relprev of van Dijk & van de Pol, Sylvan, TACAS 2015), so no intermediate diagram over columns is built.
+    """
+    cdef Ref result, t, u, s0, s1, a, b, r00, r01, r10, r11
+    cdef int ls, lr, l, row, index
+    cdef uintptr_t tag = TAG_IMAGE if forward else TAG_PREIMAGE
+    if s is e.no or r is e.no:
+        return e.no
+    ls = level_of(e, s)
+    lr = level_of(e, r)
+    l = min(ls, lr)
+    while pairs is not e.one and e.perm[pairs.index] + 1 < l:
+        pairs = pairs.type.kids.T.type.kids.T
+    if pairs is e.one:
+        return cuddBddAndRecur(e.dd, s, r)
+    result = cuddCacheLookup(e.dd, tag, s, r, pairs)
+    if result is not NULL:
+        return result
+    if tick(e):
+        return NULL
+    row = e.perm[pairs.index]
+    if l < row:
+        index = regular(s).index if ls <= lr else regular(r).index
+        split_bdd(e, s, l, &s1, &s0)
+        split_bdd(e, r, l, &a, &b)
+        t = step(e, forward, s1, a, pairs)
+        u = step(e, forward, s0, b, pairs) if t is not NULL else NULL
+    else:
+        index = pairs.index
+        split_bdd(e, s, row, &s1, &s0)
+        split_bdd(e, r, row, &a, &b)
+        split_bdd(e, a, row + 1, &r11, &r10)
+        split_bdd(e, b, row + 1, &r01, &r00)
+        a = pairs.type.kids.T.type.kids.T
+        if forward:
+            t = both(e, forward, s0, r01, s1, r11, a)
+            u = both(e, forward, s0, r00, s1, r10, a) if t is not NULL else NULL
+        else:
+            t = both(e, forward, s0, r10, s1, r11, a)
+            u = both(e, forward, s0, r00, s1, r01, a) if t is not NULL else NULL
+    if u is NULL:
+        if t is not NULL:
+            Cudd_IterDerefBdd(e.dd, t)
+        return NULL
+    result = bdd_node(e, index, t, u)
+    if result is not NULL:
+        cuddCacheInsert(e.dd, tag, s, r, pairs, result)
+    return result
