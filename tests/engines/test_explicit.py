@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 from random import Random
 
 import numpy as np
@@ -64,7 +65,8 @@ def test_system(engine, seed):
     outside = whole[rows] * ~some.members
     assert system.into_values(values)[0] == pytest.approx(outside @ target.members)
     if engine.matrix.groups is not None:
-        assert np.array_equal(np.repeat(np.arange(system.n), np.diff(system.groups)), np.searchsorted(np.flatnonzero(some.members), owner[rows]))
+        places = np.searchsorted(np.flatnonzero(some.members), owner[rows])
+        assert np.array_equal(np.repeat(np.arange(system.n), np.diff(system.groups)), places)
     lifted = system.lift(x, None, [(target - some, 7.0)], exact=True)
     expected = np.where((target - some).members, 7.0, 0.0)
     expected[some.members] = x
@@ -115,7 +117,7 @@ def test_witness(engine, seed):
         assert len(path) == min(hits) + 1
         assert indices[0] == start
         assert target.members[indices[-1]]
-        assert all(whole[a, b] > 0 for a, b in zip(indices, indices[1:], strict=False))
+        assert all(whole[a, b] > 0 for a, b in pairwise(indices))
 
 
 @dataclass
@@ -167,7 +169,8 @@ def test_product(engine, seed):
 def _row(matrix, r, after):
     """Targets (with the automaton's next state, if one is given) and weights of a row."""
     span = slice(matrix.indptr[r], matrix.indptr[r + 1])
-    return [(int(t) if after is None else (int(t), after), w) for t, w in zip(matrix.indices[span], matrix.data[span].tolist(), strict=True)]
+    entries = zip(matrix.indices[span].tolist(), matrix.data[span].tolist(), strict=True)
+    return [(t if after is None else (t, after), w) for t, w in entries]
 
 
 def test_values_and_valuations():

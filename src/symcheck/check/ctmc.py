@@ -85,7 +85,7 @@ def instantaneous_reward(context: Context, structure: int, time: Fraction, direc
 
 
 def _within(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
-    """left U<=t right."""
+    """Probability of left U<=t right."""
     engine = context.engine
     if time == 0:
         return engine.indicator(right)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.rational import Entries, RationalProblem, least_solution, stationary
+from symcheck.check.rational import Entries, RationalProblem, exact_matrix, least_solution
 from symcheck.check.result import Run
 from symcheck.check.window import Window
 from symcheck.engines.arrays import ArraySet
@@ -20,6 +20,7 @@ from symcheck.engines.exact import ExactEngine, ExactMatrix
 from symcheck.engines.rationals import Rationals, RationalValues
 from symcheck.errors import UnsupportedError
 from symcheck.numerics import graph
+from symcheck.numerics.exact import stationary_exact
 from symcheck.numerics.matrix import Bools, Int64s
 from symcheck.syntax.ast import ModelType
 
@@ -266,7 +267,7 @@ def _average(context: Context, reward: Rationals) -> Values:
     for component in graph.bsccs(engine.matrix):
         members = component.tolist()
         place = {s: i for i, s in enumerate(members)}
-        shares = stationary([[(place[t], p) for t, p in engine.rationals.row(s)] for s in members])
+        shares = stationary_exact(exact_matrix([[(place[t], p) for t, p in engine.rationals.row(s)] for s in members]))
         averages[component] = sum((share * reward[s] for s, share in zip(members, shares, strict=True)), Fraction(0))
         settled[component] = True
     matrix = _probabilities(engine)
