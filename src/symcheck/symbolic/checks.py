@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from symcheck.errors import Diagnostic, InputError, ModelFault
 from symcheck.semantics import faults, step
 from symcheck.symbolic.commands import positive
-from symcheck.symbolic.model import EncodedCommand, StateSpace, SymbolicModel
+from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
 from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
@@ -53,14 +53,22 @@ def _violations(space: StateSpace, options: Options) -> Iterator[Bdd]:
     """Non-empty sets of reachable states that break a rule, one per command and rule."""
     for event in space.symbolic.events:
         enabled = event.guard & space.states
+        happens = enabled & _possible(space, event)
         for commands in event.participants if enabled else ():
             for command in commands:
                 where = command.guard & enabled
                 if where:
-                    yield from filter(None, _command_violations(space, command, where, options))
+                    yield from filter(None, _command_violations(space, command, where, happens, options))
 
 
-def _command_violations(space: StateSpace, command: EncodedCommand, where: Bdd, options: Options) -> Iterator[Bdd]:
+def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
+    """Where each participant has an update of positive probability (rate): only then is any update carried out."""
+    manager, translator = space.symbolic.manager, space.symbolic.translator
+    moves = [[c.guard & positive(translator, u) for c in commands for u in c.updates] for commands in event.participants]
+    return manager.conjunction([manager.disjunction(m) for m in moves])
+
+
+def _command_violations(space: StateSpace, command: EncodedCommand, where: Bdd, happens: Bdd, options: Options) -> Iterator[Bdd]:
     translator = space.symbolic.translator
     for update in command.updates:
         if isinstance(update.probability, float):
@@ -70,7 +78,7 @@ def _command_violations(space: StateSpace, command: EncodedCommand, where: Bdd, 
             infinite = update.probability.compare("=", float("inf"))
             yield where & (update.probability.compare("<", 0.0) | infinite | translator.undefined(update.update.probability))
         if not update.in_range.is_true:
-            yield (where & positive(translator, update)) - update.in_range
+            yield (where & happens & positive(translator, update)) - update.in_range
     if options.check_sums and space.symbolic.model.type is not ModelType.CTMC:
         yield _wrong_sum(space, command, where)
 

@@ -145,15 +145,13 @@ class SymbolicModel:
 
 @dataclass(frozen=True, slots=True)
 class Iteration:
-    """One step of the search. `states` and `frontier` are numbers of states (None where they were not counted), nodes
-    are BDD nodes, seconds since the search began.
-    """
+    """One step of the search: numbers of states and of BDD nodes (None where not counted), seconds since it began."""
 
     number: int
     states: int | None
-    nodes: int
+    nodes: int | None
     frontier: int | None
-    frontier_nodes: int
+    frontier_nodes: int | None
     seconds: float
 
 

@@ -44,9 +44,10 @@ def reach(
 ) -> StateSpace:
     """All reachable states, and those of them that have no transition (deadlocks).
 
-    `observer` gets each Iteration; without one, states are not counted on the way, and of saturation's many small steps
-    only the last is recorded. `schedule`: one of SCHEDULES, by default chosen for the model. Raises ResourceError at a
-    limit (of the manager, set by `build`), and ModelFault where no state is initial.
+    `observer` gets each Iteration; without one, neither states nor nodes are counted on the way (which may cost as much
+    as the search), and of saturation's many small steps only the last is recorded. `schedule`: one of SCHEDULES, by
+    default chosen for the model. Raises ResourceError at a limit (of the manager, set by `build`), and ModelFault where
+    no state is initial.
     """
     del options
     check_initial(symbolic)
@@ -73,14 +74,19 @@ def enabled(symbolic: SymbolicModel) -> Bdd:
 
 
 def choose_schedule(symbolic: SymbolicModel) -> str:
-    """A schedule by the model's structure (the reasons are in benchmarks/README.md)."""
+    """A schedule by the model's structure: saturation, unless relations are to be learned on the way.
+
+    Measured on the PRISM benchmark suite: saturation beats frontier by 3 to 100 times where events are local (kanban, fms,
+    mapk, crowds, polling), by 2 to 10 with counters and clocks (tandem, firewire, egl); where a global clock drives
+    everything (csma), it takes up to twice as long.
+    """
     if learns(symbolic):
         return "frontier"
     return "saturation"
 
 
 def search(symbolic: SymbolicModel, schedule: str = "frontier", *, counting: bool = True) -> Iterator[Found]:
-    """Explore step by step; the last value has all reachable states. `counting`: fill in the numbers of states.
+    """Explore step by step; the last value has all reachable states. `counting`: fill in numbers of states and nodes.
 
     Raises ValueError for an unknown schedule, or one that cannot learn (all but frontier) where something is to learn.
     """
@@ -100,7 +106,7 @@ def _measure(symbolic: SymbolicModel, number: int, states: Bdd, frontier: Bdd, s
     count, bits = symbolic.manager.count, symbolic.encoding.rows
     seconds = time.perf_counter() - started
     if not counting:
-        return Iteration(number, None, states.node_count, None, frontier.node_count, seconds)
+        return Iteration(number, None, None, None, None, seconds)
     return Iteration(number, count(states, bits), states.node_count, count(frontier, bits), frontier.node_count, seconds)
 
 
