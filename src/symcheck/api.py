@@ -6,7 +6,7 @@ Everything it does is a call of a stage's own function; `Model` only keeps the v
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,17 +27,22 @@ __all__ = ["Model", "load", "loads"]
 Given = Mapping[str, Value | str]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """A model text with the constants and options it is checked with.
 
     program, bound and engine are the stages of the path from text to result; each is made when it is first asked for.
     """
 
-    program: Program = field(repr=False)
+    program: Program
     constants: Given
     options: Options
     type: ModelType | None = None
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{n}={v}" for n, v in self.constants.items())
+        kind = self.type or self.program.type or ModelType.MDP
+        return f"<Model: {kind.value}, modules {' '.join(m.name for m in self.program.modules)}{', ' + given if given else ''}>"
 
     @cached_property
     def bound(self) -> BoundModel:

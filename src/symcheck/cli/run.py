@@ -11,6 +11,7 @@ from time import perf_counter
 
 from symcheck.check.checker import check
 from symcheck.check.options import Options
+from symcheck.check.question import Question
 from symcheck.check.result import Result, show_value
 from symcheck.check.resultlines import VerdictKind, judge
 from symcheck.cli.progress import Progress
@@ -20,9 +21,9 @@ from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, NameFault, ResourceError, SymcheckError, UsageError
 from symcheck.experiment.constants import combinations, parse_constants
 from symcheck.experiment.table import Row
-from symcheck.semantics.bind import BoundProperty, bind, bind_properties, needed_constants, split_constants
+from symcheck.semantics.bind import bind, needed_constants, split_constants
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model_file, parse_properties, parse_properties_file
 
 __all__ = ["Job", "internal", "options_of", "results_file", "run", "sorted_rows"]
@@ -140,7 +141,7 @@ def _instance(
         mine = {n: v for n, v in others.items() if n in needed[i]}
         for choice in combinations(mine):
             given = {**{n: v[0] for n, v in others.items()}, **choice}
-            _check(job, engine, _Question(file, i, given), options, constants, choice)
+            _check(job, engine, Question(file, i, given), options, constants, choice)
 
 
 def internal(error: Exception) -> SymcheckError:
@@ -175,25 +176,7 @@ def _build(job: Job, model: BoundModel, options: Options) -> Engine:
     return engine
 
 
-@dataclass(frozen=True)
-class _Question:
-    """Property number `index` of a file, with the constants given for it."""
-
-    file: PropertiesFile
-    index: int
-    given: Values
-
-    def bind(self, model: BoundModel) -> tuple[BoundProperty, Mapping[str, Expression]]:
-        """The property bound to a model, and the labels that it may use."""
-        bound = bind_properties(self.file, model, self.given)
-        return bound.properties[self.index], bound.labels
-
-    def formula(self, model: BoundModel) -> Expression:
-        """The bound formula."""
-        return self.bind(model)[0].formula
-
-
-def _check(job: Job, engine: Engine, question: _Question, options: Options, constants: Values, choice: Values) -> None:
+def _check(job: Job, engine: Engine, question: Question, options: Options, constants: Values, choice: Values) -> None:
     bound, labels = question.bind(engine.model)
     text = property_text(bound)
     job.report.property(text, bound.name, constants, choice)

@@ -15,6 +15,7 @@ from symcheck.syntax.ast import Composition, Expression, ModelType, Program, Typ
 
 __all__ = ["BoundCommand", "BoundModel", "BoundModule", "BoundReward", "BoundRewards", "BoundUpdate", "Event", "Value", "Variable"]
 
+_SHOWN = 8
 Value = bool | int | float | Fraction
 
 
@@ -95,7 +96,7 @@ class Event:
     participants: tuple[tuple[BoundCommand, ...], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BoundModel:
     """A model ready to be built. `events` is its composition, flattened (see `symcheck.semantics.compose`).
 
@@ -113,6 +114,12 @@ class BoundModel:
     constants: Mapping[str, Value]
     exact: bool = False
     system: Composition | None = None
+
+    def __repr__(self) -> str:
+        """One line: the whole is in the fields, and would fill pages."""
+        names = " ".join(v.name for v in self.variables[:_SHOWN]) + (" …" if len(self.variables) > _SHOWN else "")
+        commands = sum(len(m.commands) for m in self.modules)
+        return f"<BoundModel: {self.type.value}, {len(self.modules)} modules, {commands} commands, variables {names}>"
 
     @property
     def actions(self) -> tuple[str, ...]:
