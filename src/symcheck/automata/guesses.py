@@ -66,6 +66,11 @@ class _Search:
     def with_parts(self, parts: Sequence[Formula], *, as_safety: bool) -> _Search:
         return replace(self, todo=self.todo + tuple((p, as_safety) for p in parts))
 
+    @property
+    def missed(self) -> frozenset[int]:
+        """The formulas that were decided not to hold."""
+        return frozenset(n for n, value in self.decided if not value)
+
     def deciding(self, f: Formula, value: bool) -> _Search:
         return replace(self, decided=self.decided | {(f.number, value)})
 
@@ -79,7 +84,7 @@ def guesses(after: After, states: Sequence[int]) -> Iterator[Guess]:
     while todo:
         search = todo.pop()
         if search.todo:
-            todo.extend(_looked(search))
+            todo.extend(s for s in _looked(search) if s.decided == search.decided or _possible(after, states, s.missed))
             continue
         count += 1
         if count > _LIMIT:
@@ -89,6 +94,12 @@ def guesses(after: After, states: Sequence[int]) -> Iterator[Guess]:
         held = [n for n, value in search.decided if value]
         often = frozenset(n for n in held if kinds[n] is Kind.UNTIL)
         yield Guess(often, frozenset(held) - often)
+
+
+def _possible(after: After, states: Sequence[int], missed: frozenset[int]) -> bool:
+    """Whether condition (1) can hold in some of the states, when some formulas do not, and the others are guessed to."""
+    known = {g.number for s in states for f in after.formulas_in(s) for g in f.below()}
+    return any(_as_safety(after, s, Guess(frozenset(known - missed))) != FALSE for s in states)
 
 
 def _looked(search: _Search) -> Iterator[_Search]:
