@@ -59,3 +59,9 @@ def test_a_learned_update_out_of_range_is_reported():
 def test_only_breadth_first_search_learns():
     with pytest.raises(ValueError, match="frontier"):
         list(search(build(bound(WIDE), Options()), "chaining"))
+
+
+def test_what_stands_behind_a_guard_that_something_else_taught_is_learned_too():
+    # The condition b is known from the initial states before the command was ever encoded behind it.
+    model = bound("mdp module m b : bool; x : [0..2]; [] b -> (x'=floor(x/2)); endmodule init b endinit")
+    assert_same(model, transitions(reach(build(model, Options(), limits=NOTHING), Options()), Options()))

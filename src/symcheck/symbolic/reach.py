@@ -201,13 +201,10 @@ def learn(symbolic: SymbolicModel, states: Bdd) -> SymbolicModel:
     translator = symbolic.translator
     events = list(symbolic.events)
     for number, event in enumerate(events):
-        if event.learned is None:
-            continue
-        # Again as long as something is new: a guard that is learned first may show that there is more behind it.
-        while _extend(symbolic, event, states):
-            encode_event(translator, event.event)
-        if knowledge(translator, event.event) != event.learned:
-            events[number] = encode_event(translator, event.event)
+        # Again as long as something is new: once a guard is known to hold, what is behind it has to be learned as well,
+        # and other events may have taught what this one reads.
+        while event.learned is not None and (_extend(symbolic, event, states) or knowledge(translator, event.event) != event.learned):
+            event = events[number] = encode_event(translator, event.event)
     if all(new is old for new, old in zip(events, symbolic.events, strict=True)):
         return symbolic
     return replace(symbolic, events=tuple(events), relations=group_relations(symbolic.manager, symbolic.encoding, events))
