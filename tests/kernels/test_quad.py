@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from kernels.diagrams import Builder
 from symcheck.kernels import odd
-from symcheck.kernels.quad import Blocks, Quad
+from symcheck.kernels.blocks import Blocks
+from symcheck.kernels.quad import Quad
 
 
 @dataclass
@@ -84,7 +85,7 @@ def flatten(blocks: Blocks, root: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
 @settings(deadline=None)
 @given(cases(), st.sampled_from([1, 3, 10, 10**6]))
 def test_flattened_rows_are_the_matrix(case: Case, budget: int) -> None:
-    blocks = case.quad.cut(budget)
+    blocks = Blocks(case.quad, budget, ordered=True)
     for root, dense in enumerate(case.dense):
         indptr, indices, data = flatten(blocks, root)
         r, c = np.nonzero(dense)  # in row order, columns ascending: the very arrays
@@ -95,34 +96,71 @@ def test_flattened_rows_are_the_matrix(case: Case, budget: int) -> None:
 
 
 @settings(deadline=None)
-@given(cases(), st.sampled_from([1, 3, 10, 10**6]), st.integers(0, 2**32 - 1))
-def test_products(case: Case, budget: int, seed: int) -> None:
-    blocks = case.quad.cut(budget)
+@given(cases(), st.sampled_from([1, 3, 10, 10**6]), st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 5, 32768]))
+def test_products(case: Case, budget: int, seed: int, range_rows: int) -> None:
+    blocks = Blocks(case.quad, budget, range_rows=range_rows)
+    assert blocks.part_rows[0] == 0
+    assert blocks.part_rows[-1] == blocks.rows
+    assert (np.diff(blocks.part_rows) >= 0).all()
     rng = np.random.default_rng(seed)
     for root, dense in enumerate(case.dense):
         x, z = rng.random(dense.shape[1]), rng.random(dense.shape[0])
         y = np.ones(dense.shape[0])
         blocks.multiply(root, x, y)
-        np.testing.assert_allclose(y, 1 + dense @ x, rtol=1e-13)
+        np.testing.assert_allclose(y, dense @ x, rtol=1e-13)
         y = np.ones(dense.shape[1])
         blocks.multiply_transposed(root, z, y)
         np.testing.assert_allclose(y, 1 + z @ dense, rtol=1e-13)
-        parts = np.zeros(dense.shape[0])
-        cuts = [0, *sorted(rng.integers(0, dense.shape[0] + 1, 3).tolist()), dense.shape[0]]
-        for low, high in pairwise(cuts):
-            blocks.multiply_rows(root, x, parts, low, high)
-        np.testing.assert_allclose(parts, dense @ x, rtol=1e-13, atol=1e-15)
         if dense.shape[0] == dense.shape[1]:
             diagonal = np.zeros(len(dense))
             blocks.diagonal(root, diagonal)
             np.testing.assert_array_equal(diagonal, np.diag(dense))
 
 
+@settings(deadline=None)
+@given(cases(), st.integers(0, 2**32 - 1), st.sampled_from([1, 3, 32768]))
+def test_choices(case: Case, seed: int, range_rows: int) -> None:
+    blocks = Blocks(case.quad, 10, range_rows=range_rows)
+    rng = np.random.default_rng(seed)
+    present = np.array([rng.random(blocks.rows) < 0.7 for _ in case.dense])
+    groups = np.concatenate([[0], np.cumsum(present.sum(axis=0))]).astype(np.int64)
+    packed = np.packbits(present, axis=1, bitorder="little")
+    x, b = rng.random(blocks.columns), rng.random(groups[-1])
+    expected = np.array([m[s] @ x for s in range(blocks.rows) for m, here in zip(case.dense, present, strict=True) if here[s]])
+    out = np.empty(groups[-1])
+    blocks.multiply_choices(x, groups, packed, out)
+    np.testing.assert_allclose(out, expected, rtol=1e-13, atol=1e-15)
+    for greatest, pick, empty in ((True, max, -np.inf), (False, min, np.inf)):
+        for constant in (b, np.empty(0)):
+            value = out + constant if len(constant) else out
+            best = np.empty(blocks.rows)
+            blocks.optimum(x, constant, groups, packed, greatest, best)
+            assert best.tolist() == [pick(value[a:e], default=empty) for a, e in pairwise(groups.tolist())]
+
+
+def test_parts_do_not_change_a_digit() -> None:
+    rng = np.random.default_rng(4)
+    k = 8
+    m = np.kron(rng.random((16, 16)) < 0.5, np.eye(16)) * 0.3 + np.diag(rng.random(255), 1) * (rng.random((256, 256)) < 0.5)
+    case = make(k, [m], rng.random(2**k) < 0.9, rng.random(2**k) < 0.9)
+    x = rng.random(case.dense[0].shape[1])
+    results = []
+    for first in (True, False):
+        blocks = Blocks(case.quad, 50, range_rows=20)
+        assert blocks.parts > 5
+        y = np.empty(blocks.rows)
+        parts = [(0, blocks.parts)] if first else [(p, p + 1) for p in reversed(range(blocks.parts))]
+        for a, b in parts:
+            blocks.multiply(0, x, y, a, b)
+        results.append(y)
+    assert results[0].tobytes() == results[1].tobytes()
+
+
 def test_unchanged_variables_are_one_run() -> None:
     k = 8
     rows = np.random.default_rng(1).random(2**k) < 0.7
     case = make(k, [0.5 * np.eye(2**k)], rows, rows)
-    blocks = case.quad.cut(1)
+    blocks = Blocks(case.quad, 1)
     assert blocks.statistics["runs"] == blocks.statistics["places"] == 1
     assert blocks.entries.tolist() == [rows.sum()]
 
@@ -132,18 +170,20 @@ def test_repeated_blocks_are_stored_once() -> None:
     rng = np.random.default_rng(1)
     small = rng.random((16, 16)) * (rng.random((16, 16)) < 0.5)
     case = make(k, [np.kron(rng.random((16, 16)) < 0.7, small)], np.ones(2**k, bool), np.ones(2**k, bool))
-    blocks = case.quad.cut(200)
+    blocks = Blocks(case.quad, 200)
     assert blocks.statistics["runs"] <= np.count_nonzero(small)
     assert blocks.nbytes < 0.1 * 12 * blocks.statistics["entries"]
 
 
 def test_arrays_of_another_length_are_refused() -> None:
     case = make(2, [np.eye(4)], np.ones(4, bool), np.ones(4, bool))
-    blocks = case.quad.cut(10)
+    blocks = Blocks(case.quad, 10)
     with pytest.raises(ValueError, match="rows"):
         blocks.multiply(0, np.zeros(4), np.zeros(3))
     with pytest.raises(IndexError):
         blocks.multiply(1, np.zeros(4), np.zeros(4))
+    with pytest.raises(IndexError):
+        blocks.multiply(0, np.zeros(4), np.zeros(4), 0, 2)
 
 
 def test_a_foreign_variable_is_refused() -> None:

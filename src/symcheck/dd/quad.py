@@ -6,16 +6,20 @@ they stand. Rows and columns are the members of two ODDs, over row and column bi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.dd.odd import Odd, levels_of
 from symcheck.errors import MemoryLimitError
-from symcheck.kernels.quad import Blocks, Quad
+from symcheck.kernels.blocks import Blocks
+from symcheck.kernels.quad import Quad
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
@@ -27,44 +31,66 @@ Floats = NDArray[np.float64]
 BUDGET = 60_000
 """Runs in distinct blocks: about half a megabyte, so that they stay in a core's cache while places stream by."""
 
+THREADED = 2_000_000
+"""Entries from which a product is worth a second thread (starting it takes some 50 µs)."""
+
 
 @dataclass(frozen=True, eq=False)
 class RowLayout:
     """Which rows there are when each state has a row in some of several matrices (slots).
 
     groups: int64[n+1], rows groups[s] .. groups[s+1] belong to state s, in the order of the slots.
-    slots: int32[rows], the slot of each row.
-    rows: per slot the row numbers, int64, in the order of the states that have one; `present`: bool[n] says which do.
+    present: uint8[slots, ceil(n / 8)], which states have a row in which slot: bit s % 8 of byte s // 8.
     """
 
     groups: NDArray[np.int64]
-    slots: NDArray[np.int32]
-    rows: tuple[NDArray[np.int64], ...] = field(repr=False)
-    present: tuple[NDArray[np.bool_], ...] = field(repr=False)
+    present: NDArray[np.uint8] = field(repr=False)
 
     @staticmethod
     def of(present: Sequence[NDArray[np.bool_]], n: int) -> RowLayout:
         """The layout for slots that are present in these states (bool[n] each)."""
-        counts = np.zeros(n, np.int64)
-        for slot in present:
-            counts += slot
         groups = np.zeros(n + 1, np.int64)
-        np.cumsum(counts, out=groups[1:])
-        slots = np.empty(int(groups[-1]), np.int32)
-        following = groups[:-1].copy()
-        rows = []
+        packed = np.empty((len(present), -(-n // 8)), np.uint8)
         for number, slot in enumerate(present):
-            here = following[slot]
-            slots[here] = number
-            following += slot
-            rows.append(here)
-        return RowLayout(groups, slots, tuple(rows), tuple(present))
+            groups[1:] += slot
+            packed[number] = np.packbits(slot, bitorder="little")
+        np.cumsum(groups, out=groups)
+        return RowLayout(groups, packed)
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.groups) - 1
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return int(self.groups[-1])
 
     @property
     def nbytes(self) -> int:
         """Memory of the arrays, in bytes."""
-        parts: tuple[NDArray[Any], ...] = (self.groups, self.slots, *self.rows, *self.present)
-        return sum(part.nbytes for part in parts)
+        return self.groups.nbytes + self.present.nbytes
+
+    def states_of(self, slot: int) -> NDArray[np.bool_]:
+        """Which states have a row in the slot: bool[n]."""
+        return np.unpackbits(self.present[slot], count=self.n, bitorder="little").view(np.bool_)
+
+    def each(self) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.int64]]]:
+        """Per slot: which states have a row in it (bool[n]), and the numbers of these rows."""
+        following = self.groups[:-1].copy()
+        for slot in range(len(self.present)):
+            here = self.states_of(slot)
+            yield here, following[here]
+            following += here
+
+    @property
+    def slots(self) -> NDArray[np.int32]:
+        """The slot of each row: int32[rows]."""
+        out = np.empty(self.rows, np.int32)
+        for slot, (_, rows) in enumerate(self.each()):
+            out[rows] = slot
+        return out
 
 
 def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence[str]) -> Quad:
@@ -91,21 +117,16 @@ def flatten(quad: Quad, layout: RowLayout | None = None) -> tuple[NDArray[np.int
     """
     entries = int(quad.entries.sum())
     _require_memory(12 * entries + 24 * quad.rows)
-    stamps = quad.cut(BUDGET)
-    counts = np.zeros(quad.rows, np.int32)
+    stamps = Blocks(quad, BUDGET, ordered=True)
+    indptr = np.zeros((quad.rows if layout is None else layout.rows) + 1, np.int64)
     if layout is None:
+        counts = np.zeros(quad.rows, np.int32)
         stamps.count_rows(0, counts)
-        indptr = np.zeros(quad.rows + 1, np.int64)
         np.cumsum(counts, out=indptr[1:])
     else:
-        indptr = np.zeros(len(layout.slots) + 1, np.int64)
-        for slot, rows in enumerate(layout.rows):
-            counts[:] = 0
-            stamps.count_rows(slot, counts)
-            indptr[rows + 1] = counts[layout.present[slot]]
+        if not stamps.count_choices(layout.groups, layout.present, indptr[1:]):
+            raise ValueError("a matrix has entries in rows that the layout leaves out")
         np.cumsum(indptr, out=indptr)
-    if indptr[-1] != entries:
-        raise ValueError("a matrix has entries in rows that the layout leaves out")
     indices, data = np.empty(entries, np.int32), np.empty(entries)
     following = indptr[:-1].copy() if layout is None else indptr[layout.groups[:-1]]
     for slot in range(len(quad.entries)):
@@ -125,18 +146,20 @@ def _require_memory(size: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
-    """Matrices as blocks: `multiply` without compressed rows, in a small part of their memory.
+    """Matrices as blocks: products without compressed rows, in a small part of their memory.
 
-    shape: rows × columns; with a layout, rows are choices grouped by state.
+    shape: rows × columns; with a layout, rows are choices grouped by state. Large products use `threads` threads (None:
+    the processors that there are, at most 4); the result does not depend on their number, digit for digit.
     """
 
     stamps: Blocks
     layout: RowLayout | None = None
+    threads: int | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
-        return (self.stamps.rows if self.layout is None else len(self.layout.slots)), self.stamps.columns
+        return (self.stamps.rows if self.layout is None else self.layout.rows), self.stamps.columns
 
     @property
     def entries(self) -> int:
@@ -150,56 +173,74 @@ class BlockMatrix:
 
     @property
     def statistics(self) -> Mapping[str, int]:
-        """Sizes: blocks, runs, places, entries."""
+        """Sizes: blocks, runs, places, parts, entries."""
         return self.stamps.statistics
+
+    @cached_property
+    def _shares(self) -> list[tuple[int, int]]:
+        """Ranges of parts with about the same work, one per thread."""
+        count = self.threads or min(4, len(os.sched_getaffinity(0)))
+        work = np.cumsum(self.stamps.part_work)
+        if self.threads is None and self.entries < THREADED:
+            count = 1
+        cuts = np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1 if len(work) else []
+        ends = np.unique([0, *cuts, self.stamps.parts])
+        return list(pairwise(ends.tolist()))
+
+    def _run(self, part: Callable[[int, int], None]) -> None:
+        """Call part(first, last) on all parts, each share on a thread of its own."""
+        if len(self._shares) == 1:
+            part(0, -1)
+            return
+        from concurrent.futures import ThreadPoolExecutor
+
+        first, *others = self._shares
+        with ThreadPoolExecutor(len(others)) as pool:
+            waiting = [pool.submit(part, *share) for share in others]
+            part(*first)
+            for each in waiting:
+                each.result()
 
     def multiply(self, x: Floats, out: Floats | None = None) -> Floats:
         """A x, per row: float64[rows]. `out` is overwritten and returned if given. Releases the interpreter lock."""
         x = np.ascontiguousarray(x, np.float64)
-        out = np.empty(self.shape[0]) if out is None else out
-        if self.layout is None:
-            out[:] = 0
-            self.stamps.multiply(0, x, out)
-            return out
-        part = np.empty(self.stamps.rows)
-        for slot, rows in enumerate(self.layout.rows):
-            part[:] = 0
-            self.stamps.multiply(slot, x, part)
-            out[rows] = part[self.layout.present[slot]]
-        return out
+        y = np.empty(self.shape[0]) if out is None else out
+        layout = self.layout
+        if layout is None:
+            self._run(lambda first, last: self.stamps.multiply(0, x, y, first, last))
+        else:
+            groups, present = layout.groups, layout.present
+            self._run(lambda first, last: self.stamps.multiply_choices(x, groups, present, y, first, last))
+        return y
 
-    def optimum(self, x: Floats, constant: Floats | None, direction: str) -> Floats:
+    def optimum(self, x: Floats, constant: Floats | None, direction: str, out: Floats | None = None) -> Floats:
         """Per state the least ('min') or greatest ('max') over its rows of constant + A x: float64[states].
 
         States without a row get +inf ('min') or -inf ('max').
         """
         if self.layout is None:
-            out = self.multiply(x)
-            return out if constant is None else out + constant
-        pick, start = (np.minimum, np.inf) if direction == "min" else (np.maximum, -np.inf)
-        best = np.full(self.stamps.rows, start)
-        part = np.empty(self.stamps.rows)
-        for slot, present in enumerate(self.layout.present):
-            part[:] = 0
-            self.stamps.multiply(slot, np.ascontiguousarray(x, np.float64), part)
-            if constant is not None:
-                part[present] += constant[self.layout.rows[slot]]
-            pick(best, part, out=best, where=present)
-        return best
+            product = self.multiply(x, out)
+            return product if constant is None else np.add(product, constant, out=product)
+        x = np.ascontiguousarray(x, np.float64)
+        y = np.empty(self.stamps.rows) if out is None else out
+        add = np.empty(0) if constant is None else np.ascontiguousarray(constant, np.float64)
+        groups, present, greatest = self.layout.groups, self.layout.present, direction == "max"
+        self._run(lambda first, last: self.stamps.optimum(x, add, groups, present, greatest, y, first, last))
+        return y
 
     def multiply_transposed(self, x: Floats, out: Floats | None = None) -> Floats:
         """The product from the left, x A, per column: float64[columns]."""
-        out = np.empty(self.stamps.columns) if out is None else out
-        out[:] = 0
+        y = np.empty(self.stamps.columns) if out is None else out
+        y[:] = 0
         if self.layout is None:
-            self.stamps.multiply_transposed(0, np.ascontiguousarray(x, np.float64), out)
-            return out
+            self.stamps.multiply_transposed(0, np.ascontiguousarray(x, np.float64), y)
+            return y
         part = np.empty(self.stamps.rows)
-        for slot, rows in enumerate(self.layout.rows):
+        for slot, (present, rows) in enumerate(self.layout.each()):
             part[:] = 0
-            part[self.layout.present[slot]] = x[rows]
-            self.stamps.multiply_transposed(slot, part, out)
-        return out
+            part[present] = x[rows]
+            self.stamps.multiply_transposed(slot, part, y)
+        return y
 
     def row_sums(self) -> Floats:
         """Sum of each row: float64[rows]."""
@@ -212,6 +253,6 @@ class BlockMatrix:
         return out
 
 
-def blocks(quad: Quad, layout: RowLayout | None = None, budget: int = BUDGET) -> BlockMatrix:
+def blocks(quad: Quad, layout: RowLayout | None = None, budget: int = BUDGET, threads: int | None = None) -> BlockMatrix:
     """The matrices of a quad-DAG as blocks, with about `budget` runs in all where that is possible."""
-    return BlockMatrix(quad.cut(budget), layout)
+    return BlockMatrix(Blocks(quad, budget), layout, threads)

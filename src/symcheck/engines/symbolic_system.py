@@ -62,11 +62,11 @@ class SymbolicSystem:
         if self.layout is None:
             return None
         numbers = {name: i for i, name in enumerate(self.engine.model.actions)}
-        out = np.full(len(self.layout.slots), -1, np.int32)
-        for (slot, action), states in self._d.actions.items():
-            if action is not None:
-                here = self.odd.expand(states)[self.layout.present[slot]]
-                out[self.layout.rows[slot][here]] = numbers[action]
+        out = np.full(self.layout.rows, -1, np.int32)
+        for slot, (present, rows) in enumerate(self.layout.each()):
+            for (of, action), states in self._d.actions.items():
+                if of == slot and action is not None:
+                    out[rows[self.odd.expand(states)[present]]] = numbers[action]
         return out
 
     @cached_property
@@ -101,8 +101,8 @@ class SymbolicSystem:
         """A value per row from a function of the state per slot."""
         if self.layout is None:
             return self.odd.to_vector(functions[0])
-        out = np.empty(len(self.layout.slots))
-        for function, rows, present in zip(functions, self.layout.rows, self.layout.present, strict=True):
+        out = np.empty(self.layout.rows)
+        for function, (present, rows) in zip(functions, self.layout.each(), strict=True):
             out[rows] = self.odd.to_vector(function)[present]
         return out
 
@@ -115,7 +115,7 @@ class SymbolicSystem:
     def into_values(self, values: SymbolicValues) -> tuple[Floats, Floats]:
         """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
         outside = ~self.states
-        lower: Floats = np.zeros(len(self.layout.slots) if self.layout is not None else self.n)
+        lower: Floats = np.zeros(self.layout.rows if self.layout is not None else self.n)
         upper = lower if values.exact else lower.copy()
         for piece in values.pieces:
             target = SymbolicSet(self._d, piece.states & outside.bdd)
