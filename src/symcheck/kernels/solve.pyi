@@ -45,7 +45,6 @@ class System:
         relative: bool,
         probability: bool,
         small: int,
-        dense: int,
         counters: Int64s,
     ) -> int: ...
 

@@ -594,14 +594,14 @@ cdef class System:
 
     def advance(self, const int32_t[::1] order, const int64_t[::1] start, int64_t component, double[:, ::1] x,
                 int64_t[::1] strategy, const double[::1] goals, bint relative, bint probability, int64_t small,
-                int64_t dense, int64_t[::1] counters):
+                int64_t[::1] counters):
         """Solve components from number `component` on, as far as cheap means go; returns the first that needs more.
 
-        Single states and blocks without choices of up to `small` states directly; others by sweeps within a budget, then,
-        without choices and up to `dense` states, by elimination. `goals`: width wanted per component (empty: 0).
+        Single states, blocks without choices of up to `small` states, and blocks with choices that a few hundred sweeps
+        solve. `goals`: width wanted per component.
         counters: [single, eliminated, swept, sweeps, largest eliminated, largest swept].
         """
-        cdef int64_t count = start.shape[0] - 1, size, budget, sweeps
+        cdef int64_t count = start.shape[0] - 1, size, sweeps
         cdef Block block = Block()
         cdef bint done
         while component < count:
@@ -614,29 +614,24 @@ cdef class System:
                 break
             states = order[start[component]: start[component + 1]]
             size = states.shape[0]
+            if size > (small if self.mode == 0 else 20000):
+                break
             block.load(self, states, x)
-            done = False
-            if self.mode == 0 and size <= small:
-                done = block.open_ and block.eliminate()
-                if done:
-                    counters[1] += 1
-                    counters[4] = max(counters[4], size)
-            if not done and block.open_ and size <= 20000:
-                budget = 200 + (size * size * size // (3 * (block.entries + size)) if size <= dense else 800)
+            if not block.open_:
+                break
+            if self.mode == 0:
+                done = block.eliminate()
+                counters[1] += 1
+                counters[4] = max(counters[4], size)
+            else:
                 if probability:
                     block.principle()
-                    done, sweeps, _ = block.interval(goals[component], relative, budget)
+                    done, sweeps, _ = block.interval(goals[component], relative, 400)
                 else:
-                    done, sweeps, _ = block.optimistic(goals[component], relative, budget)
+                    done, sweeps, _ = block.optimistic(goals[component], relative, 400)
                 counters[3] += sweeps
-                if done:
-                    counters[2] += 1
-                    counters[5] = max(counters[5], size)
-                elif self.mode == 0 and size <= dense:
-                    done = block.eliminate()
-                    if done:
-                        counters[1] += 1
-                        counters[4] = max(counters[4], size)
+                counters[2] += done
+                counters[5] = max(counters[5], size if done else 0)
             if not done:
                 break
             with nogil:

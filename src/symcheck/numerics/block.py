@@ -83,7 +83,7 @@ class LocalSystem:
         return LinearProblem(constant=constant[policy], matrix=chain.matrix, exit=chain.exit, probability=probability)
 
     def rows_of(self, x: Floats, constant: Floats) -> Floats:
-        """Constant + A x, per row."""
+        """The right-hand sides constant + A x, per row."""
         out = np.empty(self.matrix.rows)
         sparse.multiply(self.matrix.indptr, self.matrix.indices, self.matrix.data, x, out)
         return out + constant
@@ -103,7 +103,7 @@ def _scale(x: Floats) -> Floats:
 
 
 def _around(x: Floats, weight: Floats, below: float, above: float) -> Bounds | None:
-    """X - below·weight and x + above·weight, rounded outwards; None where a factor is infinite."""
+    """The bounds x - below·weight and x + above·weight, rounded outwards; None where a factor is infinite."""
     if not (np.isfinite(below) and np.isfinite(above)):
         return None
     slip = np.abs(x) * 2.0**-51
@@ -152,9 +152,13 @@ def policy_iteration(local: LocalSystem, goal: float, evaluate: Evaluate, rounds
     own = evaluate(replace(local.problem(policy, local.low), upper=local.high[policy]), fine)
     if _clearly_best(local, policy, own):
         return Bounds(own.lower, own.upper, policy, count)
-    weights = _weights(local, policy, x, rows, evaluate)
-    found = None if weights is None else _around(x, weights, *local.certify(x, weights, policy))
-    return None if found is None else replace(found, policy=policy, iterations=count)
+    # A bound relative to each value, or, where values cancel, relative to the greatest.
+    for scale in (_scale(x), np.full(local.n, max(float(np.max(np.abs(x), initial=0.0)), 1e-300))):
+        weights = _weights(local, policy, x, rows, scale, evaluate)
+        found = None if weights is None else _around(x, weights, *local.certify(x, weights, policy))
+        if found is not None:
+            return replace(found, policy=policy, iterations=count)
+    return None
 
 
 def _clearly_best(local: LocalSystem, policy: Int64s, own: Solution) -> bool:
@@ -216,11 +220,10 @@ def _improve(local: LocalSystem, policy: Int64s, rows: Floats, mode: int, allowe
     return out
 
 
-def _weights(local: LocalSystem, policy: Int64s, x: Floats, rows: Floats, evaluate: Evaluate) -> Floats | None:
-    """W with A_r w + |x| about w or less, along the rows that are as good as the policy's (the greatest reward |x|)."""
+def _weights(local: LocalSystem, policy: Int64s, x: Floats, rows: Floats, scale: Floats, evaluate: Evaluate) -> Floats | None:
+    """Weights w with A_r w + scale at most about w, along the rows that are as good as the policy's: the greatest such reward."""
     groups = local.matrix.groups
     assert groups is not None
-    scale = _scale(x)
     ties = np.abs(rows - np.repeat(x, np.diff(groups))) <= 1e-7 * np.repeat(scale, np.diff(groups))
     ties[policy] = True
     constant = np.repeat(scale, np.diff(groups))

@@ -1,8 +1,9 @@
 """The default: strong components in reverse topological order, each by the cheapest means that certify it.
 
-A state that is a component of its own takes one pass over its rows; up to 64 states without choices are eliminated without
-subtraction; larger components are swept from both sides (interval iteration for probabilities, optimistic value iteration
-for rewards) as long as that converges, and handed to a direct solution or to policy iteration where it does not.
+A state that is a component of its own takes one pass over its rows. A component without choices is eliminated without
+subtraction, if that takes no more than some sweeps would. Others are swept from both sides (interval iteration for
+probabilities, optimistic value iteration for rewards) as long as that converges, and handed to a longer elimination or to
+policy iteration where it does not.
 Sources: Dai, Mausam, Weld & Goldsmith (2011); Baier, Klein, Leuschner, Parker & Wunderlich (2017).
 """
 
@@ -16,7 +17,7 @@ import numpy as np
 from symcheck.kernels import sparse
 from symcheck.kernels.solve import Block, System, levels
 from symcheck.numerics import graph
-from symcheck.numerics.block import LocalSystem, policy_iteration, solve_direct
+from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct
 from symcheck.numerics.collapse import collapse, unit
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
 from symcheck.numerics.problem import LinearProblem, Observer, Solution, Step
@@ -24,11 +25,15 @@ from symcheck.numerics.settings import Settings
 
 __all__ = ["solve"]
 
-SMALL = 64  # states that elimination solves faster than sweeps do
-DENSE = 200  # states for which elimination in a full matrix is the way out when sweeps converge slowly
+SMALL = 64  # states without choices that are eliminated in a full matrix
+SPARSE = 250_000  # states beyond which elimination is not tried at length
 OPERATIONS = 4_000_000_000  # of a sparse elimination, before it is given up
 SLICE = 32  # sweeps between looks at the rate
-CHEAP = 200_000_000  # entries to go over in sweeps before anything else is considered
+CHEAP = 20_000_000  # entries that sweeps go over in some hundredths of a second
+
+
+class _TooSlow(Exception):
+    """A chain is not solved by quick means."""
 
 
 @dataclass(eq=False)
@@ -43,6 +48,7 @@ class _Run:
     observer: Observer | None
     counters: Int64s = field(default_factory=lambda: np.zeros(6, dtype=np.int64))
     notes: dict[str, int] = field(default_factory=dict)
+    quick: bool = False
     failed: int = 0
     iterations: int = 0
 
@@ -54,11 +60,16 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     smaller = collapse(problem)
     if smaller is not None:
         return smaller.expand(solve(smaller.problem, settings, observer))
+    return _solve(problem, settings, observer)
+
+
+def _solve(problem: LinearProblem, settings: Settings, observer: Observer | None, quick: bool = False) -> Solution:
     matrix = problem.rows
     system = System(
         matrix.indptr, matrix.indices, matrix.data, matrix.groups, problem.constant, problem.high, problem.leaving, problem.mode
     )
     run = _Run(problem, system, np.zeros((problem.n, 2)), np.full(problem.n, -1, dtype=np.int64), settings, observer)
+    run.quick = quick
     edges = matrix.indptr if matrix.groups is None else matrix.indptr[matrix.groups]
     shape = sparse.triangular(edges, matrix.indices)
     if shape != 0:
@@ -66,7 +77,7 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
         return _finish(run, f"{problem.n} states, acyclic: one pass", exact=True)
     parts = graph.sccs(matrix)
     _components(run, parts, edges)
-    return _finish(run, _explain(run, parts), exact=run.counters[2] == 0 and not run.notes)
+    return _finish(run, _explain(run, parts), exact=run.counters[2] == 0 and set(run.notes) <= {"elimination"})
 
 
 def _components(run: _Run, parts: graph.Components, edges: Int64s) -> None:
@@ -78,7 +89,7 @@ def _components(run: _Run, parts: graph.Components, edges: Int64s) -> None:
     while True:
         component = run.system.advance(
             parts.order, parts.start, component, run.x, run.strategy, goals, run.settings.relative, run.problem.probability,
-            SMALL, DENSE, run.counters,
+            SMALL, run.counters,
         )  # fmt: skip
         if component >= parts.count:
             return
@@ -89,13 +100,17 @@ def _components(run: _Run, parts: graph.Components, edges: Int64s) -> None:
 def _hard(run: _Run, states: Int32s, goal: float) -> None:
     """A component that is large or converges slowly: sweep a little, and decide by the rate what comes next."""
     block = run.system.block(states, run.x)
+    block.principle()
     if not block.open_:
         _closed(block)
-    else:
-        block.principle()
+    elif not _eliminate(run, block, goal, 200 * block.entries if block.n <= SPARSE else 20 * block.entries):
+        if run.quick:
+            raise _TooSlow
         done, ahead = _sweep(run, block, goal, True)
-        limit = int(min(OPERATIONS, max(CHEAP, 0.5 * ahead * block.entries)))
-        if not done and not _directly(run, block, goal, limit):
+        if not done and block.n <= SPARSE:
+            limit = int(min(OPERATIONS, max(10 * CHEAP, 0.5 * ahead * block.entries)))
+            done = _eliminate(run, block, goal, limit) or _improve(run, block, goal)
+        if not done:
             done, _ = _sweep(run, block, goal, False)
             run.failed += not done
     run.system.store(block, states, run.x, run.strategy)
@@ -117,7 +132,7 @@ def _sweep(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, flo
 
 def _probabilities(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
     """Interval iteration, in slices that show the rate and keep the observer informed."""
-    used, before, ahead = 0, 1.0, math.inf
+    used, slow, before, ahead = 0, 0, 1.0, math.inf
     while used < run.settings.max_iterations:
         done, sweeps, width = block.interval(goal, run.settings.relative, SLICE)
         used += sweeps
@@ -128,7 +143,9 @@ def _probabilities(run: _Run, block: Block, goal: float, eager: bool) -> tuple[b
             return True, 0.0
         if used > SLICE:
             ahead = sweeps * math.log(goal / width) / math.log(width / before) if width < before else math.inf
-            if ahead * block.entries > (CHEAP if eager else math.inf) or (width >= before and used > 100 * SLICE):
+            slow = slow + 1 if ahead * block.entries > CHEAP else 0
+            tried = used * block.entries > CHEAP // 20
+            if (eager and tried and slow >= 3) or (width >= before and used > 100 * SLICE):
                 break
         before = width
     return False, ahead
@@ -147,12 +164,31 @@ def _rewards(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, f
     return done, math.inf
 
 
-def _directly(run: _Run, block: Block, goal: float, limit: int) -> bool:
-    """Solve without sweeps; keep the bounds where they are nearer than before."""
-    local = LocalSystem.of(block)
-    answer = solve_direct(local, limit) if block.mode == 0 else policy_iteration(local, goal, solve)
-    if answer is None:
+def _eliminate(run: _Run, block: Block, goal: float, limit: int) -> bool:
+    """Elimination, for blocks without choices, within a number of operations."""
+    answer = solve_direct(LocalSystem.of(block), limit) if block.mode == 0 else None
+    return answer is not None and _accept(run, block, goal, answer, "elimination")
+
+
+def _improve(run: _Run, block: Block, goal: float) -> bool:
+    """Policy iteration, for blocks with choices, as long as the policies' chains are solved by quick means."""
+    if block.mode == 0:
         return False
+    try:
+        answer = policy_iteration(LocalSystem.of(block), goal, _quickly)
+    except _TooSlow:
+        return False
+    return answer is not None and _accept(run, block, goal, answer, "policy iteration")
+
+
+def _quickly(problem: LinearProblem, settings: Settings) -> Solution:
+    if problem.signed:
+        return _signed(problem, settings, None)
+    return _solve(problem, settings, None, quick=True)
+
+
+def _accept(run: _Run, block: Block, goal: float, answer: Bounds, name: str) -> bool:
+    """Take over bounds (where they are nearer, for probabilities); whether they are near enough."""
     x = np.asarray(block.x)[: block.n]
     if run.problem.probability:
         x[:, 0] = np.maximum(x[:, 0], answer.lower)
@@ -167,7 +203,7 @@ def _directly(run: _Run, block: Block, goal: float, limit: int) -> bool:
         width = width / np.maximum(np.abs(x[:, 1]), 1e-300)
     if float(width.max()) > goal:
         return False
-    _note(run, "elimination" if block.mode == 0 else "policy iteration", block.n)
+    _note(run, name, block.n)
     return True
 
 
