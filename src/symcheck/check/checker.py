@@ -17,7 +17,7 @@ from symcheck.check.paths import negated, resolve
 from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result
 from symcheck.engines.base import Engine, StateSet
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Filter, PathQuantifier, Property, StateFilter, Type
+from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, Property, StateFilter, Type
 
 __all__ = ["check"]
 
@@ -48,6 +48,10 @@ def check(
     kind = context.type(formula)
     if isinstance(formula, Filter | StateFilter):
         result = _filtered(context, formula, kind)
+    elif isinstance(formula, MultiObjective):
+        from symcheck.check.multi import check_multi
+
+        result = check_multi(context, formula, states_of)
     elif kind is Type.BOOL:
         result = _boolean(context, formula)
     else:

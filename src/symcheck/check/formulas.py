@@ -245,4 +245,4 @@ def _direction(context: Context, formula: ProbabilityOperator | RewardOperator, 
 
 
 def _no_multi() -> UnsupportedError:
-    return UnsupportedError("multi(...) is not supported yet; single objectives (Pmax, Pmin, Rmax, Rmin) are")
+    return UnsupportedError("multi(...) is supported as a property of its own, not within a formula or a filter")

@@ -22,7 +22,7 @@ from symcheck.engines.product import Product
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.syntax.ast import Expression, ModelType
 
-__all__ = ["co_safe_reward", "path_probability_ltl"]
+__all__ = ["co_safe_reward", "linear_product", "path_probability_ltl"]
 
 _BITS = 8
 """Up to so many atoms, letters of the product are valuations of the atoms; of more, only those that occur are numbered."""
@@ -37,15 +37,23 @@ def path_probability_ltl(context: Context, path: TemporalPath, direction: str | 
     if direction == "min":
         greatest = path_probability_ltl(context, replace(path, negative=not path.negative), "max")
         return context.engine.constant(1).map("-", greatest)
+    product, pairs = linear_product(context, path)
+    inner = replace(context, engine=product.engine)
+    good = _accepted(inner, context, product, pairs)
+    return product.project(measures(inner).until(inner, inner.engine.all, good, direction))
+
+
+def linear_product(context: Context, path: TemporalPath) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
+    """The product with an automaton of the formula, and the pairs (avoid, visits) one of which its runs must meet for ever."""
     formulas = Formulas()
     alphabet, formula = _read(context, formulas, path)
     if path.negative:
         formula = formulas.negation(formula)
     automaton = alphabet.automaton(context, formulas, formula)
     product: Product = context.engine.product(alphabet.sets, automaton)
-    inner = replace(context, engine=product.engine)
-    good = _accepted(inner, context, product, automaton)
-    return product.project(measures(inner).until(inner, inner.engine.all, good, direction))
+    return product, [
+        (product.edges(automaton.edges(p.avoid)), [product.edges(automaton.edges(v)) for v in p.visits]) for p in automaton.pairs
+    ]
 
 
 def co_safe_reward(context: Context, structure: int, path: TemporalPath, direction: str | None) -> Values:
@@ -137,10 +145,9 @@ def _union(none: StateSet, sets: Sequence[StateSet]) -> StateSet:
     return result
 
 
-def _accepted(context: Context, base: Context, product: Product, automaton: Automaton) -> StateSet:
+def _accepted(context: Context, base: Context, product: Product, pairs: Sequence[tuple[StateSet, Sequence[StateSet]]]) -> StateSet:
     """States of the product in components that the automaton accepts, or from where it does almost surely."""
     graph = context.engine.graph
-    pairs = [(product.edges(automaton.edges(p.avoid)), [product.edges(automaton.edges(v)) for v in p.visits]) for p in automaton.pairs]
     if context.engine.model.type is not ModelType.MDP:
         return _union(context.engine.none, [_surely(context, avoid, visits) for avoid, visits in pairs])
     if context.options.fairness:

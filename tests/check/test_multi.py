@@ -1,0 +1,192 @@
+"""Several objectives: against every memoryless strategy, against single objectives, and by hand."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import inf, isnan
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from checking import check_text, engine_of
+from generate import random_model
+from symcheck.errors import InputError, NumericalError, UnsupportedError
+
+SLOW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+
+FORK = """mdp
+module m
+  s : [0..3];
+  [a] s=0 -> 0.4:(s'=1) + 0.6:(s'=2);
+  [b] s=0 -> (s'=1);
+  [c] s=0 -> 0.5:(s'=0) + 0.5:(s'=3);
+  [] s>0 -> true;
+endmodule
+rewards "try"
+  [c] true : 1;
+  [a] true : 3;
+endrewards
+rewards "loop"
+  s=2 : 1;
+endrewards
+"""
+
+
+def ask(text, model=FORK, engine="explicit"):
+    return check_text(engine_of(model, engine), text).value
+
+
+def random_engine(seed):
+    try:
+        engine = engine_of(random_model(Random(seed), "mdp").text)
+    except InputError:
+        assume(False)
+    assume(engine.initial.count == 1)
+    return engine
+
+
+def test_achievability():
+    assert ask("multi(P>=0.39 [ F s=1 ], P>=0.59 [ F s=2 ])") is True
+    assert ask("multi(P>=0.5 [ F s=1 ], P>=0.55 [ F s=2 ])") is False
+    assert ask("multi(P>=0.2 [ F s=1 ], P>=0.2 [ F s=2 ], P>=0.2 [ G F s=3 ])") is True
+    assert ask("multi(P<=0.1 [ F s=1 ], P>=0.9 [ F s=3 ], R{\"try\"}<=2 [ C ])") is True
+    assert ask("multi(P<=0.1 [ F s=1 ], P>=0.9 [ F s=3 ], R{\"try\"}<=1 [ C ])") is False
+
+
+def test_numerical():
+    # With probability q = 5/6 action a is chosen (0.6 q = 0.5), the rest may go to s=3.
+    assert ask("multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])") == pytest.approx(1 / 6, abs=1e-9)
+    assert ask("multi(Pmin=? [ F s=1 ], P>=0.3 [ F s=2 ])") == pytest.approx(0.2, abs=1e-9)
+    assert ask("multi(R{\"try\"}min=? [ C ], P>=0.5 [ F s=3 ])") == pytest.approx(1, abs=1e-9)
+    assert isnan(ask("multi(Pmax=? [ F s=3 ], P>=0.7 [ F s=2 ])"))
+
+
+def test_infinite_rewards():
+    assert ask('multi(R{"loop"}max=? [ C ], P>=1 [ F (s=1|s=2) ])') == inf
+    assert ask('multi(R{"loop"}max=? [ C ], P>=1 [ F s=3 ])') == pytest.approx(0, abs=1e-9)  # the loop cannot be entered
+    assert ask('multi(R{"loop"}min=? [ C ], P>=0.3 [ F s=2 ])') == inf
+    assert isnan(ask('multi(R{"loop"}min=? [ C ], P>=0.7 [ F s=2 ])'))
+    assert ask('multi(R{"loop"}>=1000000 [ C ], P>=0.9 [ F s=1 ])') is True
+    assert ask('multi(R{"loop"}>=0.1 [ C ], P>=1 [ F s=1 ])') is False
+    with pytest.raises(NumericalError, match="no bound"):
+        ask('multi(R{"loop"}max=? [ C ], Pmax=? [ F s=1 ])')
+
+
+def test_rewards_of_some_steps():
+    # Nothing beats a at once, which ends it.
+    assert ask('multi(R{"try"}max=? [ C<=3 ], P>=0 [ true ])') == pytest.approx(3, abs=1e-9)
+    assert ask('multi(R{"try"}max=? [ C<=1 ], P>=1 [ F s=3 ])') == pytest.approx(1, abs=1e-9)
+    assert ask('multi(R{"try"}max=? [ C<=2 ], R{"try"}max=? [ C<=1 ])') == [(pytest.approx(3.0), pytest.approx(3.0))]
+
+
+def test_pareto():
+    points = ask("multi(Pmax=? [ F s=2 ], Pmax=? [ F s=3 ])")
+    assert points == [(pytest.approx(0.6), pytest.approx(0, abs=1e-9)), (pytest.approx(0, abs=1e-9), pytest.approx(1))]
+    assert ask("multi(Pmax=? [ F s=2 ], Pmin=? [ F s=1 ])") == [
+        (pytest.approx(0.6), pytest.approx(0.4)),
+        (pytest.approx(0, abs=1e-9), pytest.approx(0, abs=1e-9)),
+    ]
+
+
+@pytest.mark.parametrize("engine", ["sparse", "hybrid", "mtbdd"])
+def test_engines_on_diagrams(engine):
+    assert ask("multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])", engine=engine) == pytest.approx(1 / 6, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["multi(P>0.5 [ F s=1 ], P>=0.1 [ F s=2 ])", "multi(S>=0.5 [ s=1 ], P>=0.1 [ F s=2 ])", "multi(s=1, P>=0.1 [ F s=2 ])"],
+)
+def test_wrong_objectives(text):
+    with pytest.raises((InputError, UnsupportedError)):
+        ask(text)
+
+
+def test_unsupported_objectives():
+    with pytest.raises(UnsupportedError, match="C and C<=k"):
+        ask('multi(R{"try"}max=? [ F s=3 ], P>=0.1 [ F s=2 ])')
+    with pytest.raises(UnsupportedError, match="more than two"):
+        ask("multi(Pmax=? [ F s=1 ], Pmax=? [ F s=2 ], Pmax=? [ F s=3 ])")
+    with pytest.raises(UnsupportedError, match="of its own"):
+        ask("!multi(P>=0.1 [ F s=1 ], P>=0.1 [ F s=2 ])")
+    with pytest.raises(InputError):
+        ask("multi(P>=0.1 [ F s=1 ], P>=0.1 [ F s=2 ])", FORK.replace("mdp", "dtmc", 1))
+
+
+@SLOW
+@given(
+    seed=st.integers(0, 2**20),
+    direction=st.sampled_from(["min", "max"]),
+    path=st.sampled_from(["F {0}", "G F {0}", "F G {0}", "F<=3 {0}"]),
+)
+def test_a_single_objective_is_the_usual_measure(seed, direction, path):
+    engine = random_engine(seed)
+    query = path.format('"a"')
+    want = check_text(engine, f"P{direction}=? [ {query} ]").value
+    assert check_text(engine, f"multi(P{direction}=? [ {query} ])").value == pytest.approx(want, abs=1e-6)
+
+
+@SLOW
+@given(seed=st.integers(0, 2**20), direction=st.sampled_from(["min", "max"]), query=st.sampled_from(["C", "C<=4"]))
+def test_a_single_reward_is_the_usual_measure(seed, direction, query):
+    engine = random_engine(seed)
+    want = check_text(engine, f"R{direction}=? [ {query} ]").value
+    assert check_text(engine, f"multi(R{direction}=? [ {query} ])").value == pytest.approx(want, rel=1e-5, abs=1e-8)
+
+
+def strategies(matrix, targets, start):
+    """Reachability of absorbing targets under every memoryless deterministic strategy."""
+    groups = matrix.groups
+    dense = np.zeros((matrix.rows, matrix.states))
+    for r in range(matrix.rows):
+        span = slice(matrix.indptr[r], matrix.indptr[r + 1])
+        dense[r, matrix.indices[span]] += matrix.data[span]
+    for rows in product(*(range(groups[s], groups[s + 1]) for s in range(matrix.states))):
+        chain = dense[list(rows)]
+        x = np.array([np.array(t, dtype=float) for t in targets]).T
+        known = x.copy()
+        for _ in range(4000):
+            y = np.maximum(chain @ x, known)
+            if np.abs(y - x).max() < 1e-13:
+                break
+            x = y
+        yield x[start]
+
+
+def absorbing(rng, n):
+    """A random MDP; states n and n+1 are absorbing."""
+    lines = ["mdp", "module m", f"  s : [0..{n + 1}];"]
+    for s in range(n):
+        for _ in range(rng.choice((1, 2, 2))):
+            p = rng.choice((0.25, 0.5, 0.75))
+            first, second = rng.sample(range(n + 2), 2)
+            lines.append(f"  [] s={s} -> {p}:(s'={first}) + {1 - p}:(s'={second});")
+    return "\n".join([*lines, f"  [] s>={n} -> true;", "endmodule"])
+
+
+@SLOW
+@given(seed=st.integers(0, 2**20))
+def test_pareto_curve_against_all_strategies(seed):
+    rng = Random(seed)
+    n = rng.randint(2, 4)
+    engine = engine_of(absorbing(rng, n))
+    columns = engine.explored.states.column(0)
+    points = list(strategies(engine.matrix, [columns == n, columns == n + 1], int(engine.explored.initial[0])))
+    curve = check_text(engine, f"multi(Pmax=? [ F s={n} ], Pmax=? [ F s={n + 1} ])").value
+    for angle in np.linspace(0, np.pi / 2, 13):
+        weights = np.array([np.cos(angle), np.sin(angle)])
+        assert max(weights @ np.array(p) for p in curve) == pytest.approx(max(weights @ p for p in points), abs=1e-6)
+    for point in curve:  # corners are what some strategy without memory and chance achieves
+        assert min(np.abs(np.array(point) - p).max() for p in points) < 1e-6
+    bound = float(max(p[1] for p in points)) / 2
+    best = check_text(engine, f"multi(Pmax=? [ F s={n} ], P>={bound!r} [ F s={n + 1} ])").value
+    hull = max(
+        (p[0] if p[1] >= bound else q[0] + (p[0] - q[0]) * (bound - q[1]) / (p[1] - q[1]))
+        for p in points
+        for q in points
+        if q[1] >= bound
+    )
+    assert best == pytest.approx(hull, abs=1e-6)
