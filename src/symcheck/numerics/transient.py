@@ -165,7 +165,7 @@ def _sum(
             observer(Step("uniformisation", k, high - low, len(start)))
         if k >= len(weights) or _near(pick(below), pick(above), settings):
             return _result(below, above, k, len(weights), "")
-        if high < np.inf and _promising(low, high, ahead, pick(total), pick(y), settings):
+        if low <= high < np.inf and _promising(low, high, ahead, pick(total), pick(y), settings):
             least = weights.powers(k, low * (1.0 - slip))
             greatest = weights.powers(k, high * (1.0 + slip)) + 2.0 * window.missing
             shortcut = below + least * y * (1.0 - error), total * (1.0 + error) + greatest * y * (1.0 + error)
