@@ -16,6 +16,7 @@ from symcheck.check.options import Options
 from symcheck.check.paths import negated, resolve
 from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result
 from symcheck.engines.base import Engine, StateSet
+from symcheck.numerics.problem import Observer
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, Property, StateFilter, Type
 
@@ -30,13 +31,15 @@ def check(
     labels: Mapping[str, Expression] | None = None,
     properties: Mapping[str, Expression] | None = None,
     rebind: Callable[[BoundModel], Expression] | None = None,
+    observer: Observer | None = None,
 ) -> Result:
     """Check a bound formula (names resolved, constants folded) on a built model.
 
     The answer is the value in the initial state; over several initial states, a bool is true where it is true in all of
     them, and a number is the pair of the lowest and the highest. A filter as the outermost operator answers itself.
     `labels` are those of the properties file, `properties` the named ones that the formula may refer to. `rebind` gives
-    the formula bound to an exactly bound model, for a comparison that only rational arithmetic decides.
+    the formula bound to an exactly bound model, for a comparison that only rational arithmetic decides. `observer` is told
+    of each step of a numerical computation, and may raise to end it.
 
     Raises InputError, UnsupportedError, and NumericalError where the accuracy asked for is missed.
     """
@@ -44,7 +47,7 @@ def check(
     if isinstance(formula, Property):
         formula = formula.formula
     notes = Notes()
-    context = Context(engine, options or Options(), labels or {}, properties or {}, notes, rebind)
+    context = Context(engine, options or Options(), labels or {}, properties or {}, notes, rebind, observer=observer)
     kind = context.type(formula)
     if isinstance(formula, Filter | StateFilter):
         result = _filtered(context, formula, kind)

@@ -10,6 +10,7 @@ from symcheck.check.options import Options
 from symcheck.check.result import Line, Run
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import Diagnostic, NameFault
+from symcheck.numerics.problem import Observer
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.types import type_of
 from symcheck.syntax.ast import Expression, LabelReference, Type
@@ -42,6 +43,7 @@ class Context:
     rebind: gives the formula that is checked, bound to the same model in exact arithmetic (thresholds such as 1/6 then are
       rationals). open: the properties that are being expanded, so that one that refers to itself is found. matter: the
       states at which values are needed to the accuracy asked for (None: all); elsewhere their bounds may be wider.
+    observer: is told of each step of a computation, and may raise to end it.
     """
 
     engine: Engine
@@ -52,6 +54,7 @@ class Context:
     rebind: Callable[[BoundModel], Expression] | None = None
     open: frozenset[str] = frozenset()
     matter: StateSet | None = None
+    observer: Observer | None = None
 
     def referred(self, reference: LabelReference) -> Expression:
         """The expression that a reference to a label or a property stands for ("init" and "deadlock" are none).

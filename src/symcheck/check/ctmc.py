@@ -132,7 +132,9 @@ def _values(
     interest = None
     if context.matter is not None:
         interest = np.flatnonzero(system.restrict(context.matter))
-    found = transient_values(rates, system.row_sums(), time, context.options, terminal=terminal, gain=gain, interest=interest)
+    found = transient_values(
+        rates, system.row_sums(), time, context.options, terminal=terminal, gain=gain, interest=interest, observer=context.observer
+    )
     seconds = perf_counter() - started
     context.notes.runs.append(Run("transient", "uniformisation", system.n, found.iterations, seconds, found.explanation))
     return found.lower, found.upper

@@ -16,6 +16,7 @@ from symcheck.check.result import Run
 from symcheck.check.window import Window
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.numerics.matrix import Floats
+from symcheck.numerics.problem import Step
 
 __all__ = ["Until", "best", "bounded_until", "cumulative_reward", "instantaneous_reward", "next_probability", "per_row"]
 
@@ -73,8 +74,9 @@ def _within(context: Context, left: StateSet, right: StateSet, steps: int, direc
     enter = system.into(right)
     x = np.zeros(system.n)
     taken = 0
-    for taken in range(1, steps + 1):  # noqa: B007 (the number of steps taken is noted)
+    for taken in range(1, steps + 1):
         y = best(system.operator.multiply(x) + enter, system, direction)
+        _observe(context, system, taken)
         if np.array_equal(x, y):
             break
         x = y
@@ -93,8 +95,9 @@ def _delayed(context: Context, left: StateSet, values: Values, steps: int, direc
     if values.exact:
         sides = sides[:1]
     taken = 1
-    for taken in range(2, steps + 1):  # noqa: B007
+    for taken in range(2, steps + 1):
         following = [step(x) for x in sides]
+        _observe(context, system, taken)
         if all(map(np.array_equal, sides, following)):
             break
         sides = following
@@ -129,9 +132,10 @@ def per_row(system: System, states: Floats) -> Floats:
 
 def _repeat(context: Context, system: System, x: Floats, steps: int, direction: str | None, add: Floats | None) -> Values:
     taken = 0
-    for taken in range(1, steps + 1):  # noqa: B007
+    for taken in range(1, steps + 1):
         y = system.operator.multiply(x)
         y = best(y if add is None else y + add, system, direction)
+        _observe(context, system, taken)
         if np.array_equal(x, y):
             break
         x = y
@@ -148,6 +152,11 @@ def _lift(
     if rounding <= ROUNDING:
         return system.lift(low, None if high is low else high, rest, exact=high is low)
     return system.lift(low - rounding * np.abs(low), high + rounding * np.abs(high), rest)
+
+
+def _observe(context: Context, system: System, taken: int) -> None:
+    if context.observer is not None:
+        context.observer(Step("step by step", taken, 0.0, system.n))
 
 
 def _note(context: Context, unknowns: int, steps: int) -> None:

@@ -87,7 +87,7 @@ def _component_average(context: Context, system: System, reward: Floats) -> tupl
     if reward.min() == reward.max():
         return float(reward[0]), float(reward[0])
     started = perf_counter()
-    found = long_run_average(system.matrix, reward, context.options)
+    found = long_run_average(system.matrix, reward, context.options, context.observer)
     seconds = perf_counter() - started
     context.notes.runs.append(
         Run("steady", "long-run average", system.n, found.iterations, seconds, found.explanation, found.certified)

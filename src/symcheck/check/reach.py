@@ -83,14 +83,14 @@ class Equations:
 
         if self.system.n == 0:
             return self.system.lift(np.empty(0), None, rest)
-        started = perf_counter()
+        started, options, observer = perf_counter(), self.context.options, self.context.observer
         # End components without reward are made single states, as for least rewards; rewards are not negative, so
         # that waiting is never better than leaving and need not be among the choices of these states.
         smaller = collapse(replace(problem, matrix=self._matrix(), direction="min")) if wait else None
         if smaller is None:
-            found = solve_linear(problem, self.context.options)
+            found = solve_linear(problem, options, observer)
         else:
-            found = smaller.expand(solve_linear(replace(smaller.problem, direction=problem.direction), self.context.options))
+            found = smaller.expand(solve_linear(replace(smaller.problem, direction=problem.direction), options, observer))
         seconds = perf_counter() - started
         width = found.width(self.context.options.relative)
         if found.certified and width > self.context.options.epsilon:
