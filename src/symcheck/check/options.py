@@ -23,6 +23,7 @@ class Options:
     fix_deadlocks: give deadlock states a self-loop; False makes a deadlock an error.
     check_sums: False accepts probabilities that do not sum to 1.
     fairness: only fair strategies of an MDP are considered (each choice offered infinitely often is taken so).
+    reduce: reset variables whose values nothing will read again (see `symcheck.semantics.reduce`), before the model is built.
     ltl2da: program that makes automata of formulas of linear time, called with the names of a formula file and a HOA file.
     ltl2da_syntax: how it reads formulas: 'lbt', 'spin', 'spot' or 'rabinizer'.
     """
@@ -39,5 +40,6 @@ class Options:
     fix_deadlocks: bool = True
     check_sums: bool = True
     fairness: bool = False
+    reduce: bool = False
     ltl2da: str | None = None
     ltl2da_syntax: str = "lbt"

@@ -105,6 +105,7 @@ def _model(parser: _Parser) -> None:
     parser.add("fixdl", dest="fix_deadlocks", action="store_true", default=True, help="give deadlocks a self-loop (default)")
     parser.add("nofixdl", dest="fix_deadlocks", action="store_false", help="a deadlock is an error")
     parser.add("noprobchecks", dest="check_sums", action="store_false", default=True, help="accept probabilities that do not sum to 1")
+    parser.add("reduce", action="store_true", help="reset variables that nothing will read again: fewer states")
     parser.add("cuddmaxmem", metavar="SIZE", type=_memory, help="memory of the diagrams at most, such as 4g")
     parser.add("timeout", metavar="TIME", type=_seconds, help="time of the run at most, such as 90, 5m or 1h")
 

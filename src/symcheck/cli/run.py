@@ -65,6 +65,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         fix_deadlocks=arguments.fix_deadlocks,
         check_sums=arguments.check_sums,
         fairness=arguments.fairness,
+        reduce=arguments.reduce,
         ltl2da=arguments.ltl2datool,
         ltl2da_syntax=arguments.ltl2dasyntax,
     )
@@ -124,6 +125,9 @@ def _instance(
     try:
         model = bind(program, constants, model_type=kind, exact=options.exact)
         job.report.model(model, constants)
+        asked = list(_asked(program, file, chosen, others))
+        if options.reduce:
+            model = _reduced(job, model, [question for question, _ in asked])
         engine = _build(job, model, options)
     except ResourceError:
         raise
@@ -136,12 +140,33 @@ def _instance(
             known = {n: _plain(v) for n, v in {**constants, **{n: v[0] for n, v in others.items()}}.items()}
             _conclude(job, judge(file.properties[i].comments, error, known, exact=options.exact))
         return
+    for question, choice in asked:
+        _check(job, engine, question, options, constants, choice)
+
+
+def _asked(
+    program: Program, file: PropertiesFile, chosen: Sequence[int], others: Mapping[str, Sequence[str]]
+) -> Iterator[tuple[Question, Values]]:
+    """The chosen properties with every choice of the constants that each needs."""
     needed = needed_constants(program, file)
     for i in chosen:
-        mine = {n: v for n, v in others.items() if n in needed[i]}
-        for choice in combinations(mine):
-            given = {**{n: v[0] for n, v in others.items()}, **choice}
-            _check(job, engine, Question(file, i, given), options, constants, choice)
+        for choice in combinations({n: v for n, v in others.items() if n in needed[i]}):
+            yield Question(file, i, {**{n: v[0] for n, v in others.items()}, **choice}), choice
+
+
+def _reduced(job: Job, model: BoundModel, questions: Sequence[Question]) -> BoundModel:
+    """The model with dead variables reset, for these questions; one that is at fault is not answered and needs nothing."""
+    from symcheck.semantics.reduce import observe, reduce
+
+    bound = [q.bind(model) for q in questions]
+    labels = {n: x for _, own in bound for n, x in own.items()}
+    formulas = [p.formula for p, _ in bound if p.fault is None]
+    if job.arguments.fairness:
+        job.report.warn("-reduce is not used: which strategies are fair depends on the states")
+        return model
+    reduction = reduce(model, observe(model, formulas, labels))
+    job.report.line(f"Reduction:   {reduction}")
+    return reduction.model
 
 
 def internal(error: Exception) -> SymcheckError:
