@@ -37,7 +37,8 @@ class Step:
 class Diagrams:
     """States over `rows`, transitions from `rows` to `columns` (alternating, from the top of the diagrams down).
 
-    states: all reachable states. loops: states with a self-loop that no step has (deadlocks that were fixed).
+    states: all reachable states. deadlocks: those that had no transition of their own. loops: states with a self-loop
+    that no step has (deadlocks, unless an automaton moves on there).
     steps: the transitions of positive probability without these loops, of all choices.
     roots: the matrices on reachable rows, loops included: one, or one per choice slot of an MDP; `guards` (None unless an
     MDP): the states that have a choice in each slot. actions: (slot, action or None) to the states whose choice it is.
@@ -49,6 +50,7 @@ class Diagrams:
     columns: tuple[str, ...] = field(repr=False)
     states: Bdd = field(repr=False)
     initial: Bdd = field(repr=False)
+    deadlocks: Bdd = field(repr=False)
     loops: Bdd = field(repr=False)
     steps: tuple[Step, ...] = field(repr=False)
     roots: tuple[Mtbdd, ...] = field(repr=False)
@@ -129,6 +131,7 @@ def diagrams_of(transitions: Transitions) -> Diagrams:
         symbolic.encoding.columns,
         space.states,
         symbolic.initial,
+        transitions.fixed,
         transitions.fixed,
         steps,
         transitions.roots,

@@ -19,6 +19,8 @@ from symcheck.syntax.ast import Expression, Type
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
+    from symcheck.engines.product import Automaton
+    from symcheck.engines.symbolic_product import SymbolicProduct
     from symcheck.symbolic.model import StateSpace, Transitions
 
 __all__ = ["SymbolicEngine"]
@@ -88,7 +90,7 @@ class SymbolicEngine:
     @cached_property
     def deadlocks(self) -> SymbolicSet:
         """States that had no transition before they were given a self-loop."""
-        return self._set(self.diagrams.loops)
+        return self._set(self.diagrams.deadlocks)
 
     @cached_property
     def graph(self) -> SymbolicGraph:
@@ -158,7 +160,7 @@ class SymbolicEngine:
         lists = [(c.astype(bool) if is_bool else c).tolist() for c, is_bool in zip(columns, kinds, strict=True)]
         yield from zip(*lists, strict=True) if lists else iter([()] * len(bits))
 
-    def product(self, letters: Sequence[SymbolicSet], automaton: Any) -> Any:
+    def product(self, letters: Sequence[SymbolicSet], automaton: Automaton) -> SymbolicProduct:
         """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
         from symcheck.engines.symbolic_product import product
 

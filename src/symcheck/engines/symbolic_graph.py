@@ -66,7 +66,7 @@ class SymbolicGraph:
         """States with a path into `target` whose states before are in `through`; with `target` itself."""
         return self._close(target, lambda step, states: step.preimage(states) & through)
 
-    def _forward(self, sources: Bdd) -> Bdd:
+    def reachable(self, sources: Bdd) -> Bdd:
         """All states that paths from `sources` lead to."""
         return self._close(sources, lambda step, states: step.image(states))
 
@@ -164,7 +164,7 @@ class SymbolicGraph:
             if not left:
                 return
             pivot = self.engine.lowest(inside)
-            ahead = self._forward(pivot)
+            ahead = self.reachable(pivot)
             back = self._backward(pivot, ahead)
             if ahead == back:
                 yield self._set(ahead)

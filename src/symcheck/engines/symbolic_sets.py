@@ -18,7 +18,7 @@ from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.diagrams import Diagrams
-from symcheck.numerics.matrix import Bools, Floats
+from symcheck.numerics.matrix import Bools, Floats, Int64s
 
 __all__ = ["Piece", "SymbolicSet", "SymbolicValues", "values_of"]
 
@@ -96,14 +96,17 @@ class Piece:
         if self.odd is None:
             low = np.broadcast_to(v.lower, (n,))
             high = low if v.upper is v.lower else np.broadcast_to(v.upper, (n,))
-            return ArrayValues(low, high, None if v.computed is None else np.broadcast_to(v.computed, (n,)))
+            return ArrayValues(low, high, None if v.computed is None else np.broadcast_to(v.computed, (n,)), v.slack)
         if states == self.states:
             return v
-        places = odd.places(self.odd)
-        low = v.lower[places]
-        return ArrayValues(
-            low, low if v.upper is v.lower else v.upper[places], None if v.computed is None else v.computed[places]
-        )
+        return picked(v, odd.places(self.odd))
+
+
+def picked(values: ArrayValues, places: Int64s) -> ArrayValues:
+    """The values at some places."""
+    low = values.lower[places]
+    high = low if values.upper is values.lower else values.upper[places]
+    return ArrayValues(low, high, None if values.computed is None else values.computed[places], values.slack)
 
 
 def constant_piece(states: Bdd, lower: float, upper: float | None = None, computed: bool = False) -> Piece:
@@ -242,7 +245,7 @@ def merged(diagrams: Diagrams, pieces: Iterable[Piece]) -> tuple[Piece, ...]:
             result.append(piece)
         else:
             computed = v.computed is not None and bool(v.computed[0])
-            groups.setdefault((v.lower.tobytes(), v.upper.tobytes(), computed), []).append(piece)
+            groups.setdefault((v.lower.tobytes(), v.upper.tobytes(), computed, v.slack), []).append(piece)
     joined = (g[0] if len(g) == 1 else Piece(diagrams.union([p.states for p in g]), g[0].values, None) for g in groups.values())
     return (*result, *joined)
 
