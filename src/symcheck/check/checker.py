@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import isinf, isnan
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symcheck.check import ctl
 from symcheck.check.context import Context, Notes
@@ -16,9 +16,13 @@ from symcheck.check.options import Options
 from symcheck.check.paths import negated, resolve
 from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result
 from symcheck.engines.base import Engine, StateSet
+from symcheck.errors import UnsupportedError
 from symcheck.numerics.problem import Observer
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, Property, StateFilter, Type
+
+if TYPE_CHECKING:
+    from symcheck.check.strategy import Strategy
 
 __all__ = ["check"]
 
@@ -59,8 +63,10 @@ def check(
         result = _boolean(context, formula)
     else:
         result = _numeric(context, formula, kind)
+    strategy = _strategy(context, formula) if context.options.strategy else None
     return replace(
         result,
+        strategy=strategy,
         lines=tuple(notes.lines),
         runs=tuple(notes.runs),
         warnings=tuple(notes.warnings),
@@ -68,6 +74,17 @@ def check(
         seconds=perf_counter() - started,
         engine=engine,
     )
+
+
+def _strategy(context: Context, formula: Expression) -> Strategy | None:
+    """A strategy that attains the value; where none can be given, a warning says why."""
+    from symcheck.check.strategy import strategy_of
+
+    try:
+        return strategy_of(context, formula, states_of)
+    except UnsupportedError as error:
+        context.notes.warn(f"no strategy: {error}")
+        return None
 
 
 def _boolean(context: Context, formula: Expression) -> Result:

@@ -16,6 +16,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.discrete import per_row
+from symcheck.check.listed import listed
 from symcheck.check.ltl import linear_product
 from symcheck.check.paths import StatesOf, TemporalPath, temporal
 from symcheck.check.result import Answer, Estimate, Exact, Result, Run
@@ -23,7 +24,6 @@ from symcheck.check.rewards import structure_number
 from symcheck.check.window import window
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.product import Product
-from symcheck.engines.registry import build
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.numerics import multi as numerics
 from symcheck.numerics.graph import Incidence
@@ -86,10 +86,8 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Callable[[
     A linear program needs rows: with an engine on diagrams, the states are listed for it (and `-v` says so).
     """
     _supported(context, formula)
-    listed = context.engine.name not in ("explicit", "explicit product")
-    if listed:
-        context = replace(context, engine=build(context.engine.model, replace(context.options, engine="explicit")), matter=None)
-    return _check(context, formula, states_of(context), "; states listed, as a linear program needs rows" if listed else "")
+    own = listed(context)
+    return _check(own, formula, states_of(own), "" if own is context else "; states listed, as a linear program needs rows")
 
 
 def _check(context: Context, formula: MultiObjective, states_of: StatesOf, remark: str) -> Result:

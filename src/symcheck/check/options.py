@@ -24,6 +24,7 @@ class Options:
     check_sums: False accepts probabilities that do not sum to 1.
     fairness: only fair strategies of an MDP are considered (each choice offered infinitely often is taken so).
     reduce: reset variables whose values nothing will read again (see `symcheck.semantics.reduce`), before the model is built.
+    strategy: find a strategy that attains the value (MDP): `Result.strategy`.
     ltl2da: program that makes automata of formulas of linear time, called with the names of a formula file and a HOA file.
     ltl2da_syntax: how it reads formulas: 'lbt', 'spin', 'spot' or 'rabinizer'.
     """
@@ -41,5 +42,6 @@ class Options:
     check_sums: bool = True
     fairness: bool = False
     reduce: bool = False
+    strategy: bool = False
     ltl2da: str | None = None
     ltl2da_syntax: str = "lbt"

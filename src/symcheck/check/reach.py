@@ -23,7 +23,7 @@ from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["Equations", "boundary_values", "chosen_rows", "equations", "reach_reward", "until"]
+__all__ = ["Equations", "boundary_values", "chosen_rows", "equations", "reach_reward", "step_rewards", "until"]
 
 
 @dataclass(frozen=True)
@@ -139,11 +139,11 @@ def reach_reward(context: Context, structure: int, target: StateSet, direction: 
     # The least expected reward is finite where some strategy reaches almost surely, the greatest where all do.
     certain = engine.graph.prob1(engine.all, target, {"min": "max", "max": "min", None: None}[direction])
     part = equations(context, certain - target)
-    reward = _rewards(part, structure)
+    reward = step_rewards(part, structure)
     if np.isinf(reward).any():
         certain = certain - _meets_infinity(context, part, reward, target, direction)
         part = equations(context, certain - target)
-        reward = _rewards(part, structure)
+        reward = step_rewards(part, structure)
     problem = part.problem(reward, None, direction, probability=False)
     if direction == "min":
         # A choice that may lead to where the reward is infinite is never best.
@@ -152,7 +152,7 @@ def reach_reward(context: Context, structure: int, target: StateSet, direction: 
     return part.solve(problem, [(~certain, np.inf)])
 
 
-def _rewards(part: Equations, structure: int) -> Floats:
+def step_rewards(part: Equations, structure: int) -> Floats:
     """Per row: the expected reward of a step (state rewards of a CTMC are earned per unit of time)."""
     states, rows = part.system.rewards(structure)
     return part.scaled(per_row(part.system, states) + rows)

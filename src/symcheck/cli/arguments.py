@@ -113,6 +113,9 @@ def _model(parser: _Parser) -> None:
 def _output(parser: _Parser) -> None:
     parser.add("v", "verbose", dest="verbose", action="store_true", help="tell more: iterations, methods, diagrams")
     parser.add("exportresults", metavar="FILE[:KIND]", help="write the results: text (default), csv, matrix, dataframe or comment")
+    parser.add(
+        "exportstrat", metavar="FILE[:type=KIND]", help="write a strategy of each mdp property: actions (default), indices, induced, dot"
+    )
     parser.add("test", action="store_true", help="compare with the RESULT lines; stop at the first that fails")
     parser.add("testall", action="store_true", help="compare with the RESULT lines; go on after a failure")
     parser.add("help", "?", action="help", help="this text")

@@ -66,6 +66,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         check_sums=arguments.check_sums,
         fairness=arguments.fairness,
         reduce=arguments.reduce,
+        strategy=arguments.exportstrat is not None,
         ltl2da=arguments.ltl2datool,
         ltl2da_syntax=arguments.ltl2dasyntax,
     )
@@ -209,6 +210,8 @@ def _check(job: Job, engine: Engine, question: Question, options: Options, const
     try:
         outcome = check(engine, bound.formula, options, labels=labels, rebind=question.formula)
         job.report.result(outcome)
+        if outcome.strategy is not None:
+            _export_strategy(job, outcome)
         job.rows.append(Row(bound.name or text, {**constants, **choice}, show_value(outcome.value), str(outcome.accuracy)))
     except ResourceError:
         raise
@@ -219,6 +222,19 @@ def _check(job: Job, engine: Engine, question: Question, options: Options, const
         job.rows.append(Row(bound.name or text, {**constants, **choice}, "Error", str(outcome).splitlines()[0]))
     if job.testing:
         _conclude(job, judge(bound.comments, outcome, bound.constants, exact=options.exact))
+
+
+def _export_strategy(job: Job, outcome: Result) -> None:
+    """Write the strategy; "stdout" is no file. Of several properties the last one's is left in the file."""
+    from symcheck.exchange.strategies import strategy_target, write_strategy
+
+    path, kind, reach = strategy_target(job.arguments.exportstrat)
+    if path == "stdout":
+        write_strategy(outcome.strategy, job.report.out, kind, reach=reach)
+        return
+    with open(path, "w", encoding="utf-8") as file:
+        write_strategy(outcome.strategy, file, kind, reach=reach)
+    job.report.line(f'Strategy written to "{path}" ({kind})')
 
 
 def _conclude(job: Job, verdict: object) -> None:

@@ -1,0 +1,143 @@
+"""Strategies: the Markov chain that one induces has, checked by itself, the value that was promised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from io import StringIO
+from math import inf
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from checking import check_text, engine_of
+from generate import random_model
+from symcheck.engines.explicit import ExplicitEngine
+from symcheck.errors import InputError, UsageError
+from symcheck.exchange.strategies import strategy_target, write_strategy
+from symcheck.syntax.ast import ModelType
+
+SLOW = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+QUERIES = [
+    'P{}=? [ F "a" ]',
+    'P{}=? [ "b" U "a" ]',
+    'P{}=? [ G "b" ]',
+    'P{}=? [ X "a" ]',
+    'P{}=? [ !"a" W "b" ]',
+    'R{}=? [ F "a" ]',
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """An explored MDP reduced to the rows of a strategy."""
+
+    mdp: object
+    model: object
+    matrix: object
+    choice_rewards: list
+
+    def __getattr__(self, name):
+        return getattr(self.mdp, name)
+
+
+def induced(strategy):
+    explored = strategy.engine.explored
+    rewards = [r[strategy.rows] for r in explored.choice_rewards]
+    return ExplicitEngine(Chain(explored, replace(explored.model, type=ModelType.DTMC), strategy.induced, rewards))
+
+
+@SLOW
+@given(
+    seed=st.integers(0, 2**20),
+    direction=st.sampled_from(["min", "max"]),
+    query=st.sampled_from(QUERIES),
+)
+def test_the_induced_chain_has_the_value(seed, direction, query):
+    try:
+        engine = engine_of(random_model(Random(seed), "mdp").text)
+    except InputError:
+        assume(False)
+    result = check_text(engine, query.format(direction), strategy=True)
+    assert not result.warnings
+    chain = check_text(induced(result.strategy), query.format("")).values
+    for (low, high), (other_low, other_high) in zip(
+        zip(*result.values.at(engine.all), strict=True), zip(*chain.at(engine.all), strict=True), strict=True
+    ):
+        if inf in (low, other_low):
+            assert low == other_low
+        else:
+            assert other_low <= high * (1 + 2e-6) + 1e-11
+            assert low <= other_high * (1 + 2e-6) + 1e-11
+
+
+ROUND = """mdp
+module m
+  s : [0..3];
+  [go] s=0 -> (s'=1);
+  [on] s=1 -> (s'=0);
+  [out] s=1 -> 0.5:(s'=2) + 0.5:(s'=3);
+  [wait] s=0 -> true;
+  [] s>1 -> true;
+endmodule
+rewards "cost"
+  [out] true : 4;
+endrewards
+"""
+
+
+def actions(text, **kwargs):
+    return check_text(engine_of(ROUND), text, strategy=True, **kwargs).strategy.actions
+
+
+def test_progress_in_end_components():
+    # Each of go, on and wait keeps the greatest probability of 1/2 (1), and only go and out attain it.
+    assert actions("Pmax=? [ F s=2 ]")[:2] == ["go", "out"]
+    assert actions("Pmax=? [ F s>=2 ]")[:2] == ["go", "out"]
+    assert actions('R{"cost"}min=? [ F s>=2 ]')[:2] == ["go", "out"]
+    assert actions("P>=0.5 [ F s>=2 ]")[1] == "on"  # over all strategies: the worst
+    assert actions("Pmin=? [ F s=2 ]")[1] == "on"
+
+
+def test_files():
+    strategy = check_text(engine_of(ROUND), "Pmax=? [ F s=2 ]", strategy=True).strategy
+
+    def written(kind, **kwargs):
+        out = StringIO()
+        write_strategy(strategy, out, kind, **kwargs)
+        return out.getvalue()
+
+    assert written("actions") == "(0):go\n(1):out\n(2):\n(3):\n"
+    assert written("indices").splitlines()[:2] == [f"0:{strategy.rows[0]}", f"1:{strategy.rows[1] - 2}"]
+    assert written("induced") == "4 5\n0 1 1.0 go\n1 2 0.5 out\n1 3 0.5 out\n2 2 1.0\n3 3 1.0\n"
+    assert written("dot").startswith("digraph")
+    assert '1 -> 3 [label="0.5 : out"];' in written("dot")
+    least = check_text(engine_of(ROUND), "Pmin=? [ F s=2 ]", strategy=True).strategy
+    out = StringIO()
+    write_strategy(least, out)
+    assert "(2)" not in out.getvalue()
+    assert np.array_equal(least.reachable[2:], [False, False])
+
+
+def test_targets():
+    assert strategy_target("a.txt") == ("a.txt", "actions", True)
+    assert strategy_target("a.tra") == ("a.tra", "induced", True)
+    assert strategy_target("x:y.dot") == ("x:y.dot", "dot", True)
+    assert strategy_target("a:type=induced,reach=false") == ("a", "induced", False)
+    with pytest.raises(UsageError):
+        strategy_target("a:type=other")
+
+
+@pytest.mark.parametrize("text", ["Pmax=? [ F<=3 s=2 ]", "Pmax=? [ G F s=2 ]", 'R{"cost"}max=? [ C<=3 ]', "s=1"])
+def test_unsupported_strategies_leave_the_result(text):
+    result = check_text(engine_of(ROUND), text, strategy=True)
+    assert result.strategy is None
+    assert result.warnings[0].startswith("no strategy")
+
+
+@pytest.mark.parametrize("engine", ["sparse", "mtbdd"])
+def test_engines_on_diagrams(engine):
+    result = check_text(engine_of(ROUND, engine), "Pmax=? [ F s=2 ]", strategy=True)
+    assert result.strategy.actions[:2] == ["go", "out"]
