@@ -1,0 +1,210 @@
+"""A built model as plain arrays, whatever the engine: what every format is written from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.engines.base import Engine, StateSet
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.model import Variable
+from symcheck.syntax.ast import ModelType, Type
+
+__all__ = ["Rewards", "Snapshot", "snapshot"]
+
+SetOf = Callable[[str], StateSet]
+
+
+@dataclass(frozen=True, eq=False)
+class Rewards:
+    """A reward structure: a reward per state [n], and per row the probability-(rate-)weighted sum of transition rewards."""
+
+    name: str | None
+    states: NDArray[Any] = field(repr=False)
+    rows: NDArray[Any] = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A model with n states in lexicographic order of the variables; the entries of a row in the order of their columns.
+
+    columns: int64[n] per variable. values: probabilities (rates) of the entries: the matrix's doubles, or rationals.
+    row_actions: per row a number among `actions`, -1 for none; None unless the model is an MDP. labels: bool[n] each,
+    "init" and "deadlock" (states that had no transition) first.
+    """
+
+    type: ModelType
+    variables: tuple[Variable, ...]
+    columns: Sequence[Int64s] = field(repr=False)
+    matrix: SparseMatrix = field(repr=False)
+    values: NDArray[Any] = field(repr=False)
+    actions: tuple[str, ...]
+    row_actions: Int32s | None = field(repr=False)
+    labels: Mapping[str, Bools] = field(repr=False)
+    rewards: Sequence[Rewards] = field(repr=False)
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.matrix.states
+
+    @cached_property
+    def state_of_row(self) -> Int64s:
+        """The state of each row."""
+        groups = self.matrix.groups
+        return np.arange(self.n) if groups is None else np.repeat(np.arange(self.n), np.diff(groups))
+
+    @cached_property
+    def row_of_entry(self) -> Int64s:
+        """The row of each entry."""
+        return np.repeat(np.arange(self.matrix.rows), np.diff(self.matrix.indptr))
+
+    @cached_property
+    def choice_of_row(self) -> Int64s:
+        """The number of each row among the choices of its state."""
+        groups = self.matrix.groups
+        return np.zeros(self.n, np.int64) if groups is None else np.arange(self.matrix.rows) - groups[self.state_of_row]
+
+    @cached_property
+    def row_sums(self) -> Floats:
+        """Per row: the total probability (rate)."""
+        return np.add.reduceat(self.matrix.data, self.matrix.indptr[:-1]) if self.matrix.rows else np.empty(0)
+
+    def action_texts(self) -> list[str]:
+        """Per row the name of its action, empty for none."""
+        names = np.array([*self.actions, ""], dtype=object)
+        chosen: list[str] = ([""] * self.matrix.rows) if self.row_actions is None else names[self.row_actions].tolist()
+        return chosen
+
+    def state_texts(self, start: int, stop: int) -> list[str]:
+        """The values of the variables in some states, as `(1,true)`."""
+        parts = [_texts(c[start:stop], v.type) for c, v in zip(self.columns, self.variables, strict=True)]
+        return [f"({','.join(row)})" for row in zip(*parts, strict=True)] if parts else ["()"] * (stop - start)
+
+    def transition_rewards(self, structure: Rewards) -> NDArray[Any]:
+        """A reward per row that every transition of the row may carry, so that its expected value is the row's."""
+        if self.type is not ModelType.CTMC:
+            return structure.rows
+        return np.asarray(np.where(structure.rows == 0, 0.0, structure.rows.astype(np.float64) / self.row_sums))
+
+
+def _texts(column: Int64s, type: Type) -> list[str]:
+    return np.where(column != 0, "true", "false").tolist() if type is Type.BOOL else list(map(str, column.tolist()))
+
+
+def snapshot(engine: Engine, labels: Sequence[str] = (), states: SetOf | None = None) -> Snapshot:
+    """The arrays of a built model. `states` gives the states of the labels that are named; the built-in ones come by themselves."""
+    model = engine.model
+    system = engine.system(engine.all)
+    columns = _columns(engine)
+    members = {"init": engine.to_bools(engine.initial), "deadlock": engine.to_bools(engine.deadlocks)}
+    if states is not None:
+        members |= {name: engine.to_bools(states(name)) for name in labels}
+    rewards = [Rewards(r.name, *system.rewards(i)) for i, r in enumerate(model.rewards)]
+    rationals = getattr(engine, "rationals", None)
+    matrix = system.matrix
+    found = Snapshot(
+        model.type,
+        model.variables,
+        columns,
+        matrix,
+        matrix.data if rationals is None else rationals.values,
+        model.actions,
+        _row_actions(engine, system) if model.type is ModelType.MDP else None,
+        members,
+        rewards,
+    )
+    return _sorted(found)
+
+
+def _columns(engine: Engine) -> list[Int64s]:
+    explored = getattr(engine, "explored", None)
+    count = len(engine.model.variables)
+    if explored is not None:
+        return [explored.states.column(i) for i in range(count)]
+    flat = np.fromiter((int(x) for state in engine.valuations(engine.all) for x in state), np.int64, engine.states * count)
+    return list(flat.reshape(engine.states, count).T)
+
+
+def _row_actions(engine: Engine, system: Any) -> Int32s:
+    """The action of each row: kept by some engines, and found by steps of the semantics for the rational one."""
+    explored = getattr(engine, "explored", None)
+    if explored is not None:
+        kept: Int32s = explored.choice_actions
+        return kept
+    actions = getattr(system, "actions", None)
+    if actions is not None:
+        return np.asarray(actions, np.int32)
+    return _rational_actions(engine, system.matrix.groups)
+
+
+def _rational_actions(engine: Engine, groups: Int64s) -> Int32s:
+    from symcheck.semantics.step import transitions
+
+    number = {name: i for i, name in enumerate(engine.model.actions)}
+    out: list[int] = []
+    for state, count in zip(engine.valuations(engine.all), np.diff(groups).tolist(), strict=True):
+        found = [number.get(row.action or "", -1) for row in transitions(engine.model, state, check_sums=False)]
+        out.extend(found or [-1] * count)
+    return np.array(out, np.int32)
+
+
+def _sorted(found: Snapshot) -> Snapshot:
+    """States and entries in their canonical order (a symbolic engine may order the variables otherwise)."""
+    order = np.lexsort(list(found.columns)[::-1]) if found.columns else np.arange(found.n)
+    if not np.array_equal(order, np.arange(found.n)):
+        found = _permuted(found, order)
+    m = found.matrix
+    inside = np.diff(m.indices) > 0
+    inside[m.indptr[1:-1][(m.indptr[1:-1] > 0) & (m.indptr[1:-1] < m.entries)] - 1] = True
+    if inside.all():
+        return found
+    by = np.lexsort((m.indices, found.row_of_entry))
+    matrix = SparseMatrix(m.indptr, m.indices[by], m.data[by], m.columns, m.groups)
+    return replace(found, matrix=matrix, values=found.values[by])
+
+
+def _permuted(found: Snapshot, order: Int64s) -> Snapshot:
+    """The states in another order: new state i is the old `order[i]`."""
+    m = found.matrix
+    place = np.empty(found.n, np.int32)
+    place[order] = np.arange(found.n, dtype=np.int32)
+    counts = np.ones(found.n, np.int64) if m.groups is None else np.diff(m.groups)
+    starts = np.arange(found.n) if m.groups is None else m.groups[:-1]
+    rows = _ranges(starts[order], counts[order])
+    entries = _ranges(m.indptr[:-1][rows], np.diff(m.indptr)[rows])
+    matrix = SparseMatrix(
+        _offsets(np.diff(m.indptr)[rows]),
+        place[m.indices[entries]],
+        m.data[entries],
+        m.columns,
+        None if m.groups is None else _offsets(counts[order]),
+    )
+    return Snapshot(
+        found.type,
+        found.variables,
+        [c[order] for c in found.columns],
+        matrix,
+        found.values[entries],
+        found.actions,
+        None if found.row_actions is None else found.row_actions[rows],
+        {name: members[order] for name, members in found.labels.items()},
+        [Rewards(r.name, r.states[order], r.rows[rows]) for r in found.rewards],
+    )
+
+
+def _offsets(counts: Int64s) -> Int64s:
+    return np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
+
+
+def _ranges(starts: Int64s, counts: Int64s) -> Int64s:
+    """The numbers of all ranges, one range after the other."""
+    ends = np.cumsum(counts)
+    total = int(ends[-1]) if len(ends) else 0
+    found: Int64s = np.arange(total) + np.repeat(starts - (ends - counts), counts)
+    return found

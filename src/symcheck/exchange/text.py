@@ -1,0 +1,95 @@
+"""Text in large amounts: numbers and lines in chunks, and files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.errors import UsageError
+
+__all__ = ["CHUNK", "FULL_PRECISION", "lines", "number_text", "number_texts", "same_path", "write_text"]
+
+CHUNK = 1 << 16
+"""Lines that are held as text at a time."""
+
+FULL_PRECISION = 17
+"""Digits that tell every double: with as many or more, the shortest text that gives the double back is written."""
+
+Column = NDArray[Any] | Sequence[object] | Callable[[int, int], Sequence[object]]
+
+
+def number_text(value: float | Fraction, precision: int = FULL_PRECISION) -> str:
+    """A number in as many significant digits at most; a whole number without a point, a rational as `a/b`."""
+    if isinstance(value, Fraction):
+        return str(value)
+    if np.isinf(value):
+        return "Infinity" if value > 0 else "-Infinity"
+    if precision < FULL_PRECISION:
+        return f"{value:.{precision}g}"
+    return repr(float(value)).removesuffix(".0")
+
+
+def number_texts(values: NDArray[Any], precision: int = FULL_PRECISION) -> list[str]:
+    """`number_text` of each value (float64[n] or objects); equal doubles are written out once, as most models have few."""
+    if values.dtype == object:
+        return [number_text(v if isinstance(v, Fraction) else float(v), precision) for v in values]
+    distinct, place = np.unique(values, return_inverse=True)
+    texts = np.array([number_text(v, precision) for v in distinct.tolist()], dtype=object)
+    chosen: list[str] = texts[place].tolist() if len(distinct) else []
+    return chosen
+
+
+def lines(template: str, count: int, *columns: Column, precision: int = FULL_PRECISION) -> Iterator[str]:
+    """`count` lines in chunks: the template (as of `%`, without the end of the line) filled from the columns.
+
+    A column is an array (doubles are written with `precision`), a list, or a function of a range of line numbers.
+    """
+    line = template + "\n"
+    for start in range(0, count, CHUNK):
+        stop = min(start + CHUNK, count)
+        parts = [_part(c, start, stop, precision) for c in columns]
+        yield "".join(map(line.__mod__, zip(*parts, strict=True)))
+
+
+def _part(column: Column, start: int, stop: int, precision: int) -> Sequence[object]:
+    if callable(column):
+        return column(start, stop)
+    piece = column[start:stop]
+    if isinstance(piece, np.ndarray):
+        return number_texts(piece, precision) if piece.dtype.kind in "fO" else piece.tolist()
+    return piece
+
+
+def write_text(target: str, chunks: Iterable[str], out: TextIO) -> None:
+    """Write to a file, or to `out` where the target is 'stdout'. A file appears when it is complete, under its own name.
+
+    Raises UsageError where it cannot be written.
+    """
+    if target == "stdout":
+        out.writelines(chunks)
+        return
+
+    def write(temporary: Path) -> None:
+        with temporary.open("w", encoding="utf-8") as file:
+            file.writelines(chunks)
+
+    same_path(target, write)
+
+
+def same_path(target: str, write: Callable[[Path], None]) -> None:
+    """Let `write` make a file beside the target, and rename it. Raises UsageError where that is not possible."""
+    path = Path(target)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        write(temporary)
+        temporary.replace(path)
+    except OSError as error:
+        raise UsageError(f"cannot write '{path}': {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
