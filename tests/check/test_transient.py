@@ -89,6 +89,16 @@ def test_unbounded_end():
     assert check_text(engine, "P=? [ x=0 U>=1 x=1 ]").value == pytest.approx(0.5 * np.exp(-2), rel=1e-6)
 
 
+def test_both_parts_of_an_interval_are_accurate():
+    """What follows the lower bound matters at all states that are reached by then, not at the initial ones only."""
+    text = "ctmc module m x:[0..3] init 0; [] x=0 -> 3:(x'=1); [] x=1 -> 1:(x'=2) + 2:(x'=0); [] x=2 -> 0.5:(x'=3) + 1:(x'=1); endmodule"
+    engine = engine_of(text)
+    everywhere, start = np.ones(4, bool), np.array([True, False, False, False])
+    result = check_text(engine, "P=? [ F[0.5,2] x=0 ]")
+    assert result.value == pytest.approx(until(dense(engine), everywhere, start, 0.5, 2)[0], rel=1e-6)
+    assert not result.warnings
+
+
 def test_next_in_time():
     engine = engine_of("ctmc module m x:[0..2]; [] x=0 -> 1:(x'=1) + 3:(x'=2); endmodule")
     assert check_text(engine, "P=? [ X<=0.5 x=1 ]").value == pytest.approx(0.25 * -np.expm1(-2), rel=1e-9)

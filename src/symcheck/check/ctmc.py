@@ -5,6 +5,7 @@ Source: Baier, Haverkort, Hermanns & Katoen (2003), 'Model-checking algorithms f
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from time import perf_counter
 
@@ -54,8 +55,13 @@ def next_probability(context: Context, target: StateSet, window: Window, directi
 def bounded_until(context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> Values:
     """Probability of left U[a,b] right: within `left` for time a, then left U<=b-a right (unbounded without b)."""
     lower, upper = window.times()
-    values = until(context, left, right, direction) if upper is None else _within(context, left, right, upper - lower)
-    return values if lower == 0 else _delayed(context, left, values, lower)
+    if lower == 0:
+        return until(context, left, right, direction) if upper is None else _within(context, left, right, upper)
+    # What follows time a is needed at all states that may be reached by then, and the two parts share the error.
+    context = context.tighter(context.options.epsilon / 3)
+    everywhere = replace(context, matter=None)
+    later = until(everywhere, left, right, direction) if upper is None else _within(everywhere, left, right, upper - lower)
+    return _delayed(context, left, later, lower)
 
 
 def positive(context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> StateSet | None:  # noqa: ARG001
@@ -137,5 +143,17 @@ def _values(
     )
     seconds = perf_counter() - started
     context.notes.runs.append(Run("transient", "uniformisation", system.n, found.iterations, seconds, found.explanation))
+    _note_width(context, system, found.lower, found.upper, found.explanation)
     return found.lower, found.upper
+
+
+def _note_width(context: Context, system: System, lower: Floats, upper: Floats, explanation: str) -> None:
+    """Warn where the bounds are further apart than was asked for, at states that matter."""
+    width = upper - lower
+    if context.options.relative:
+        width = width / np.maximum(np.abs(upper), 1e-300)
+    if context.matter is not None:
+        width = width[system.restrict(context.matter) > 0]
+    if len(width) and width.max() > context.options.epsilon * (1 + 1e-9):
+        context.notes.warn(f"the bounds are {width.max():.1E} apart, further than asked for: {explanation}")
 

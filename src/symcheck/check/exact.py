@@ -25,7 +25,7 @@ def satisfying_exactly(context: Context, formula: Expression) -> Bools:
     from symcheck.check.formulas import satisfying
 
     engine = _exact_engine(context)
-    exact = replace(context, engine=engine)
+    exact = replace(context, engine=engine, matter=None)
     states = satisfying(exact, _twin(context, engine.model, formula), engine.all)
     return engine.to_bools(states)  # type: ignore[arg-type]
 
