@@ -1,8 +1,8 @@
 """Choosing an engine by what the model turns out to be.
 
 1. A short explicit search. A model that ends within it is small: no diagram is worth its while.
-2. Diagrams, for a limited time. If they compress the states, the model stays with them: as compressed rows where those
-   fit well into memory, as blocks where not.
+2. Diagrams, for a limited time. If they compress the states, the model is explored with them; then it is written out as
+   compressed rows where those fit well into memory, and stays with the diagrams where not.
 3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped. Should that become too
    large as well, the diagrams get all the time there is.
 
@@ -31,6 +31,7 @@ __all__ = ["Choice", "choose"]
 _SMALL = 50_000  # states that explicit search explores sooner than diagrams are loaded
 _LARGE = 30_000_000  # states at which explicit search gives way to diagrams
 _ATTEMPT = 4.0  # seconds that diagrams get to show whether they compress
+_WRITTEN = 10_000_000  # states up to which a model that diagrams hold is written out and checked as arrays
 _SPARSE_NODES = 0.5  # diagram nodes per state above which rows of bits are the better container
 _ENTRY_BYTES = 12
 _ROWS_SHARE = 0.2  # of the machine's memory that compressed rows may take
@@ -83,8 +84,7 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
 def _explicit(exploration: Exploration, observer: Observer | None, reason: str) -> Engine:
     from symcheck.engines.explicit import ExplicitEngine
 
-    if observer is not None:
-        observer(Choice("explicit", reason))
+    _tell(observer, "explicit", reason)
     return ExplicitEngine(exploration.finish())
 
 
@@ -105,15 +105,25 @@ def _reach(model: BoundModel, options: Options, observer: Observer | None, attem
 def _symbolic(space: StateSpace, options: Options, observer: Observer | None, reason: str) -> Engine:
     from symcheck.engines.hybrid import HybridEngine
     from symcheck.engines.sparse import SparseEngine
+    from symcheck.engines.written import written_out
     from symcheck.symbolic.transitions import transitions
 
     built: Transitions = transitions(space, options, observer)
-    sparse = SparseEngine.of(built)
-    size = sparse.transitions * _ENTRY_BYTES
-    fits = size <= _ROWS_SHARE * _memory()
+    engine = SparseEngine.of(built)
+    size = engine.transitions * _ENTRY_BYTES
+    if engine.states <= _WRITTEN and size <= _ROWS_SHARE * _memory():
+        _tell(observer, "sparse", f"{reason}, and its rows of {size / 1e6:,.0f} MB are soon written out")
+        return written_out(engine)
+    if size <= _ROWS_SHARE * _memory():
+        _tell(observer, "sparse", f"{reason}, and the rows of what is asked fit into memory")
+        return engine
+    _tell(observer, "hybrid", f"{reason}, and rows of {size / 1e6:,.0f} MB are too many")
+    return HybridEngine.of(built)
+
+
+def _tell(observer: Observer | None, engine: str, reason: str) -> None:
     if observer is not None:
-        observer(Choice("sparse" if fits else "hybrid", f"{reason}, and rows of {size / 1e6:,.0f} MB {'fit' if fits else 'are too many'}"))
-    return sparse if fits else HybridEngine.of(built)
+        observer(Choice(engine, reason))
 
 
 def _memory() -> int:

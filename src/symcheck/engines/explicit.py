@@ -133,7 +133,9 @@ class ExplicitEngine:
     def valuations(self, states: ArraySet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
         indices = np.flatnonzero(states.members)[:limit]
-        columns = [_plain(self.explored.states.column(i)[indices], v.type) for i, v in enumerate(self.model.variables)]
+        table = self.explored.states
+        rows = table.rows[indices]
+        columns = [_plain(table.layout.column(rows, i), v.type) for i, v in enumerate(self.model.variables)]
         return zip(*columns, strict=True) if columns else iter([()] * len(indices))
 
     def product(self, letters: Sequence[ArraySet], automaton: Any) -> ExplicitProduct:

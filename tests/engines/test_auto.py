@@ -1,0 +1,110 @@
+"""The automatic choice: which engine it comes to, and that what is written out is what was built."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from symcheck.check.options import Options
+from symcheck.engines import auto
+from symcheck.engines.registry import build
+from symcheck.engines.written import WrittenEngine, written_out
+from symcheck.errors import TimeLimitError
+from symcheck.semantics.bind import bind
+from symcheck.syntax.parse import parse_model
+
+COUNTER = """
+dtmc
+module counter
+  x : [0..99]; y : [0..99];
+  [] true -> 0.5 : (x'=x<99 ? x+1 : 0) + 0.5 : (y'=y<99 ? y+1 : 0);
+endmodule
+rewards "r" x>50 : y; [] x=3 : 2; endrewards
+"""
+CHOICES = """
+mdp
+module m
+  x : [2..9] init 2; b : bool;
+  [a] x<9 -> 0.5 : (x'=x+1) + 0.5 : (b'=!b);
+  [c] x<9 & b -> (x'=9);
+  [] x=5 -> (x'=2);
+endmodule
+rewards "r" [a] true : x; b : 1; endrewards
+"""
+UNBOUNDED = "dtmc module m x : int; [] x<70000 -> (x'=x+1); [] x>=70000 -> true; endmodule"
+
+
+def chosen(text, monkeypatch, **settings):
+    for name, value in settings.items():
+        monkeypatch.setattr(auto, name, value)
+    choices = []
+    engine = auto.choose(bind(parse_model(text)), Options(), lambda news: choices.append(news) if isinstance(news, auto.Choice) else None)
+    return engine, choices[-1]
+
+
+def test_a_small_model_is_searched(monkeypatch):
+    engine, choice = chosen(COUNTER, monkeypatch)
+    assert (engine.name, choice.engine, engine.states) == ("explicit", "explicit", 10_000)
+
+
+def test_a_model_that_diagrams_compress_is_built_by_them(monkeypatch):
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100)
+    assert isinstance(engine, WrittenEngine)
+    assert (engine.states, choice.engine) == (10_000, "sparse")
+
+
+def test_rows_that_do_not_fit_stay_blocks(monkeypatch):
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _ROWS_SHARE=0.0, _WRITTEN=0)
+    assert engine.name == choice.engine == "hybrid"
+
+
+def test_a_model_that_does_not_compress_goes_on_being_searched(monkeypatch):
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _SPARSE_NODES=0.0)
+    assert engine.name == "explicit"
+    assert "compress" in choice.reason
+
+
+def test_diagrams_that_take_too_long_give_way(monkeypatch):
+    def too_long(*_):
+        raise TimeLimitError("time")
+
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _reach=too_long)
+    assert engine.name == "explicit"
+    assert "did not finish" in choice.reason
+
+
+def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
+    engine, _ = chosen(COUNTER, monkeypatch, _SMALL=100, _SPARSE_NODES=0.0, _LARGE=1000)
+    assert isinstance(engine, WrittenEngine)
+
+
+def test_integers_without_bounds_are_searched(monkeypatch):
+    engine, choice = chosen(UNBOUNDED, monkeypatch)
+    assert engine.states == 70_001
+    assert "without bounds" in choice.reason
+
+
+@pytest.mark.parametrize("text", [COUNTER, CHOICES])
+def test_what_is_written_out_is_what_a_search_finds(text):
+    model = bind(parse_model(text))
+    ours = written_out(build(model, Options(engine="sparse")))
+    theirs = build(model, Options(engine="explicit"))
+    assert list(ours.explored.states) == list(theirs.explored.states)
+    assert list(ours.valuations(ours.all, 3)) == list(theirs.valuations(theirs.all, 3))
+    # The choices of a state may stand in another order: compare them as sets.
+    assert rows(ours) == rows(theirs)
+    assert np.array_equal(ours.explored.state_rewards[0], theirs.explored.state_rewards[0])
+
+
+def rows(engine):
+    explored, m = engine.explored, engine.matrix
+    groups = range(m.rows + 1) if m.groups is None else m.groups.tolist()
+    found = []
+    for state in range(m.states):
+        choices = []
+        for r in range(groups[state], groups[state + 1]):
+            part = slice(m.indptr[r], m.indptr[r + 1])
+            entries = sorted(zip(m.indices[part].tolist(), m.data[part].tolist(), strict=True))
+            choices.append((int(explored.choice_actions[r]), float(explored.choice_rewards[0][r]), entries))
+        found.append(sorted(choices))
+    return found
