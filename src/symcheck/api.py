@@ -5,24 +5,28 @@ Everything it does is a call of a stage's own function; `Model` only keeps the v
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symcheck.check.checker import check
 from symcheck.check.options import Options
 from symcheck.check.result import Result
 from symcheck.engines import registry
-from symcheck.engines.base import Engine
+from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UsageError
 from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import Expression, LabelReference, ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
 
-__all__ = ["Model", "load", "loads"]
+if TYPE_CHECKING:
+    from symcheck.check.distribution import Distribution
+
+__all__ = ["Model", "load", "load_explicit", "loads"]
 
 Given = Mapping[str, Value | str]
 
@@ -81,6 +85,35 @@ class Model:
         """Properties bound to this model."""
         return bind_properties(file, self.bound, constants)
 
+    def transient(self, time: float) -> Distribution:
+        """The distribution over the states after some time, or steps of a DTMC; initial states have equal probabilities.
+
+        Raises UnsupportedError for an MDP.
+        """
+        from symcheck.check.distribution import transient
+
+        return transient(self.engine, time, self.options)
+
+    def steady_state(self) -> Distribution:
+        """The long-run distribution over the states. Raises UnsupportedError for an MDP."""
+        from symcheck.check.distribution import steady_state
+
+        return steady_state(self.engine, self.options)
+
+    def export(self, target: str) -> list[str]:
+        """Write the built model: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`, `die.umb` (see -exportmodel); gives the files."""
+        from symcheck.check.context import Context
+        from symcheck.check.formulas import satisfying
+        from symcheck.exchange.snapshot import snapshot
+        from symcheck.exchange.targets import export, parse_target
+
+        targets, context = parse_target(target, "model"), Context(self.engine, self.options)
+
+        def states(name: str) -> StateSet:
+            return satisfying(context, LabelReference(name), self.engine.all)
+
+        return list(export(snapshot(self.engine, list(self.engine.model.labels), states), targets, sys.stdout))
+
     def _check(self, file: PropertiesFile, index: int, constants: Given | None) -> tuple[BoundProperty, Result]:
         bound = self.properties(file, constants)
         one = bound.properties[index]
@@ -94,6 +127,23 @@ class Model:
 def load(path: str | Path, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:
     """Read a model file. `options` are the fields of `symcheck.Options`, such as engine="sparse". Raises InputError."""
     return Model(parse_model_file(path), constants or {}, Options(**options), type)
+
+
+def load_explicit(files: str, *, type: ModelType | None = None, **options: Any) -> Model:
+    """Read a model that is given state by state in PRISM's explicit files, such as `die.all` or `die.tra,lab`.
+
+    Raises SyntaxFault at the place of what is wrong, and UsageError for files that cannot be read.
+    """
+    from symcheck.exchange.imported import imported_engine
+    from symcheck.exchange.read import model_files, read_model
+
+    chosen = Options(**options)
+    given = read_model(model_files(files), type, check_sums=chosen.check_sums)
+    engine = imported_engine(given, fix_deadlocks=chosen.fix_deadlocks)
+    model = Model(engine.model.program, {}, chosen, given.type)
+    # What a Model would make from a text is known already.
+    model.__dict__.update(bound=engine.model, engine=engine.rational() if chosen.exact else engine)
+    return model
 
 
 def loads(text: str, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:

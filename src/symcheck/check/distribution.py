@@ -14,11 +14,11 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.options import Options
-from symcheck.engines.base import Engine
+from symcheck.engines.base import ROUNDING, Engine
 from symcheck.errors import NumericalError, UnsupportedError, UsageError
 from symcheck.kernels import sparse
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Floats, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, SparseMatrix
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
@@ -135,7 +135,7 @@ def steady_state(engine: Engine, options: Options | None = None, start: Floats |
     start = _prepared(engine, start)
     matrix = engine.system(engine.all).matrix
     parts = graph.bsccs(matrix)
-    weights = _reached(engine, [p for p in parts], start, options)
+    weights = _reached(engine, parts, start, options)
     lower, upper = np.zeros(engine.states), np.zeros(engine.states)
     certified, largest = True, ""
     for part, (low, high) in zip(parts, weights, strict=True):
@@ -152,7 +152,7 @@ def steady_state(engine: Engine, options: Options | None = None, start: Floats |
     return Distribution(engine, lower, upper, certified, text, perf_counter() - begun)
 
 
-def _reached(engine: Engine, parts: list[np.ndarray[tuple[int], np.dtype[np.int32]]], start: Floats, options: Options) -> list[tuple[float, float]]:
+def _reached(engine: Engine, parts: list[Int32s], start: Floats, options: Options) -> list[tuple[float, float]]:
     """Bounds on the probability of ending in each bottom component."""
     from symcheck.check.measures import measures
 
@@ -171,11 +171,12 @@ def _reached(engine: Engine, parts: list[np.ndarray[tuple[int], np.dtype[np.int3
         members[part] = True
         values = until(context, engine.all, engine.from_bools(members), None)
         low, high = values.at(begins)  # type: ignore[attr-defined]
-        out.append((float(np.dot(low, positive)), min(1.0, float(np.dot(high, positive)))))
+        # What is 'exact up to rounding' gets room for the rounding.
+        out.append((float(np.dot(low, positive)) * (1 - ROUNDING), min(1.0, float(np.dot(high, positive)) * (1 + ROUNDING))))
     return out
 
 
-def _outside(parts: list[np.ndarray[tuple[int], np.dtype[np.int32]]], n: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _outside(parts: list[Int32s], n: int) -> Bools:
     outside = np.ones(n, bool)
     for part in parts:
         outside[part] = False

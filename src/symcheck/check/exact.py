@@ -45,6 +45,11 @@ def _exact_engine(context: Context) -> ExactEngine:
     from symcheck.engines.exact import ExactEngine, explore_exactly
 
     if not isinstance(context.notes.exact_engine, ExactEngine):
+        # A model that was read state by state has no text to bind again, and brings its own rationals.
+        own = getattr(context.engine, "rational", None)
+        if own is not None:
+            context.notes.exact_engine = engine = own()
+            return engine  # type: ignore[no-any-return]
         model = exactly_bound(context.engine.model)
         context.notes.exact_engine = explore_exactly(model, check_sums=context.options.check_sums, limit=context.engine.states)
     return context.notes.exact_engine

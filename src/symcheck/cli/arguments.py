@@ -58,6 +58,12 @@ def _seconds(text: str) -> float:
     return float(match[1]) * {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}[match[2]]
 
 
+def _digits(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of digits")
+    return int(text)
+
+
 def _positive(text: str) -> float:
     value = float(text)
     if not 0 < value < 1:
@@ -110,6 +116,42 @@ def _model(parser: _Parser) -> None:
     parser.add("timeout", metavar="TIME", type=_seconds, help="time of the run at most, such as 90, 5m or 1h")
 
 
+def _exchange(parser: _Parser) -> None:
+    parser.add("importmodel", metavar="BASE.all", help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…)")
+    for name, what in (
+        ("trans", "transitions (.tra)"),
+        ("states", "states (.sta)"),
+        ("labels", "labels (.lab)"),
+        ("staterewards", "state rewards (.srew)"),
+        ("transrewards", "transition rewards (.trew)"),
+    ):
+        parser.add(f"import{name}", metavar="FILE", help=f"read the {what} of a model")
+    parser.add("importinitdist", metavar="FILE", help="initial distribution for -transient and -steadystate: a probability per line")
+    parser.add(
+        "exportmodel", metavar="FILES[:OPTIONS]", action="append", default=[], help="write the model: out.tra,sta,lab,srew,trew; out.all; "
+        "out.dot; out.drn; out.umb; 'stdout' for out prints. OPTIONS: actions, headers, rows, states, proplabels (=false), precision=N",
+    )  # fmt: skip
+    for name, what in (
+        ("trans", "transitions"),
+        ("states", "states"),
+        ("labels", "labels"),
+        ("staterewards", "state rewards"),
+        ("transrewards", "transition rewards"),
+        ("transdot", "graph, in DOT"),
+        ("transdotstates", "graph with the values of the variables, in DOT"),
+    ):
+        parser.add(f"export{name}", metavar="FILE", help=f"write the {what}")
+    parser.add("exportrewards", metavar="FILE", nargs=2, help="write state and transition rewards")
+    parser.add("exportprecision", "exportmodelprecision", metavar="N", type=_digits, default=17, help="digits of written numbers (17: all)")
+    parser.add("exportrows", action="store_true", help="write transitions with a line per row")
+    parser.add("noexportheaders", action="store_true", help="no comments at the top of reward files")
+    parser.add("exportproplabels", action="store_true", help="write the labels of the properties file as well")
+    parser.add("transient", "tr", metavar="T", help="distribution over the states at a time (DTMC: a step), or at times low:step:high")
+    parser.add("steadystate", "ss", action="store_true", help="distribution over the states in the long run")
+    parser.add("exporttransient", "exporttr", metavar="FILE", help="write the probabilities of -transient, a line per state")
+    parser.add("exportsteadystate", "exportss", metavar="FILE", help="write the probabilities of -steadystate, a line per state")
+
+
 def _output(parser: _Parser) -> None:
     parser.add("v", "verbose", dest="verbose", action="store_true", help="tell more: iterations, methods, diagrams")
     parser.add("exportresults", metavar="FILE[:KIND]", help="write the results: text (default), csv, matrix, dataframe or comment")
@@ -132,7 +174,7 @@ def _parser() -> _Parser:
         add_help=False,
         allow_abbrev=False,
     )
-    for group in (_input, _methods, _model, _output):
+    for group in (_input, _methods, _model, _exchange, _output):
         group(parser)
     return parser
 

@@ -14,6 +14,7 @@ from symcheck.check.options import Options
 from symcheck.check.question import Question
 from symcheck.check.result import Result, show_value
 from symcheck.check.resultlines import VerdictKind, judge
+from symcheck.cli import exports
 from symcheck.cli.progress import Progress
 from symcheck.cli.report import Report, property_text
 from symcheck.engines import registry
@@ -21,9 +22,9 @@ from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, NameFault, ResourceError, SymcheckError, UsageError
 from symcheck.experiment.constants import combinations, parse_constants
 from symcheck.experiment.table import Row
-from symcheck.semantics.bind import bind, needed_constants, split_constants
+from symcheck.semantics.bind import bind, bind_properties, needed_constants, split_constants
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model_file, parse_properties, parse_properties_file
 
 __all__ = ["Job", "internal", "options_of", "results_file", "run", "sorted_rows"]
@@ -38,6 +39,7 @@ class Job:
     arguments: argparse.Namespace
     report: Report
     rows: list[Row] = field(default_factory=list)
+    imported: Engine | None = None
     failures: int = 0
 
     @property
@@ -75,11 +77,17 @@ def options_of(arguments: argparse.Namespace) -> Options:
 def run(job: Job) -> int:
     """Carry out a job; gives the exit status. Raises SymcheckError for what concerns the run as a whole."""
     a = job.arguments
-    if a.model is None:
+    job.imported = exports.imported(a)
+    exports.targets(a)
+    if job.imported is not None and a.properties is None:
+        # The first file is the model's only where there is no other model.
+        a.model, a.properties = None, a.model
+    if a.model is None and job.imported is None:
         raise UsageError("no model file is given\n  hint: symcheck MODEL [PROPERTIES] [switches]; --help lists the switches")
     given = parse_constants(a.const)
-    job.report.header([f'Reading model file "{a.model}"', *([f'Reading properties file "{a.properties}"'] if a.properties else [])])
-    program = parse_model_file(a.model)
+    source = a.model or a.importmodel or a.importtrans
+    job.report.header([f'Reading model file "{source}"', *([f'Reading properties file "{a.properties}"'] if a.properties else [])])
+    program = parse_model_file(a.model) if job.imported is None else job.imported.model.program
     files = [*([parse_properties_file(a.properties)] if a.properties else []), *(parse_properties(t, "-pf") for t in a.pf)]
     file = _joined(files)
     for warning in split_constants(program, file, dict.fromkeys(given, "0")).warnings:
@@ -124,10 +132,11 @@ def _instance(
     options = options_of(job.arguments)
     kind = ModelType(job.arguments.model_type) if job.arguments.model_type else None
     try:
-        model = bind(program, constants, model_type=kind, exact=options.exact)
+        read = None if job.imported is None else job.imported.model
+        model = read or bind(program, constants, model_type=kind, exact=options.exact)
         job.report.model(model, constants)
         asked = list(_asked(program, file, chosen, others))
-        if options.reduce:
+        if options.reduce and read is None:
             model = _reduced(job, model, [question for question, _ in asked])
         engine = _build(job, model, options)
     except ResourceError:
@@ -141,8 +150,15 @@ def _instance(
             known = {n: _plain(v) for n, v in {**constants, **{n: v[0] for n, v in others.items()}}.items()}
             _conclude(job, judge(file.properties[i].comments, error, known, exact=options.exact))
         return
+    exports.export_model(job.arguments, job.report, engine, options, lambda: _labels(engine, file, others))
+    exports.report_distributions(job.arguments, job.report, engine, options)
     for question, choice in asked:
         _check(job, engine, question, options, constants, choice)
+
+
+def _labels(engine: Engine, file: PropertiesFile, others: Mapping[str, Sequence[str]]) -> Mapping[str, Expression]:
+    """The labels of the model and of the properties (with the first of the values that a constant has)."""
+    return bind_properties(file, engine.model, {n: v[0] for n, v in others.items()}).labels
 
 
 def _asked(
@@ -196,7 +212,7 @@ def _build(job: Job, model: BoundModel, options: Options) -> Engine:
     started = perf_counter()
     watch = Progress(job.report)
     # Watching a diagram grow costs time (states are counted on the way): only where somebody looks.
-    engine = registry.build(model, options, watch if options.engine == "auto" or watch.wanted else None)
+    engine = job.imported or registry.build(model, options, watch if options.engine == "auto" or watch.wanted else None)
     watch.clear()
     job.report.built(engine, watch.choice, perf_counter() - started)
     return engine

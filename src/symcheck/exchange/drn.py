@@ -35,7 +35,8 @@ def _states(model: Snapshot, start: int, stop: int, precision: int) -> Iterator[
     first, last = groups[0], groups[-1]
     indptr = m.indptr[first : last + 1].tolist()
     begin, end = indptr[0], indptr[-1]
-    entries = [f"\t\t{t} : {v}\n" for t, v in zip(m.indices[begin:end].tolist(), number_texts(model.values[begin:end], precision), strict=True)]
+    values = number_texts(model.values[begin:end], precision)
+    entries = [f"\t\t{t} : {v}\n" for t, v in zip(m.indices[begin:end].tolist(), values, strict=True)]
     actions = _actions(model, first, last)
     rewards = [_rewards(model, r, start, stop, first, last, precision) for r in model.rewards]
     rates = number_texts(model.row_sums[first:last], precision) if model.type is ModelType.CTMC else None

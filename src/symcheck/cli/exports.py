@@ -1,0 +1,181 @@
+"""The switches that read models state by state, write models, and compute distributions over states."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.options import Options
+from symcheck.cli.report import Report
+from symcheck.engines.base import Engine, StateSet
+from symcheck.errors import UsageError
+from symcheck.experiment.constants import combinations, parse_constants
+from symcheck.syntax.ast import Expression, LabelReference, ModelType
+
+__all__ = ["export_model", "imported", "report_distributions", "targets"]
+
+_IMPORTS = ("importstates", "importlabels", "importstaterewards", "importtransrewards")
+_SINGLE = {
+    "exporttrans": "tra",
+    "exportstates": "sta",
+    "exportlabels": "lab",
+    "exportstaterewards": "srew",
+    "exporttransrewards": "trew",
+    "exporttransdot": "dot",
+    "exporttransdotstates": "dot",
+}
+
+
+def imported(a: argparse.Namespace) -> Engine | None:
+    """The model that the -import switches tell to read, None where there are none. Raises InputError, UsageError."""
+    if a.importmodel is None and a.importtrans is None:
+        alone = next((s for s in _IMPORTS if getattr(a, s) is not None), None)
+        if alone is not None:
+            raise UsageError(f"-{alone} needs -importtrans: the transitions are the model")
+        return None
+    from symcheck.exchange.imported import imported_engine
+    from symcheck.exchange.read import ModelFiles, model_files, read_model
+
+    if a.importmodel is not None and a.importtrans is not None:
+        raise UsageError("-importmodel and -importtrans both tell which model to read")
+    kind = ModelType(a.model_type) if a.model_type else None
+    if a.importmodel is not None:
+        files = model_files(a.importmodel)
+    else:
+        states, labels, state_rewards, rewards = (Path(x) if x else None for x in (getattr(a, s) for s in _IMPORTS))
+        pairs = ((state_rewards, rewards),) if state_rewards or rewards else ()
+        files = ModelFiles(Path(a.importtrans), states, labels, pairs)
+    if a.engine not in (None, "explicit"):
+        raise UsageError(f"a model that is read state by state is checked by the explicit engine, not by {a.engine}")
+    engine = imported_engine(read_model(files, kind, check_sums=a.check_sums), fix_deadlocks=a.fix_deadlocks)
+    return engine.rational() if a.exact else engine
+
+
+def targets(a: argparse.Namespace) -> list:  # type: ignore[type-arg]
+    """What the export switches ask to be written. Raises UsageError for what cannot be understood."""
+    if not any(getattr(a, s) for s in (*_SINGLE, "exportmodel", "exportrewards")):
+        return []
+    from dataclasses import replace
+
+    from symcheck.exchange.targets import ExportOptions, Target, parse_target
+
+    options = ExportOptions(
+        precision=a.exportprecision, headers=not a.noexportheaders, rows=a.exportrows, proplabels=a.exportproplabels
+    )
+    found = [t for text in a.exportmodel for t in parse_target(text, a.model or a.importmodel or a.importtrans, options)]
+    for switch, kind in _SINGLE.items():
+        path = getattr(a, switch)
+        if path is not None:
+            found.append(Target(kind, path, replace(options, states=switch == "exporttransdotstates")))
+    if a.exportrewards:
+        found += [Target(kind, path, options) for kind, path in zip(("srew", "trew"), a.exportrewards, strict=True)]
+    for target in found:
+        if not Path(target.path).parent.is_dir():
+            raise UsageError(f"there is no folder '{Path(target.path).parent}' to write '{Path(target.path).name}' to")
+    return found
+
+
+Labels = Mapping[str, Expression]
+
+
+def export_model(a: argparse.Namespace, report: Report, engine: Engine, options: Options, bound: Callable[[], Labels]) -> None:
+    """Write what the switches ask for, and tell of each file. `bound` gives the labels of the model and of the properties."""
+    wanted = targets(a)
+    if not wanted:
+        return
+    labels = bound()
+    from symcheck.check.formulas import satisfying
+    from symcheck.exchange.snapshot import snapshot
+    from symcheck.exchange.targets import export
+
+    context = Context(engine, options, labels)
+
+    def states(name: str) -> StateSet:
+        return satisfying(context, LabelReference(name), engine.all)
+
+    every = any(t.options.proplabels for t in wanted)
+    names = [n for n in (labels if every else engine.model.labels) if n not in ("init", "deadlock")]
+    report.line()
+    for path in export(snapshot(engine, names, states), wanted, report.out):
+        if path != "stdout":
+            report.line(f"Exported to '{path}'")
+
+
+# ----------------------------------------------------------------------------------------------------------- distributions
+
+
+def report_distributions(a: argparse.Namespace, report: Report, engine: Engine, options: Options) -> None:
+    """Compute and print, or write, the distributions that -transient and -steadystate ask for."""
+    if a.transient is None and not a.steadystate:
+        if a.exporttransient or a.exportsteadystate:
+            raise UsageError("-exporttransient goes with -transient TIME, and -exportsteadystate with -steadystate")
+        return
+    from symcheck.check.distribution import Distribution, steady_state, transient
+
+    def tell(kind: str, found: Distribution, path: str | None) -> None:
+        _tell(report, kind, found, path, a.exportprecision)
+
+    start = None if a.importinitdist is None else _read_distribution(Path(a.importinitdist))
+    times = list(_times(a.transient)) if a.transient is not None else []
+    for text, time in times:
+        report.line(f"\nComputing transient probabilities (time = {text})...")
+        tell("transient", transient(engine, time, options, start), _named(a.exporttransient, text if len(times) > 1 else None))
+    if a.steadystate:
+        report.line("\nComputing steady-state probabilities...")
+        tell("steady-state", steady_state(engine, options, start), a.exportsteadystate)
+
+
+def _times(argument: str) -> Iterator[tuple[str, float]]:
+    """The times that `2`, `0:5` or `0.1:0.01:0.2` means."""
+    for choice in combinations(parse_constants([f"T={argument}"])):
+        try:
+            yield choice["T"], float(choice["T"])
+        except ValueError:
+            raise UsageError(f"-transient: '{choice['T']}' is not a time") from None
+
+
+def _named(path: str | None, time: str | None) -> str | None:
+    """The file of one of several times."""
+    if path is None or time is None or path == "stdout":
+        return path
+    whole = Path(path)
+    return str(whole.with_name(f"{whole.stem}_{time}{whole.suffix}"))
+
+
+def _tell(report: Report, kind: str, found: object, path: str | None, precision: int) -> None:
+    from symcheck.check.distribution import Distribution
+    from symcheck.exchange.text import lines, number_text, write_text
+
+    assert isinstance(found, Distribution)
+    if path is None or path == "stdout":
+        report.line(f"\nPrinting {kind} probabilities in plain text format below:")
+        for number, state, value in found:
+            shown = ",".join(str(x).lower() if isinstance(x, bool) else str(x) for x in state)
+            report.line(f"{number}:({shown})={number_text(value, precision)}")
+    else:
+        write_text(path, lines("%s", len(found), found.values, precision=precision), report.out)
+        report.line(f"Exported to '{path}'")
+    report.line()
+    if found.certified:
+        report.line(f"Accuracy: each probability is certified: +/- {found.error:.1E} ({found.explanation})")
+    else:
+        report.warn(f"the probabilities are an estimate: their error is unknown ({found.explanation})")
+    report.line(f"Time for {kind} probability computation: {found.seconds:.3f} seconds.")
+
+
+def _read_distribution(path: Path) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """A probability per line. Raises UsageError, SyntaxFault."""
+    from symcheck.exchange.fields import read_fields
+
+    file = read_fields(path)
+    out = np.zeros(len(file.rows))
+    for i, row in enumerate(file.rows):
+        try:
+            (out[i],) = map(float, row)
+        except ValueError:
+            file.fault(i, "a line should hold one probability", "number")
+    return out
