@@ -38,6 +38,8 @@ def reward_values(context: Context, formula: RewardOperator, structure: int, sta
                 raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
             return who.cumulative_reward(context, structure, time, direction)
         case TotalReward():
+            if direction == "min":  # waiting for free for ever is not fair; the greatest is that of all strategies
+                _refuse_fairness(context)
             return who.total_reward(context, structure, direction)
         case InstantaneousReward(time_of):
             return who.instantaneous_reward(context, structure, bound_value(time_of), direction)
