@@ -20,6 +20,7 @@ __all__ = [
     "Number",
     "Result",
     "Run",
+    "Statistical",
     "show_number",
     "show_value",
 ]
@@ -62,7 +63,20 @@ class Estimate:
         return "estimate"
 
 
-Accuracy = Exact | Certified | Estimate
+@dataclass(frozen=True, slots=True)
+class Statistical:
+    """The true value lies between `lower` and `upper` with probability `confidence`, which is over the random samples."""
+
+    confidence: float
+    lower: float
+    upper: float
+    samples: int
+
+    def __str__(self) -> str:
+        return f"in [{self.lower:.6g}, {self.upper:.6g}] with probability {self.confidence:.6g}, {self.samples} samples"
+
+
+Accuracy = Exact | Certified | Estimate | Statistical
 
 
 @dataclass(frozen=True, slots=True)

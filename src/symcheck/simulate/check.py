@@ -1,0 +1,118 @@
+"""Statistical model checking: a property's value from sampled paths of the model, without building it.
+
+Exact in law for DTMCs and CTMCs. In an MDP the choices are taken with equal probability: the value is that of one
+strategy, which lies between the minimum and the maximum and is neither.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from math import isinf
+from time import perf_counter
+
+import numpy as np
+
+from symcheck.check.result import Exact, Result, Statistical, show_number
+from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.semantics.conditions import reward_index
+from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.model import BoundModel
+from symcheck.simulate.questions import Question, path_question, reward_question
+from symcheck.simulate.sampling import Sampler
+from symcheck.simulate.statistics import Estimated, Plan, estimate, sequential_test
+from symcheck.syntax.ast import Bound, Expression, ModelType, ProbabilityOperator, RewardOperator
+
+__all__ = ["check_by_sampling"]
+
+_UNIFORM = "nondeterminism is resolved by equally likely choices: this is the value of that strategy, not the minimum or maximum"
+
+
+def check_by_sampling(
+    model: BoundModel,
+    formula: Expression,
+    plan: Plan | None = None,
+    *,
+    labels: Mapping[str, Expression] | None = None,
+    fix_deadlocks: bool = True,
+) -> Result:
+    """Estimate a property `P=?`, `R=?`, or decide a threshold, in the initial state.
+
+    formula: bound (see `bind_properties`); labels: those of the properties file. The accuracy is `Statistical`. Raises
+    UnsupportedError for what cannot be sampled, NumericalError where paths are too long or a threshold lies within the
+    interval, UsageError for a plan that fits no method, ModelFault where the model breaks a rule on a sampled path.
+    """
+    started = perf_counter()
+    plan = plan or Plan()
+    question, structure, bound = _read(model, formula)
+    if model.type is ModelType.MDP and bound is not None:
+        raise UnsupportedError(
+            "-sim does not decide thresholds of an mdp: they speak of all strategies, and sampling takes one, with equally likely "
+            "choices; without -sim the threshold is decided"
+        )
+    if model.exact:
+        raise UnsupportedError("-sim estimates, and -exact asks for rational arithmetic: one of the two has to go")
+    seed = int(np.random.SeedSequence().generate_state(1)[0]) if plan.seed is None else plan.seed
+    sampler = Sampler(model, question, np.random.default_rng(seed), structure, labels or {}, plan.max_steps, fix_deadlocks)
+    probability = structure is None
+    result = _by_test(sampler, plan, bound, probability) if plan.method == "sprt" else _by_interval(sampler, plan, bound, probability)
+    warnings = (_UNIFORM,) if model.type is ModelType.MDP else ()
+    about = f"{result.explanation}; {sampler.samples} paths of {sampler.steps / max(sampler.samples, 1):.1f} steps on average, seed {seed}"
+    return Result(result.value, result.accuracy, about, warnings=warnings, seconds=perf_counter() - started)
+
+
+def _read(model: BoundModel, formula: Expression) -> tuple[Question, int | None, Bound | None]:
+    match formula:
+        case ProbabilityOperator(_, bound, path):
+            return path_question(path, model), None, bound
+        case RewardOperator(structure, _, bound, query):
+            return reward_question(query, model), reward_index(structure, model), bound
+        case _:
+            raise UnsupportedError(
+                f"-sim answers a single P or R operator, and this is a {type(formula).__name__}; without -sim it is checked numerically"
+            )
+
+
+def _by_interval(sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool) -> Result:
+    found = estimate(sampler, plan, probability=probability)
+    method = f"estimated by {plan.method.upper()}"
+    if isinf(found.mean):
+        explanation = "a sampled path misses the target for ever"
+        return Result(_compare(found.mean, bound) if bound else found.mean, Exact(), explanation)
+    accuracy = Statistical(found.confidence, found.lower, found.upper, found.samples)
+    if bound is None:
+        return Result(found.mean, accuracy, method)
+    return Result(_verdict(found, bound), accuracy, f"{method}: {show_number(found.mean)} ({accuracy})")
+
+
+def _compare(value: float, bound: Bound) -> bool:
+    comparison = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}[bound.operator]
+    return bool(comparison(value, _threshold(bound)))
+
+
+def _threshold(bound: Bound) -> float:
+    return float(evaluate(bound.threshold, {}))
+
+
+def _verdict(found: Estimated, bound: Bound) -> bool:
+    """Compare the interval with the threshold. Raises NumericalError where the threshold lies inside."""
+    threshold = _threshold(bound)
+    if found.lower <= threshold <= found.upper:
+        raise NumericalError(
+            f"the threshold {threshold:g} lies within the interval [{found.lower:.6g}, {found.upper:.6g}] that {found.samples} samples "
+            "give, so that they decide nothing; more samples (-simsamples) may, and -simmethod sprt takes as many as it needs"
+        )
+    return _compare(found.mean, bound)
+
+
+def _by_test(sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool) -> Result:
+    if bound is None or not probability:
+        raise UnsupportedError("-simmethod sprt decides thresholds on probabilities (P>=0.5 [ … ]); ci, aci and apmc estimate values")
+    threshold = _threshold(bound)
+    above, used = sequential_test(sampler, plan, threshold)
+    width, error = plan.width or 0.05, plan.error or 0.01
+    explanation = (
+        f"decided by SPRT after {used} samples; right with probability {1 - error:g} unless the value is within {width:g} of {threshold:g}"
+    )
+    lower, upper = (threshold + width, 1.0) if above else (0.0, threshold - width)
+    return Result(above is (bound.operator in (">", ">=")), Statistical(1 - error, lower, upper, used), explanation)

@@ -1,0 +1,163 @@
+"""One random path through a model, state by state, by the scalar semantics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from symcheck.errors import Diagnostic, NameFault
+from symcheck.semantics.model import BoundModel, Value
+from symcheck.semantics.step import Choice, State, choices, initial_states, state_rewards
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["Path", "Step", "simulate"]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A state of a path, and how it was entered.
+
+    time: when it was entered (the number of steps in discrete time). action: the label of the transition that led here,
+    None for an unlabelled one; module: who took it, where it was one module alone. probability: of that transition (its
+    rate in a CTMC); in an MDP, within its choice. earned: per reward structure, the reward of that transition; rewards: the
+    state rewards here. The first state has neither action nor probability.
+    """
+
+    state: State
+    time: float
+    rewards: tuple[float, ...] = ()
+    action: str | None = None
+    module: str | None = None
+    probability: float | None = None
+    earned: tuple[float, ...] = ()
+
+    @property
+    def transition(self) -> str:
+        """The transition that led here, as tables write it: `[action]`, or the name of a module."""
+        if self.probability is None:
+            return "-"
+        return f"[{self.action}]" if self.action is not None else self.module or "[]"
+
+
+@dataclass(frozen=True)
+class Path:
+    """A path with n + 1 states. `end`: why it ends: 'steps', 'time', 'deadlock', 'loop' or 'length'.
+
+    deadlock: nothing can happen in the last state. loop: from the last state on, the path can only repeat itself, for it
+    has been there before and no choice was left since. length: the longest path that was allowed.
+    """
+
+    model: BoundModel = field(repr=False)
+    steps: tuple[Step, ...] = field(repr=False)
+    end: str
+    seed: int | None = None
+
+    def __len__(self) -> int:
+        return len(self.steps) - 1
+
+    def __iter__(self) -> Iterator[Step]:
+        return iter(self.steps)
+
+    def __getitem__(self, index: int) -> Step:
+        return self.steps[index]
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the variables, in the order of the states."""
+        return tuple(v.name for v in self.model.variables)
+
+    @property
+    def times(self) -> list[float]:
+        """When each state was entered."""
+        return [s.time for s in self.steps]
+
+    def values(self, variable: str) -> list[bool | int]:
+        """The values of a variable along the path. Raises NameFault."""
+        if variable not in self.variables:
+            hint = "the model has " + ", ".join(self.variables)
+            raise NameFault(Diagnostic(f"there is no variable '{variable}'", code="unknown-name", hint=hint))
+        index = self.variables.index(variable)
+        return [s.state[index] for s in self.steps]
+
+    def __str__(self) -> str:
+        from symcheck.simulate.table import table
+
+        return table(self)
+
+    def _repr_html_(self) -> str:
+        """The path as a table, for notebooks."""
+        from symcheck.simulate.table import rows
+
+        head, *body = rows(self)
+        cells = ["".join(f"<td>{c}</td>" for c in row) for row in body]
+        return f"<table><tr>{''.join(f'<th>{c}</th>' for c in head)}</tr>{''.join(f'<tr>{c}</tr>' for c in cells)}</table>"
+
+
+def simulate(
+    model: BoundModel,
+    steps: int | None = None,
+    *,
+    time: float | None = None,
+    deadlock: bool = False,
+    seed: int | None = None,
+    loop_check: bool = True,
+    max_steps: int = 10_000,
+    check_sums: bool = True,
+) -> Path:
+    """A random path from an initial state (one of several with equal probability).
+
+    It ends after `steps` steps, when `time` is reached (the last state is the one occupied then), in a deadlock (always; with
+    `deadlock` True nothing else is waited for), where it can only repeat itself (loop_check), and after max_steps. The
+    choices of an MDP are equally likely. The same seed gives the same path; None draws one. Raises ModelFault.
+    """
+    chosen = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
+    generator = np.random.default_rng(chosen)
+    initial = initial_states(model)
+    state = initial[int(generator.integers(len(initial)))] if len(initial) > 1 else initial[0]
+    wanted = max_steps if steps is None else min(steps, max_steps)
+    found = [Step(state, 0.0, _floats(state_rewards(model, state)))]
+    forced: set[State] = set()  # states since the last one with an alternative
+    end = "length" if steps is None or steps > max_steps else "steps"
+    while len(found) <= wanted:
+        offered = choices(model, found[-1].state, check_sums=check_sums)
+        if not offered:
+            end = "deadlock"
+            break
+        branches = sum(len(c.branches) for c in offered)
+        if branches > 1:
+            forced.clear()
+        elif loop_check and found[-1].state in forced:
+            end = "loop"
+            break
+        else:
+            forced.add(found[-1].state)
+        found.append(_next(model, found[-1], offered, generator))
+        if time is not None and found[-1].time >= time:
+            end = "time"
+            break
+    return Path(model, tuple(found), end, chosen)
+
+
+def _floats(values: tuple[Value, ...]) -> tuple[float, ...]:
+    return tuple(float(v) for v in values)
+
+
+def _next(model: BoundModel, here: Step, offered: tuple[Choice, ...], generator: np.random.Generator) -> Step:
+    """Choose a transition, and the time until it."""
+    continuous = model.type is ModelType.CTMC
+    share = 1 if continuous else len(offered)
+    weighted = [(float(p) / share, p, s, c) for c in offered for p, s in c.branches]
+    total = sum(w for w, _, _, _ in weighted)
+    duration = float(generator.standard_exponential()) / total if continuous else 1.0
+    mark, passed = float(generator.random()) * total, 0.0
+    for weight, own, state, choice in weighted:
+        passed += weight
+        if mark < passed:
+            break
+    modules = {c.module for c in choice.commands}
+    module = model.modules[modules.pop()].name if len(modules) == 1 else None
+    shown = float(own) if model.type is ModelType.MDP else weight
+    rewards = _floats(state_rewards(model, state))
+    return Step(state, here.time + duration, rewards, choice.action, module, shown, _floats(choice.rewards))
