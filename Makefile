@@ -1,4 +1,4 @@
-# make demo: check a real model; make test: the test suite; make check: everything that CI runs.
+# make demo: check a real model; make study: the cell-injection study, into study-output/; make test: the test suite; make check: everything that CI runs.
 # Each sets up its own virtual environment in .venv first; python3, make, gcc and a package index are all it needs.
 PYTHON ?= python3
 VENV := .venv
@@ -6,10 +6,13 @@ BIN := $(VENV)/bin
 COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd')
 STAMP := $(VENV)/.stamp
 
-.PHONY: demo test check format clean bench
+.PHONY: demo study test check format clean bench
 
 demo: $(STAMP)-base
 	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10
+
+study: $(STAMP)-study
+	$(BIN)/python models/cell_injection/study.py --out study-output
 
 test: $(STAMP)-test
 	$(BIN)/python -m pytest -n auto -q
@@ -32,6 +35,10 @@ $(VENV)/bin/python:
 # Editable: the Python sources are used in place; only a change of compiled code or of the packaging installs again.
 $(STAMP)-base: $(VENV)/bin/python pyproject.toml setup.py $(COMPILED)
 	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(STAMP)-study: $(STAMP)-base
+	$(BIN)/python -m pip install --quiet --editable '.[plot]'
 	touch $@
 
 $(STAMP)-test: $(STAMP)-base

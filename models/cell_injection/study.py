@@ -1,0 +1,298 @@
+"""The cell-injection study as one command: tables and figures of nine cell positions, other step sizes and noise levels.
+
+    python models/cell_injection/study.py [--out study-output] [--workers 2]
+
+Stopped, it goes on where it was (the journal is OUT/journal.jsonl; --fresh begins anew). See docs/cell_injection.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import random
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from symcheck.check.options import Options
+from symcheck.errors import ModelFault
+from symcheck.experiment.sweep import Finished, Instance, sweep
+from symcheck.semantics.bind import bind
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.step import initial_states, transitions
+from symcheck.syntax.parse import parse_model
+
+HERE = Path(__file__).parent
+MODEL = HERE / "cell_injection.pm"
+PAPER = {"NoisePercentage": "0.01", "StepSizeXY": "18", "InitialPositionXY": "100", "MaxDistance": "250", "Damping": "1"}
+BOUNDARIES = ("174", "175", "176")
+STEPS = ("9", "12", "15", "18", "24", "30", "36")
+NOISES = ("0.005", "0.01", "0.015", "0.02")
+BLUE, RED, GREY, BLACK = "#2166ac", "#b2182b", "#888888", "#222222"
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A property of the study and what the paper reports for it: a range, as numbers for the figure and in words."""
+
+    title: str
+    property: str
+    constants: Mapping[str, str]
+    low: float
+    high: float
+    words: str
+
+    def of(self, done: Finished) -> float:
+        """Its value for an instance."""
+        return done.value(self.property, **self.constants)
+
+
+MEASURES = (
+    Measure("position error > 7 %", "position_error", {}, 0.2, 0.2, "about 0.2"),
+    Measure("force error > 10 %", "force_error", {"ForceBound": "10"}, 0.2, 0.2, "about 0.2"),
+    Measure("force error > 5 %", "force_error", {"ForceBound": "5"}, 0.35, 0.63, "0.35 to 0.63"),
+    Measure("rupture while piercing", "rupture_in_piercing", {}, 0, 0.15, "below 0.15"),
+    Measure("rupture at injection", "rupture_in_injection", {}, 0, 0.15, "below 0.15"),
+    Measure("poor injection", "poor", {}, 0, 0.1, "success above 0.9"),
+    Measure("stages, as printed", "stages", {}, 1, 1, "follows each stage"),
+    Measure("stages, in order", "stages_in_order", {}, 1, 1, "follows each stage"),
+    Measure("deadlock free", "deadlock_free", {}, 1, 1, "yes"),
+    Measure("injection is reached", "injected", {}, 1, 1, "(not asked)"),
+)
+
+
+def main() -> None:
+    """Run the study."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("study-output"))
+    parser.add_argument("--workers", type=int, default=2, help="processes at a time")
+    parser.add_argument("--fresh", action="store_true", help="forget what an earlier run has finished")
+    parser.add_argument("--positions-only", action="store_true", help="the nine positions only, without variations and figures")
+    arguments = parser.parse_args()
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    journal = out / "journal.jsonl"
+    if arguments.fresh:
+        journal.unlink(missing_ok=True)
+    instance = Instance.read(MODEL, MODEL.with_suffix(".pctl"), Options(engine="explicit"))
+
+    positions = run("positions", instance, {**one(PAPER), "CellBoundaryX": BOUNDARIES, "CellBoundaryY": BOUNDARIES}, journal, arguments)
+    show_positions(positions)
+    write(out / "positions.csv", positions, ("CellBoundaryX", "CellBoundaryY"))
+    if arguments.positions_only:
+        return
+    centre = {**one(PAPER), "CellBoundaryX": ("175",), "CellBoundaryY": ("175",)}
+    variations = run("variations", instance, {**centre, "StepSizeXY": STEPS, "NoisePercentage": NOISES}, journal, arguments)
+    show_variations(variations)
+    write(out / "variations.csv", variations, ("StepSizeXY", "NoisePercentage"))
+    wrong = run("damping of the other sign", instance, {**centre, "Damping": ("0",)}, journal, arguments)
+    print(f"\nWith damping of the other sign: injection is reached with probability {wrong[0].value('injected'):g},")
+    print(f"position error {wrong[0].value('position_error'):g}, deadlock free: {wrong[0].value('deadlock_free') == 1}.")
+    print(f"Not clamped to the stage, the model is at fault:\n{fault()}")
+    draw_positions(positions, out / "fig6.png")
+    draw_variations(variations, out / "variations.png")
+    draw_motion(out / "motion.png")
+    print(f"\nWritten to {out}: positions.csv, variations.csv, fig6.png, variations.png, motion.png")
+
+
+def one(values: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """The same values, as sweeps of one value each."""
+    return {n: (v,) for n, v in values.items()}
+
+
+def run(
+    title: str, instance: Instance, constants: Mapping[str, Sequence[str]], journal: Path, arguments: argparse.Namespace
+) -> list[Finished]:
+    """A sweep with a bar on the terminal and a summary. Ends the program where an instance is at fault."""
+    started = perf_counter()
+    total = 1
+    for values in constants.values():
+        total *= len(values)
+    results = []
+    with bar(title, total) as advance:
+        for done in sweep(instance, constants, varying={"ForceBound": ("10", "5")}, workers=arguments.workers, journal=journal):
+            results.append(done)
+            advance()
+    for done in results:
+        if done.error is not None:
+            raise SystemExit(f"{dict(done.constants)}: {done.error}")
+    names = [n for n, v in constants.items() if len(v) > 1]
+    results.sort(key=lambda d: [float(d.constants[n]) for n in names])
+    print(
+        f"\n{title}: {total} instances, {sum(d.states for d in results):,} states; {perf_counter() - started:.1f} s wall, "
+        f"{sum(d.cpu_seconds for d in results):.1f} s of CPU time, at most {max(d.memory for d in results) / 1e6:.0f} MB in a process"
+    )
+    return results
+
+
+@contextmanager
+def bar(title: str, total: int) -> Iterator[Any]:
+    """A progress bar on standard error, if that is a terminal; gives the function that advances it."""
+    if not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(title, total=total)
+        yield lambda: progress.advance(task)
+
+
+def fault() -> str:
+    """What the variant without clamping is told."""
+    from symcheck.explicit.build import explore
+
+    try:
+        explore(bound({"Damping": "-1"}), Options())
+    except ModelFault as found:
+        return str(found).splitlines()[0].partition(": ")[2]
+    raise AssertionError("the variant stays within its range")
+
+
+# ------------------------------------------------------------------------------------------------ tables
+
+
+def show_positions(results: Sequence[Finished]) -> None:
+    """One line for each measure: the values of the nine positions, and the paper's range."""
+    heads = [f"{d.constants['CellBoundaryX']},{d.constants['CellBoundaryY']}" for d in results]
+    print(f"\n{'':24}" + "".join(f"{h:>9}" for h in heads) + "   paper")
+    for m in MEASURES:
+        print(f"{m.title:24}" + "".join(f"{m.of(d):9.4f}" for d in results) + f"   {m.words}")
+    print(f"{'states':24}" + "".join(f"{d.states:9d}" for d in results))
+
+
+def show_variations(results: Sequence[Finished]) -> None:
+    """A table of step sizes and noise levels for each of the main measures."""
+    for m in (MEASURES[0], MEASURES[1], MEASURES[3], MEASURES[5], MEASURES[9]):
+        head = f"{m.title}; step, noise"
+        print(f"\n{head:38}" + "".join(f"{n:>9}" for n in NOISES))
+        for step in STEPS:
+            print(f"{step:38}" + "".join(f"{m.of(d):9.4f}" for d in results if d.constants["StepSizeXY"] == step))
+
+
+def write(path: Path, results: Iterable[Finished], names: Sequence[str]) -> None:
+    """The results as CSV: the constants that vary, every measure, and the size of the model."""
+    with path.open("w", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([*names, *(m.title for m in MEASURES), "states", "transitions"])
+        for d in results:
+            table.writerow([*(d.constants[n] for n in names), *(f"{m.of(d):.9g}" for m in MEASURES), d.states, d.transitions])
+        if "CellBoundaryX" in names:
+            table.writerow([*("paper" for _ in names), *(m.words for m in MEASURES), "", ""])
+
+
+# ------------------------------------------------------------------------------------------------ figures
+
+
+def figure(rows: int, columns: int, width: float, height: float) -> tuple[Any, Any]:
+    """A figure with its axes, an array of rows x columns; width and height in inches."""
+    try:
+        import matplotlib
+    except ImportError:
+        raise SystemExit("figures need matplotlib: pip install 'symcheck[plot]'") from None
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    pyplot.rcParams.update({"axes.spines.top": False, "axes.spines.right": False, "axes.titlesize": 10, "font.size": 9})
+    return pyplot.subplots(rows, columns, figsize=(width, height), layout="constrained", squeeze=False)
+
+
+def save(picture: Any, path: Path) -> None:
+    """Write a figure, and forget it."""
+    from matplotlib import pyplot
+
+    picture.savefig(path, dpi=150)
+    pyplot.close(picture)
+
+
+def draw_positions(results: Sequence[Finished], path: Path) -> None:
+    """After the paper's Fig. 6: each measure over the nine positions, with what the paper reports."""
+    picture, axes = figure(2, 3, 10, 5.6)
+    ticks = range(len(results))
+    names = [f"{d.constants['CellBoundaryX']}\n{d.constants['CellBoundaryY']}" for d in results]
+    for axis, m in zip(axes.flat, MEASURES, strict=False):
+        if m.low == m.high:
+            axis.axhline(m.low, color=RED, linestyle="--", linewidth=1.2, label=f"paper: {m.words}")
+        else:
+            axis.axhspan(m.low, m.high, color=RED, alpha=0.13, linewidth=0, label=f"paper: {m.words}")
+        values = [m.of(d) for d in results]
+        axis.bar(ticks, values, color=BLUE, width=0.7)
+        axis.set_ylim(0, 1.25 * max(m.high, *values))
+        axis.set_title(m.title)
+        axis.set_xticks(ticks, names)
+        axis.legend(loc="upper right", frameon=False)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("probability")
+    for axis in axes[1]:
+        axis.set_xlabel("CellBoundaryX over CellBoundaryY (µm)")
+    save(picture, path)
+
+
+def draw_variations(results: Sequence[Finished], path: Path) -> None:
+    """Position error, force error, rupture and poor injection over the step size, a line for each noise level."""
+    from matplotlib import colormaps
+
+    picture, axes = figure(1, 4, 13, 3.5)
+    shown = (MEASURES[0], MEASURES[1], MEASURES[3], MEASURES[5])
+    for axis, m in zip(axes[0], shown, strict=True):
+        for n, noise in enumerate(NOISES):
+            line = [m.of(d) for d in results if d.constants["NoisePercentage"] == noise]
+            colour = colormaps["viridis"](0.9 - 0.85 * n / (len(NOISES) - 1))
+            axis.plot([int(s) for s in STEPS], line, marker="o", markersize=3.5, color=colour, label=f"{100 * float(noise):g} %")
+        axis.set_title(m.title)
+        axis.set_xlabel("step size (µm)")
+        axis.set_xticks([int(s) for s in STEPS])
+        axis.set_ylim(0)
+    axes[0][0].set_ylabel("probability")
+    axes[0][-1].legend(title="noise", frameon=False)
+    save(picture, path)
+
+
+def bound(changes: Mapping[str, str]) -> BoundModel:
+    """The model at the central position, with some constants changed."""
+    return bind(parse_model(MODEL.read_text(), MODEL.name), {**PAPER, "CellBoundaryX": "175", "CellBoundaryY": "175", **changes})
+
+
+def profile(model: BoundModel, rng: random.Random, loops: int) -> list[tuple[float, float]]:
+    """A random run: the positions (X_n, Y_n) that are compared with the reference, at the end of each loop's phase 1."""
+    count, x, y = (model.index(n) for n in ("count", "X_n", "Y_n"))
+    (state,) = initial_states(model)
+    found: list[tuple[float, float]] = []
+    while len(found) < loops and state[count] != 5:
+        if state[count] == 1:
+            found.append((state[x], state[y]))
+        (row,) = transitions(model, state)
+        weights = [float(p) for p, _ in row.branches]
+        state = rng.choices([s for _, s in row.branches], weights)[0]
+    return found
+
+
+def draw_motion(path: Path, runs: int = 40) -> None:
+    """Simulated motion profiles in both axes against the desired one; and one run with damping of the other sign."""
+    rng = random.Random(2019)
+    right, wrong = bound({}), bound({"Damping": "0"})
+    paths = [profile(right, rng, 12) for _ in range(runs)]
+    away = profile(wrong, rng, 10)
+    desired = [min(100 + 18 * k, 250) for k in range(9)]
+    picture, axes = figure(1, 2, 10, 4)
+    for place, (axis, name) in enumerate(zip(axes[0], "XY", strict=True)):
+        for n, p in enumerate(paths):
+            axis.plot([q[place] for q in p], color=BLUE, alpha=0.25, linewidth=1, label=f"{runs} simulated runs" if n == 0 else None)
+        axis.plot(desired, color=BLACK, linewidth=1.8, marker="o", markersize=4, label="desired motion")
+        axis.plot([q[place] for q in away], color=RED, linewidth=1.5, marker="s", markersize=3, label="damping of the other sign")
+        axis.axhline(175, color=GREY, linestyle="--", linewidth=1)
+        axis.annotate("cell boundary", (9, 175), xytext=(0, 3), textcoords="offset points", color=GREY, ha="right")
+        axis.set_title(f"{name} axis")
+        axis.set_xlabel("loop")
+        axis.set_ylabel("position of the needle (µm)")
+    axes[0][0].legend(loc="upper left", frameon=False)
+    save(picture, path)
+
+
+if __name__ == "__main__":
+    main()
