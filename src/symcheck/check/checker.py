@@ -14,9 +14,9 @@ from symcheck.check.filters import Outcome
 from symcheck.check.formulas import filter_outcome, numbers, satisfying, states_of
 from symcheck.check.options import Options
 from symcheck.check.paths import negated, resolve
-from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result
+from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result, Run
 from symcheck.engines.base import Engine, StateSet
-from symcheck.errors import UnsupportedError
+from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.numerics.problem import Observer
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, Property, StateFilter, Type
@@ -53,7 +53,10 @@ def check(
     notes = Notes()
     context = Context(engine, options or Options(), labels or {}, properties or {}, notes, rebind, observer=observer)
     kind = context.type(formula)
-    if isinstance(formula, Filter | StateFilter):
+    lumped = _lumped(context, formula, kind) if context.options.bisim else None
+    if lumped is not None:
+        result = lumped
+    elif isinstance(formula, Filter | StateFilter):
         result = _filtered(context, formula, kind)
     elif isinstance(formula, MultiObjective):
         from symcheck.check.multi import check_multi
@@ -74,6 +77,23 @@ def check(
         seconds=perf_counter() - started,
         engine=engine,
     )
+
+
+def _lumped(context: Context, formula: Expression, kind: Type) -> Result | None:
+    """The result of the quotient, lifted to all states; None, with a warning, where it cannot be had."""
+    from symcheck.check.bisimulation import quotient
+
+    try:
+        smaller = quotient(context, formula)
+        inner = replace(context, engine=smaller.engine)
+        result = _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
+    except (UnsupportedError, NumericalError) as error:
+        context.notes.warn(f"checked without -bisim: {error}")
+        return None
+    size = f"{context.engine.states} states -> {smaller.engine.states}"
+    context.notes.runs.insert(0, Run("graph", "bisimulation", context.engine.states, smaller.lumping.rounds, 0.0, f"bisimulation: {size}"))
+    values, satisfying = smaller.lift(result.values), smaller.lift_set(result.satisfying)
+    return replace(result, values=values, satisfying=satisfying, explanation=f"{result.explanation}; {size} by bisimulation")
 
 
 def _strategy(context: Context, formula: Expression) -> Strategy | None:

@@ -25,6 +25,7 @@ class Options:
     fairness: only fair strategies of an MDP are considered (each choice offered infinitely often is taken so).
     reduce: reset variables whose values nothing will read again (see `symcheck.semantics.reduce`), before the model is built.
     strategy: find a strategy that attains the value (MDP): `Result.strategy`.
+    bisim: check each formula on the quotient by the coarsest bisimulation that keeps what it speaks of.
     ltl2da: program that makes automata of formulas of linear time, called with the names of a formula file and a HOA file.
     ltl2da_syntax: how it reads formulas: 'lbt', 'spin', 'spot' or 'rabinizer'.
     """
@@ -43,5 +44,6 @@ class Options:
     fairness: bool = False
     reduce: bool = False
     strategy: bool = False
+    bisim: bool = False
     ltl2da: str | None = None
     ltl2da_syntax: str = "lbt"

@@ -94,7 +94,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One numerical computation behind a result. `kind`: 'linear', 'steps', 'transient', 'steady' or 'exact'."""
+    """One numerical computation behind a result. `kind`: 'linear', 'steps', 'transient', 'steady', 'exact' or 'graph' (no numbers)."""
 
     kind: str
     method: str
@@ -141,7 +141,8 @@ class Result:
     @property
     def by_steps(self) -> bool:
         """Whether the numbers come from as many products with the matrix as the property has steps, and nothing else."""
-        return bool(self.runs) and all(r.kind == "steps" for r in self.runs)
+        kinds = [r.kind for r in self.runs if r.kind != "graph"]
+        return bool(kinds) and all(k == "steps" for k in kinds)
 
     def __str__(self) -> str:
         shown = show_value(self.value)

@@ -103,6 +103,7 @@ def _methods(parser: _Parser) -> None:
     parser.add("estimate", action="store_true", help="stop when values change little; faster, and certifies nothing")
     parser.add("fair", dest="fairness", action="store_true", default=False, help="only fair strategies of an MDP")
     parser.add("nofair", dest="fairness", action="store_false", help="all strategies (default)")
+    parser.add("bisim", action="store_true", default=False, help="check on the quotient by strong bisimulation")
     parser.add("ltl2datool", metavar="PROGRAM", help="external translator from LTL to automata: PROGRAM formula-file HOA-file")
     parser.add("ltl2dasyntax", metavar="SYNTAX", default="lbt", help="how it reads formulas: lbt (default), spin, spot, rabinizer")
 

@@ -68,6 +68,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         check_sums=arguments.check_sums,
         fairness=arguments.fairness,
         reduce=arguments.reduce,
+        bisim=arguments.bisim,
         strategy=arguments.exportstrat is not None,
         ltl2da=arguments.ltl2datool,
         ltl2da_syntax=arguments.ltl2dasyntax,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from symcheck.engines.arrays import ArraySet, ArrayValues, spans
 from symcheck.errors import MemoryLimitError
+from symcheck.explicit.states import StateTable
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
@@ -53,15 +54,11 @@ class ProductModel:
         """Pairs of a deadlock state."""
         return np.flatnonzero(self.base.deadlocks.members[self.state])
 
-    @property
-    def states(self) -> ProductModel:
-        """Where the columns of the variables are."""
-        return self
-
-    def column(self, variable: int) -> Int64s:
-        """The value of a variable in each pair."""
-        column: Int64s = self.base.explored.states.column(variable)
-        return column[self.state]
+    @cached_property
+    def states(self) -> StateTable:
+        """The state of each pair."""
+        table = self.base.explored.states
+        return StateTable(table.layout, table.rows[self.state])
 
     @property
     def state_rewards(self) -> list[Floats]:
