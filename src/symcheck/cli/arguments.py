@@ -71,6 +71,13 @@ def _positive(text: str) -> float:
     return value
 
 
+def _width(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+    return value
+
+
 Group = Callable[[_Parser], None]
 
 
@@ -117,6 +124,23 @@ def _model(parser: _Parser) -> None:
     parser.add("timeout", metavar="TIME", type=_seconds, help="time of the run at most, such as 90, 5m or 1h")
 
 
+def _simulation(parser: _Parser) -> None:
+    parser.add(
+        "simpath", metavar=("PATH", "FILE"), nargs=2, help="write a random path ('stdout' prints it). PATH: steps, time=T or deadlock, "
+        "and ,vars=(x,…) sep=comma|space|tab rewards= probs= changes= loopcheck= snapshot=T repeat=N",
+    )  # fmt: skip
+    parser.add("sim", action="store_true", help="estimate P and R properties from random paths; the model is not built")
+    parser.add("simmethod", metavar="NAME", default="ci", help="ci (default), aci, apmc: intervals; sprt: a test, for thresholds")
+    parser.add("simsamples", metavar="N", type=_count, help="number of paths (default: 1000, or what -simwidth needs)")
+    parser.add("simconf", metavar="X", type=_positive, help="probability that interval or verdict are wrong (default: 0.01)")
+    parser.add("simwidth", metavar="W", type=_width, help="half the width of the interval; what sprt tells apart (default: 0.05)")
+    parser.add("simapprox", metavar="W", type=_width, help="the same, by the name that it has for apmc")
+    parser.add("simvar", metavar="N", type=_count, default=1000, help="paths from which -simwidth judges the variance (default: 1000)")
+    parser.add("simmaxrwd", metavar="X", type=_width, help="the largest reward that a path can earn, for apmc")
+    parser.add("simpathlen", metavar="N", type=_count, default=10_000, help="the longest path (default: 10000)")
+    parser.add("seed", "simseed", metavar="N", type=_count, help="seed of the random numbers (default: a new one, which is reported)")
+
+
 def _exchange(parser: _Parser) -> None:
     parser.add("importmodel", metavar="BASE.all", help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…)")
     for name, what in (
@@ -155,7 +179,7 @@ def _exchange(parser: _Parser) -> None:
 
 def _output(parser: _Parser) -> None:
     parser.add("v", "verbose", dest="verbose", action="store_true", help="tell more: iterations, methods, diagrams")
-    parser.add("exportresults", metavar="FILE[:KIND]", help="write the results: text (default), csv, matrix, dataframe or comment")
+    parser.add("exportresults", metavar="FILE[:KIND]", help="write the results: text (default), csv, matrix, dataframe, comment or json")
     parser.add(
         "exportstrat", metavar="FILE[:type=KIND]", help="write a strategy of each mdp property: actions (default), indices, induced, dot"
     )
@@ -175,7 +199,7 @@ def _parser() -> _Parser:
         add_help=False,
         allow_abbrev=False,
     )
-    for group in (_input, _methods, _model, _exchange, _output):
+    for group in (_input, _methods, _model, _simulation, _exchange, _output):
         group(parser)
     return parser
 

@@ -12,11 +12,12 @@ from time import perf_counter
 from symcheck.check.checker import check
 from symcheck.check.options import Options
 from symcheck.check.question import Question
-from symcheck.check.result import Result, show_value
-from symcheck.check.resultlines import VerdictKind, judge
+from symcheck.check.result import Result, Statistical, show_value
+from symcheck.check.resultlines import Verdict, VerdictKind, judge
 from symcheck.cli import exports
 from symcheck.cli.progress import Progress
 from symcheck.cli.report import Report, property_text
+from symcheck.cli.simulation import Simulation, simulation
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, NameFault, ResourceError, SymcheckError, UsageError
@@ -139,7 +140,10 @@ def _instance(
         asked = list(_asked(program, file, chosen, others))
         if options.reduce and read is None:
             model = _reduced(job, model, [question for question, _ in asked])
-        engine = _build(job, model, options)
+        simulated = simulation(job.arguments, job.report, model)
+        if job.arguments.simpath and simulated is None and not asked:
+            return
+        subject = simulated or _build(job, model, options)
     except ResourceError:
         raise
     except SymcheckError as error:
@@ -151,10 +155,12 @@ def _instance(
             known = {n: _plain(v) for n, v in {**constants, **{n: v[0] for n, v in others.items()}}.items()}
             _conclude(job, judge(file.properties[i].comments, error, known, exact=options.exact))
         return
-    exports.export_model(job.arguments, job.report, engine, options, lambda: _labels(engine, file, others))
-    exports.report_distributions(job.arguments, job.report, engine, options)
+    if not isinstance(subject, Simulation):
+        engine = subject
+        exports.export_model(job.arguments, job.report, engine, options, lambda: _labels(engine, file, others))
+        exports.report_distributions(job.arguments, job.report, engine, options)
     for question, choice in asked:
-        _check(job, engine, question, options, constants, choice)
+        _check(job, subject, question, options, constants, choice)
 
 
 def _labels(engine: Engine, file: PropertiesFile, others: Mapping[str, Sequence[str]]) -> Mapping[str, Expression]:
@@ -219,13 +225,18 @@ def _build(job: Job, model: BoundModel, options: Options) -> Engine:
     return engine
 
 
-def _check(job: Job, engine: Engine, question: Question, options: Options, constants: Values, choice: Values) -> None:
-    bound, labels = question.bind(engine.model)
+def _check(
+    job: Job, subject: Engine | Simulation, question: Question, options: Options, constants: Values, choice: Values
+) -> None:
+    bound, labels = question.bind(subject.model)
     text = property_text(bound)
     job.report.property(text, bound.name, constants, choice)
     outcome: Result | SymcheckError
     try:
-        outcome = check(engine, bound.formula, options, labels=labels, rebind=question.formula)
+        if isinstance(subject, Simulation):
+            outcome = subject.check(bound.formula, labels)
+        else:
+            outcome = check(subject, bound.formula, options, labels=labels, rebind=question.formula)
         job.report.result(outcome)
         if outcome.strategy is not None:
             _export_strategy(job, outcome)
@@ -237,7 +248,9 @@ def _check(job: Job, engine: Engine, question: Question, options: Options, const
         job.report.error(outcome)
         job.failures += not job.testing
         job.rows.append(Row(bound.name or text, {**constants, **choice}, "Error", str(outcome).splitlines()[0]))
-    if job.testing:
+    if job.testing and isinstance(outcome, Result) and isinstance(outcome.accuracy, Statistical):
+        _conclude(job, Verdict(VerdictKind.NOT_TESTED, "the result is an estimate"))
+    elif job.testing:
         _conclude(job, judge(bound.comments, outcome, bound.constants, exact=options.exact))
 
 

@@ -47,7 +47,7 @@ def atom(formula: Expression, model: BoundModel, labels: Mapping[str, Expression
     """Compile a state formula. Raises NameFault for an unknown label, UnsupportedError for a nested operator."""
     match formula:
         case LabelReference("deadlock"):
-            return lambda columns, deadlock: deadlock
+            return lambda _, deadlock: deadlock
         case LabelReference("init"):
             return _initial(model)
         case LabelReference(name):
@@ -75,7 +75,7 @@ def _plain(formula: Expression, model: BoundModel) -> Atom:
             raise UnsupportedError(f'-sim reads the label "{node.name}" only under ! & | => <=>; without -sim it may stand anywhere')
     code = compile_expression(formula, model)
     support = list(code.support)
-    return lambda columns, deadlock: np.asarray(code.run(columns[support]), np.bool_)
+    return lambda columns, _: np.asarray(code.run(columns[support]), np.bool_)
 
 
 def _binary(operator: str, left: Atom, right: Atom) -> Atom:
@@ -93,5 +93,5 @@ def _binary(operator: str, left: Atom, right: Atom) -> Atom:
 def _initial(model: BoundModel) -> Atom:
     if model.initial is None:
         values = np.array([int(v.initial or 0) for v in model.variables], np.int64).reshape(-1, 1)
-        return lambda columns, deadlock: np.asarray((columns == values).all(axis=0))
+        return lambda columns, _: np.asarray((columns == values).all(axis=0))
     return _plain(model.initial, model)

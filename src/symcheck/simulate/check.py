@@ -100,7 +100,7 @@ def _verdict(found: Estimated, bound: Bound) -> bool:
     if found.lower <= threshold <= found.upper:
         raise NumericalError(
             f"the threshold {threshold:g} lies within the interval [{found.lower:.6g}, {found.upper:.6g}] that {found.samples} samples "
-            "give, so that they decide nothing; more samples (-simsamples) may, and -simmethod sprt takes as many as it needs"
+            "give, so that they decide nothing; more samples (-simsamples) may, and without -sim it is decided for certain"
         )
     return _compare(found.mean, bound)
 

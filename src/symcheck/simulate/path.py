@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from symcheck.errors import Diagnostic, NameFault
+from symcheck.explicit.initial import initial_rows
+from symcheck.explicit.states import Layout
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.semantics.step import Choice, State, choices, initial_states, state_rewards
+from symcheck.semantics.step import Choice, State, choices, state_rewards
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Path", "Step", "simulate"]
@@ -84,7 +86,7 @@ class Path:
     def __str__(self) -> str:
         from symcheck.simulate.table import table
 
-        return table(self)
+        return table(self).rstrip("\n")
 
     def _repr_html_(self) -> str:
         """The path as a table, for notebooks."""
@@ -100,7 +102,6 @@ def simulate(
     steps: int | None = None,
     *,
     time: float | None = None,
-    deadlock: bool = False,
     seed: int | None = None,
     loop_check: bool = True,
     max_steps: int = 10_000,
@@ -108,14 +109,13 @@ def simulate(
 ) -> Path:
     """A random path from an initial state (one of several with equal probability).
 
-    It ends after `steps` steps, when `time` is reached (the last state is the one occupied then), in a deadlock (always; with
-    `deadlock` True nothing else is waited for), where it can only repeat itself (loop_check), and after max_steps. The
-    choices of an MDP are equally likely. The same seed gives the same path; None draws one. Raises ModelFault.
+    It ends after `steps` steps, when `time` is reached (the last state is the one occupied then), in any
+    case in a deadlock, where it can only repeat itself (loop_check), and after max_steps. The choices of an MDP are equally
+    likely. The same seed gives the same path; None draws one. Raises ModelFault.
     """
     chosen = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
     generator = np.random.default_rng(chosen)
-    initial = initial_states(model)
-    state = initial[int(generator.integers(len(initial)))] if len(initial) > 1 else initial[0]
+    state = _first(model, generator)
     wanted = max_steps if steps is None else min(steps, max_steps)
     found = [Step(state, 0.0, _floats(state_rewards(model, state)))]
     forced: set[State] = set()  # states since the last one with an alternative
@@ -140,6 +140,12 @@ def simulate(
     return Path(model, tuple(found), end, chosen)
 
 
+def _first(model: BoundModel, generator: np.random.Generator) -> State:
+    layout = Layout.of(model.variables)
+    rows = initial_rows(model, layout)
+    return layout.unpack(rows[int(generator.integers(len(rows)))] if len(rows) > 1 else rows[0])
+
+
 def _floats(values: tuple[Value, ...]) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
 
@@ -151,11 +157,9 @@ def _next(model: BoundModel, here: Step, offered: tuple[Choice, ...], generator:
     weighted = [(float(p) / share, p, s, c) for c in offered for p, s in c.branches]
     total = sum(w for w, _, _, _ in weighted)
     duration = float(generator.standard_exponential()) / total if continuous else 1.0
-    mark, passed = float(generator.random()) * total, 0.0
-    for weight, own, state, choice in weighted:
-        passed += weight
-        if mark < passed:
-            break
+    ends = np.cumsum([w for w, _, _, _ in weighted])
+    place = int(np.searchsorted(ends, generator.random() * ends[-1], side="right"))
+    weight, own, state, choice = weighted[min(place, len(weighted) - 1)]
     modules = {c.module for c in choice.commands}
     module = model.modules[modules.pop()].name if len(modules) == 1 else None
     shown = float(own) if model.type is ModelType.MDP else weight

@@ -39,7 +39,7 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.walk import nodes
 
-__all__ = ["Decision", "Paths", "Question", "path_question", "reward_question"]
+__all__ = ["Decision", "Goal", "Paths", "Question", "path_question", "reward_question"]
 
 _TRUE = Literal(True, Type.BOOL)
 
@@ -71,9 +71,28 @@ class Question(Protocol):
         """Decide what can be decided."""
         ...
 
-    def hopeless(self, chain: Chain, ids: Int32s) -> Decision:
-        """Decide paths by the states that can still be reached, whatever happens; used now and then."""
+    @property
+    def goal(self) -> Goal | None:
+        """What must be reached if a path is not to go on for ever undecided; None where every path gets decided."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """States of atom `right` are to be reached through states of atom `left` (None: any); a path that cannot is worth `missed`."""
+
+    right: int
+    left: int | None
+    missed: float
+
+    def look(self, chain: Chain, ids: Int32s) -> Decision:
+        """Decide paths from whose state all ways are known, and miss."""
+        matrix, expanded = chain.graph()
+        everything = np.arange(matrix.states, dtype=np.int32)
+        target = ~expanded | chain.truth(self.right, everything)
+        through = expanded if self.left is None else expanded & chain.truth(self.left, everything)
+        lost = ~backward_reachable(matrix, target, through)[ids]
+        return lost, np.full(len(ids), self.missed)
 
 
 def _undecided(ids: Int32s) -> Decision:
@@ -91,12 +110,13 @@ class _Now:
     def atoms(self) -> tuple[Expression, ...]:
         return (self.target,)
 
+    @property
+    def goal(self) -> Goal | None:
+        return None
+
     def look(self, chain: Chain, paths: Paths) -> Decision:
         holds = chain.truth(0, paths.ids) ^ self.negative
         return np.ones(len(holds), np.bool_), holds.astype(np.float64)
-
-    def hopeless(self, chain: Chain, ids: Int32s) -> Decision:
-        return _undecided(ids)
 
 
 @dataclass(frozen=True)
@@ -112,15 +132,16 @@ class _Next:
     def atoms(self) -> tuple[Expression, ...]:
         return (self.target,)
 
+    @property
+    def goal(self) -> Goal | None:
+        return None
+
     def look(self, chain: Chain, paths: Paths) -> Decision:
         if paths.step == 0:
             return _undecided(paths.ids)
         upper = np.inf if self.upper is None else self.upper
         holds = chain.truth(0, paths.ids) & (paths.time >= self.lower) & (paths.time <= upper)
         return np.ones(len(holds), np.bool_), (holds ^ self.negative).astype(np.float64)
-
-    def hopeless(self, chain: Chain, ids: Int32s) -> Decision:
-        return _undecided(ids)
 
 
 @dataclass(frozen=True)
@@ -149,11 +170,9 @@ class _Until:
             missed = ~left | (paths.time >= upper)
         return hit | missed, (hit ^ self.negative).astype(np.float64)
 
-    def hopeless(self, chain: Chain, ids: Int32s) -> Decision:
-        if self.upper is not None:
-            return _undecided(ids)
-        lost = _cannot_reach(chain, ids, 1, 0)
-        return lost, np.full(len(ids), float(self.negative))
+    @property
+    def goal(self) -> Goal | None:
+        return Goal(1, 0, float(self.negative)) if self.upper is None else None
 
 
 @dataclass(frozen=True)
@@ -166,14 +185,15 @@ class _Cumulative:
     def atoms(self) -> tuple[Expression, ...]:
         return ()
 
+    @property
+    def goal(self) -> Goal | None:
+        return None
+
     def look(self, chain: Chain, paths: Paths) -> Decision:
         if not chain.continuous:
             return paths.time >= self.time, paths.total
         rest = np.maximum(self.time - paths.time, 0.0)
         return paths.leave >= self.time, paths.total + chain.reward(paths.ids) * rest
-
-    def hopeless(self, chain: Chain, ids: Int32s) -> Decision:
-        return _undecided(ids)
 
 
 @dataclass(frozen=True)
@@ -186,12 +206,13 @@ class _Instantaneous:
     def atoms(self) -> tuple[Expression, ...]:
         return ()
 
+    @property
+    def goal(self) -> Goal | None:
+        return None
+
     def look(self, chain: Chain, paths: Paths) -> Decision:
         there = paths.leave > self.time if chain.continuous else paths.time >= self.time
         return there, chain.reward(paths.ids)
-
-    def hopeless(self, chain: Chain, ids: Int32s) -> Decision:
-        return _undecided(ids)
 
 
 @dataclass(frozen=True)
@@ -207,17 +228,9 @@ class _Reach:
     def look(self, chain: Chain, paths: Paths) -> Decision:
         return chain.truth(0, paths.ids), paths.total
 
-    def hopeless(self, chain: Chain, ids: Int32s) -> Decision:
-        return _cannot_reach(chain, ids, 0, None), np.full(len(ids), np.inf)
-
-
-def _cannot_reach(chain: Chain, ids: Int32s, right: int, left: int | None) -> Bools:
-    """From which of these states no state of atom `right` can be reached through `left`: all ways are known and miss."""
-    matrix, expanded = chain.graph()
-    everything = np.arange(matrix.states, dtype=np.int32)
-    target = ~expanded | chain.truth(right, everything)
-    through = expanded if left is None else expanded & chain.truth(left, everything)
-    return ~backward_reachable(matrix, target, through)[ids]
+    @property
+    def goal(self) -> Goal | None:
+        return Goal(0, None, np.inf)
 
 
 # ------------------------------------------------------------------------------------------------ reading formulas

@@ -68,14 +68,14 @@ class Sampler:
         alive: Int64s = np.arange(count)
         ids = np.repeat(self._chain.add(self._initial), count)
         time, total = np.zeros(count), np.zeros(count)
-        step, look_ahead = 0, _FIRST_LOOK_AHEAD
+        step, look_ahead, goal = 0, _FIRST_LOOK_AHEAD, self.question.goal
         while True:
             ids = self._chain.expand(ids)
             leave = time + self._durations(ids)
             decided, results = self.question.look(self._chain, Paths(step, ids, time, leave, total))
-            if step == look_ahead:
+            if step == look_ahead and goal is not None:
                 look_ahead *= 2
-                lost, lost_results = self.question.hopeless(self._chain, ids)
+                lost, lost_results = goal.look(self._chain, ids)
                 results, decided = np.where(decided, results, lost_results), decided | lost
             values[alive[decided]] = results[decided]
             open_ = ~decided

@@ -188,7 +188,7 @@ class Expander:
         new = columns[:, lanes]
         for update in updates:
             for variable, code in update.assignments:
-                value = code.run(columns[np.ix_(list(code.support), lanes)])
+                value = code.run(_operands(code, columns, lanes))
                 _demand((value >= self._lows[variable]) & (value <= self._highs[variable]), lanes)
                 new[variable] = value
         return new
@@ -211,7 +211,12 @@ class Expander:
 
 def _values(code: Code, columns: Int64s, lanes: Int64s) -> Floats:
     """The value of an expression in some lanes, as float64."""
-    return np.asarray(code.run(columns[np.ix_(list(code.support), lanes)]), np.float64)
+    return np.asarray(code.run(_operands(code, columns, lanes)), np.float64)
+
+
+def _operands(code: Code, columns: Int64s, lanes: Int64s) -> Int64s:
+    """The variables that an expression reads, in some lanes."""
+    return columns[np.array(code.support, np.int64)[:, None], lanes]
 
 
 def _demand(fine: Bools, lanes: Int64s) -> None:

@@ -1,0 +1,121 @@
+"""The switches of simulation: -simpath writes a random path, -sim estimates properties from many."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path as File
+from typing import TYPE_CHECKING
+
+from symcheck.check.result import Result
+from symcheck.cli.report import Report
+from symcheck.errors import UsageError
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression
+
+if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do without
+    from symcheck.simulate.path import Path
+    from symcheck.simulate.statistics import Plan
+    from symcheck.simulate.table import Request
+
+__all__ = ["Simulation", "plan_of", "simulation", "write_path"]
+
+_ENDS = {
+    "loop": "Deterministic loop detected after {n} steps (use the loopcheck=false option to extend the path).",
+    "deadlock": "Deadlock state reached after {n} steps.",
+    "length": "the path was stopped after {n} steps (-simpathlen allows more).",
+}
+
+
+def plan_of(arguments: argparse.Namespace) -> Plan:
+    """How to sample, by the switches. Raises UsageError."""
+    from symcheck.simulate.statistics import METHODS, Plan
+
+    method = arguments.simmethod.lower()
+    if method not in METHODS:
+        raise UsageError(f"-simmethod: '{arguments.simmethod}' is none of {', '.join(METHODS)}")
+    if arguments.simwidth is not None and arguments.simapprox is not None:
+        raise UsageError("-simwidth and -simapprox give the same thing, the half width: one of them is enough")
+    return Plan(
+        method=method,
+        samples=arguments.simsamples,
+        error=arguments.simconf,
+        width=arguments.simapprox if arguments.simwidth is None else arguments.simwidth,
+        pilot=arguments.simvar,
+        most=arguments.simmaxrwd,
+        max_steps=arguments.simpathlen,
+        seed=arguments.seed,
+    )
+
+
+def write_path(arguments: argparse.Namespace, report: Report, model: BoundModel) -> None:
+    """Make the path that -simpath describes, and write it to the file (or 'stdout'). Raises UsageError, ModelFault."""
+    from symcheck.simulate.table import parse_request, table
+
+    text, where = arguments.simpath
+    request = parse_request(text)
+    path = _path(arguments, model, request)
+    report.line()
+    if path.end in _ENDS and (path.end == "length" or not request.deadlock or path.end != "deadlock"):
+        report.warn(_ENDS[path.end].format(n=len(path)))
+    if request.deadlock and path.end != "deadlock":
+        report.warn(f"no deadlock was met on {request.repeat} path{'s' if request.repeat > 1 else ''}: the last one is shown")
+    shown = table(path, request.layout)
+    if where == "stdout":
+        report.line(shown.rstrip("\n"))
+    else:
+        try:
+            File(where).write_text(shown)
+        except OSError as error:
+            raise UsageError(f"-simpath: cannot write '{where}': {error.strerror}") from None
+        report.line(f"Path of {len(path)} steps (seed {path.seed}) written to {where}")
+
+
+def _path(arguments: argparse.Namespace, model: BoundModel, request: Request) -> Path:
+    from symcheck.simulate.path import simulate
+
+    for attempt in range(request.repeat):
+        path = simulate(
+            model,
+            request.steps,
+            time=request.time,
+            seed=None if arguments.seed is None else arguments.seed + attempt,
+            loop_check=request.loop_check,
+            max_steps=arguments.simpathlen,
+            check_sums=arguments.check_sums,
+        )
+        if not request.deadlock or path.end == "deadlock":
+            break
+    return path
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Takes the place of a built model where properties are estimated."""
+
+    model: BoundModel
+    plan: Plan
+    fix_deadlocks: bool
+
+    def check(self, formula: Expression, labels: Mapping[str, Expression]) -> Result:
+        """Estimate a property. Raises SymcheckError."""
+        from symcheck.simulate.check import check_by_sampling
+
+        return check_by_sampling(self.model, formula, self.plan, labels=labels, fix_deadlocks=self.fix_deadlocks)
+
+
+def simulation(arguments: argparse.Namespace, report: Report, model: BoundModel) -> Simulation | None:
+    """Carry out -simpath, and give what -sim estimates properties by (None: they are checked numerically)."""
+    if not (arguments.sim or arguments.simpath):
+        return None
+    if not model.modules:
+        raise UsageError("-sim and -simpath follow the commands of a model in the PRISM language; an imported matrix has none")
+    if arguments.simpath:
+        write_path(arguments, report, model)
+    if not arguments.sim:
+        return None
+    plan = plan_of(arguments)
+    if arguments.exact:
+        raise UsageError("-sim estimates, and -exact asks for rational arithmetic: one of the two has to go")
+    return Simulation(model, plan, arguments.fix_deadlocks)
