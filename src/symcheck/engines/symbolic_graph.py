@@ -34,9 +34,10 @@ ROWS = 50_000_000
 
 @dataclass(frozen=True, eq=False)
 class SymbolicGraph:
-    """See `symcheck.engines.base.Graph`."""
+    """See `symcheck.engines.base.Graph`. `observer` is told of each set on the way to a fixpoint, and what it is."""
 
     engine: SymbolicEngine = field(repr=False)
+    observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
 
     @property
     def _d(self) -> Diagrams:
@@ -44,6 +45,10 @@ class SymbolicGraph:
 
     def _set(self, bdd: Bdd) -> SymbolicSet:
         return SymbolicSet(self._d, bdd)
+
+    def _tell(self, what: str, states: Bdd) -> None:
+        if self.observer is not None:
+            self.observer(what, states)
 
     # steps and closures
 
@@ -59,6 +64,8 @@ class SymbolicGraph:
             before = states
             for step in self._d.levels[level]:
                 states = states | grow(step, states)
+            if states != before:
+                self._tell("closure", states)
             level = level + 1 if states == before else 0
         return states
 
@@ -118,6 +125,7 @@ class SymbolicGraph:
             if more == reach:
                 return ~self._set(reach)
             reach = more
+            self._tell("every strategy reaches", reach)
 
     def prob1(self, left: SymbolicSet, right: SymbolicSet, direction: str | None) -> SymbolicSet:
         """States whose (min/max) probability of left U right is 1."""
@@ -126,6 +134,7 @@ class SymbolicGraph:
             return ~self.exists_until(left - right, self.prob0(left, right, direction))
         candidates = self._backward(right.bdd, left.bdd)
         while True:
+            self._tell("candidates", candidates)
             within = [w & left.bdd for w in self._slots_within(candidates)]
             sure = right.bdd
             while True:
@@ -134,6 +143,7 @@ class SymbolicGraph:
                 if more == sure:
                     break
                 sure = more
+                self._tell("sure", sure)
             if sure == candidates:
                 return self._set(sure)
             candidates = sure

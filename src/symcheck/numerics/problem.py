@@ -19,12 +19,18 @@ __all__ = ["LinearProblem", "Observer", "Operator", "Solution", "Step", "is_done
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What an observer is told: where a method is. `width`: what is left between the bounds, or the last change."""
+    """What an observer is told: where a method is. `width`: what is left between the bounds, or the last change.
+
+    lower, upper: the iterates, where the method has them at hand (`upper` only where it is a bound); end components are
+    single states then. They belong to the method: look, do not write.
+    """
 
     method: str
     iteration: int
     width: float
     states: int
+    lower: Floats | None = field(default=None, compare=False, repr=False)
+    upper: Floats | None = field(default=None, compare=False, repr=False)
 
 
 Observer = Callable[[Step], None]

@@ -30,7 +30,7 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
         upper = np.minimum(upper, stepper.above(upper))
         width = widest(lower, upper, settings.relative)
         if observer is not None:
-            observer(Step("interval", count, width, problem.n))
+            observer(Step("interval", count, width, problem.n, lower, upper))
         if width <= settings.epsilon:
             break
         if count % 1000 == 0:

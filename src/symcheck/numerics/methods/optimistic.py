@@ -38,7 +38,7 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
         rate = min(0.7 * rate + 0.3 * change / before, 1 - 1e-7) if before > 0.0 else rate
         before, difference, lower = change, after - lower, after
         if observer is not None:
-            observer(Step("optimistic", count, change, problem.n))
+            observer(Step("optimistic", count, change, problem.n, lower))
         if change / (1.0 - rate) <= tolerance:
             tolerance *= 0.2
             guess = lower * (1.0 + 0.25 * settings.epsilon) + 2.0 * difference / (1.0 - rate)

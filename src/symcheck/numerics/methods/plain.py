@@ -67,7 +67,7 @@ def _iterate(
         x = after
         count += 1
         if observer is not None:
-            observer(Step(name, count, change, problem.n))
+            observer(Step(name, count, change, problem.n, x))
     note = f"{problem.n} states: {name}, {count} iterations; an estimate"
     note += "" if change <= settings.epsilon else ", not converged"
     strategy = Stepper.of(problem).strategy(x)
