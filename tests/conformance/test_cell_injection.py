@@ -1,0 +1,66 @@
+"""The cell-injection model: its results, its variants, and every engine on an instance small enough for all of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from checking import judge_file
+from symcheck.api import load
+from symcheck.check.checker import check
+from symcheck.check.options import Options
+from symcheck.check.resultlines import VerdictKind
+from symcheck.engines.explicit import ExplicitEngine
+from symcheck.engines.registry import BUILDERS
+from symcheck.errors import ModelFault
+from symcheck.explicit.build import explore
+from symcheck.semantics.bind import bind, bind_properties
+from symcheck.semantics.reduce import observe, reduce
+from symcheck.syntax.parse import parse_model_file, parse_properties_file
+
+FOLDER = Path(__file__).parents[2] / "models" / "cell_injection"
+MODEL, PROPERTIES = FOLDER / "cell_injection.pm", FOLDER / "cell_injection.pctl"
+PAPER = {"NoisePercentage": "0.01", "StepSizeXY": "18", "InitialPositionXY": "100", "MaxDistance": "250", "Damping": "1"}
+SMALL = {**PAPER, "CellBoundaryX": "104", "CellBoundaryY": "104", "NoisePercentage": "0.005", "StepSizeXY": "27"}
+
+
+@pytest.mark.parametrize(("x", "y", "bound"), [("174", "176", "10"), ("175", "175", "10"), ("176", "176", "5")])
+def test_results_of_the_study(x, y, bound):
+    checked = judge_file(MODEL, PROPERTIES, {**PAPER, "CellBoundaryX": x, "CellBoundaryY": y, "ForceBound": bound}, "explicit")
+    assert [c.verdict.kind for c in checked] == [VerdictKind.PASS] * 9
+
+
+def answers(engine: str) -> dict[str | None, float]:
+    model = load(MODEL, SMALL, exact=engine == "exact", engine="explicit" if engine == "exact" else engine)
+    return {p.name: float(r.value) for p, r in model.check_all(PROPERTIES, {"ForceBound": "10"})}
+
+
+@pytest.mark.parametrize("engine", [e for e in BUILDERS if e not in ("explicit", "exact")])
+def test_engines_agree_on_a_small_instance(engine):
+    expected, found = answers("explicit"), answers(engine)
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert 0.3 < expected["position_error"] < 0.4  # not a trivial instance
+
+
+def test_reduction_keeps_the_values_of_the_study():
+    """Every property with a reduction of its own, against the model as it is, to the last digits of a double."""
+    constants = {**PAPER, "CellBoundaryX": "175", "CellBoundaryY": "176"}
+    model = bind(parse_model_file(MODEL), constants)
+    bound = bind_properties(parse_properties_file(PROPERTIES), model, {"ForceBound": "10"})
+    whole, options = ExplicitEngine(explore(model, Options())), Options()
+    for one in bound.properties:
+        assert one.formula is not None
+        small = ExplicitEngine(explore(reduce(model, observe(model, [one.formula], bound.labels)).model, options))
+        assert small.states < whole.states
+        a, b = (check(e, one.formula, options, labels=bound.labels).value for e in (whole, small))
+        assert a == pytest.approx(b, abs=1e-13)
+
+
+def test_damping_of_the_other_sign_drives_the_needle_away():
+    constants = {**PAPER, "CellBoundaryX": "175", "CellBoundaryY": "175", "Damping": "0"}
+    model = load(MODEL, constants, engine="explicit")
+    values = {p.name: r.value for p, r in model.check_all(PROPERTIES, {"ForceBound": "10"})}
+    assert (values["deadlock_free"], values["injected"], values["position_error"]) == (True, 0, 1)
+    with pytest.raises(ModelFault, match=r"X_cur would become 94, outside of \[100\.\.250\], for example in state \(count=2,k=1"):
+        explore(bind(parse_model_file(MODEL), {**constants, "Damping": "-1"}), Options())
