@@ -57,7 +57,7 @@ class Equations:
     def problem(self, constant: Floats, upper: Floats | None, direction: str | None, *, probability: bool) -> LinearProblem:
         """The equations x = A x + constant (bounds: up to `upper`)."""
         leave = self.into(~self.system.states)
-        if self.context.engine.has_rows or self._end_components_matter(direction, probability):
+        if self.system.has_rows or self._end_components_matter(direction, probability):
             return LinearProblem(constant, self._matrix(), upper, leave, direction, probability)
         operator = self.system.operator if self.rates is None else Scaled(self.system.operator, self.rates)
         return LinearProblem(constant, None, upper, leave, direction, probability, operator, self.system.groups)

@@ -133,6 +133,11 @@ class System(Protocol):
         ...
 
     @property
+    def has_rows(self) -> bool:
+        """Whether equations should be solved on `matrix`: the engine works with rows, or these are few."""
+        ...
+
+    @property
     def operator(self) -> Any:
         """The matrix in the engine's own form, with `multiply(x: Floats) -> Floats` giving a value per row."""
         ...

@@ -208,6 +208,11 @@ class ExplicitSystem:
         return SparseMatrix(*parts, self.n, self.groups)
 
     @property
+    def has_rows(self) -> bool:
+        """Rows are what this engine works with."""
+        return True
+
+    @property
     def operator(self) -> SparseOperator:
         """The matrix as an operator."""
         return SparseOperator(self.matrix)

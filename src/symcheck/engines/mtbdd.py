@@ -33,9 +33,10 @@ class DiagramOperator:
 
 
 class MtbddEngine(SymbolicEngine):
-    """Products are made on diagrams."""
+    """Products are made on diagrams; small equations are solved on rows, as components in order need no products."""
 
     name: ClassVar[str] = "mtbdd"
+    rows_limit: ClassVar[int | None] = 200_000
 
     def operator(self, system: SymbolicSystem) -> DiagramOperator:
         """The diagrams as an operator."""

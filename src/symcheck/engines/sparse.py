@@ -16,6 +16,7 @@ class SparseEngine(SymbolicEngine):
 
     name: ClassVar[str] = "sparse"
     has_rows: ClassVar[bool] = True
+    rows_limit: ClassVar[int | None] = None
 
     def operator(self, system: SymbolicSystem) -> SparseOperator:
         """The rows as an operator."""

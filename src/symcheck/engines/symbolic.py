@@ -39,6 +39,8 @@ class SymbolicEngine:
     name: ClassVar[str] = "symbolic"
     exact: ClassVar[bool] = False
     has_rows: ClassVar[bool] = False
+    rows_limit: ClassVar[int | None] = 0
+    """Entries up to which the rows of a system are written out to solve equations on them; None: always."""
 
     @classmethod
     def of(cls, transitions: Transitions) -> SymbolicEngine:

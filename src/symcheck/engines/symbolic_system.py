@@ -87,6 +87,12 @@ class SymbolicSystem:
         indptr, indices, data = flatten(self.dag, self.layout)
         return SparseMatrix(indptr, indices, data, self.n, self.groups)
 
+    @property
+    def has_rows(self) -> bool:
+        """Whether equations should be solved on `matrix`: it has no more entries than the engine is ready to write out."""
+        limit = self.engine.rows_limit
+        return limit is None or int(self.dag.entries.sum()) <= limit
+
     @cached_property
     def blocks(self) -> BlockMatrix:
         """The matrix among the states, as blocks."""
