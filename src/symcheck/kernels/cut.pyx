@@ -380,6 +380,22 @@ cdef class Cut:
                 "places": self.places_used, "stamped": int(self.part_work.sum()) - 4 * self.places_used, "parts": self.parts,
                 "entries": int(self.entries.sum()), "threshold": self.threshold}
 
+    def listing(self):
+        """What stands where, for people: (blocks, places).
+
+        blocks: int64[blocks, 3], rows, columns and runs of each. places: int64[places, 4], root, block, and the row and column
+        of its corner; a place that crosses the end of a range of rows is listed in both.
+        """
+        cdef int64_t i, root
+        blocks, places = np.empty((self.blocks_used, 3), np.int64), np.empty((self.places_used, 4), np.int64)
+        cdef int64_t[:, ::1] b = blocks, p = places
+        for i in range(self.blocks_used):
+            b[i, 0], b[i, 1], b[i, 2] = self.blocks[i].rows, self.blocks[i].cols, self.blocks[i].runs
+        for root in range(self.roots):
+            for i in range(self.starts[root, 0], self.starts[root, self.parts]):
+                p[i, 0], p[i, 1], p[i, 2], p[i, 3] = root, self.places[i].block, self.places[i].row, self.places[i].col
+        return blocks, places
+
     cdef int64_t _longest(self):
         return int(np.diff(self.part_rows).max()) + 1
 

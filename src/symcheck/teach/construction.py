@@ -1,0 +1,79 @@
+"""From guard to matrix: how the commands of a model become one diagram."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from symcheck.symbolic.commands import touched_by
+from symcheck.symbolic.transitions import full_matrix, participant_matrix, transitions
+
+if TYPE_CHECKING:
+    from symcheck.check.options import Options
+    from symcheck.dd.manager import Bdd, Mtbdd
+    from symcheck.symbolic.encode import Encoding
+    from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
+
+__all__ = ["BuildFrame", "construction"]
+
+
+@dataclass(frozen=True, eq=False)
+class BuildFrame:
+    """A diagram on the way to the matrix.
+
+    stage: 'guard' and 'update' (sets), 'command', 'module', 'event' and 'model' (functions to probabilities or rates).
+    """
+
+    stage: str
+    title: str
+    diagram: Bdd | Mtbdd = field(repr=False)
+    encoding: Encoding = field(repr=False)
+
+    @property
+    def nodes(self) -> int:
+        """Nodes of the diagram."""
+        return self.diagram.node_count
+
+
+def construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
+    """For each event: its commands' guards and updates, each command, each module's sum, their product; at last the model.
+
+    All on reachable states. The frames of 'model' are the matrices of `transitions`, one per choice slot of an MDP. Raises
+    what `transitions` raises.
+    """
+    symbolic = space.symbolic
+    for number, event in enumerate(symbolic.events):
+        if event.guard.disjoint(space.states):
+            continue
+        name = event.event.action or f"unlabelled {number + 1}"
+        for commands in event.participants:
+            for place, command in enumerate(commands):
+                yield from _command(space, command, f"[{name}] command {place + 1} of {_module(symbolic, command)}")
+            if len(commands) > 1:
+                matrix = participant_matrix(symbolic, commands, touched_by(commands), space.states)
+                title = f"[{name}] module {_module(symbolic, commands[0])}: sum of {len(commands)} commands"
+                yield BuildFrame("module", title, matrix, symbolic.encoding)
+        yield _event(space, event, name)
+    made = transitions(space, options)
+    for slot, root in enumerate(made.roots):
+        yield BuildFrame("model", "matrix" if made.matrix is not None else f"choice slot {slot + 1}", root, symbolic.encoding)
+
+
+def _command(space: StateSpace, command: EncodedCommand, title: str) -> Iterator[BuildFrame]:
+    encoding = space.symbolic.encoding
+    yield BuildFrame("guard", f"{title}: guard", command.guard, encoding)
+    for number, update in enumerate(command.updates):
+        yield BuildFrame("update", f"{title}: update {number + 1}", update.relation, encoding)
+    matrix = participant_matrix(space.symbolic, [command], touched_by([command]), space.states)
+    yield BuildFrame("command", title, matrix, encoding)
+
+
+def _event(space: StateSpace, event: EncodedEvent, name: str) -> BuildFrame:
+    matrix = full_matrix(space.symbolic, [(event, event.participants)], space.states)
+    modules = " × ".join(_module(space.symbolic, commands[0]) for commands in event.participants)
+    return BuildFrame("event", f"[{name}] {modules}, other variables unchanged", matrix, space.symbolic.encoding)
+
+
+def _module(symbolic: SymbolicModel, command: EncodedCommand) -> str:
+    return symbolic.model.modules[command.command.module].name

@@ -1,0 +1,209 @@
+"""Decision diagrams as pictures: variables and values, not bits and addresses.
+
+The bits of a model variable are drawn as one node with an edge for each set of values that leads elsewhere. Such a picture is
+the multi-valued diagram that the binary one encodes. With `bits=True` each binary node is drawn. Branches to 0 are left out.
+Blue nodes read the present value of a variable, orange ones the next value (named with '), purple ones both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.errors import UnsupportedError
+from symcheck.view.picture import Edge, Node, Picture
+from symcheck.view.values import moves_text, values_text
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd, Mtbdd
+    from symcheck.symbolic.encode import EncodedVariable, Encoding
+
+__all__ = ["dot", "picture"]
+
+_PAIRS = 2**20  # (value, next value) pairs of a variable up to which its bits are drawn as one node
+_Ints = NDArray[np.int64]
+
+
+def dot(diagram: Bdd | Mtbdd, encoding: Encoding, *, max_nodes: int = 200, bits: bool = False, title: str = "diagram") -> str:
+    """A set or function as DOT text: see `picture`."""
+    return picture(diagram, encoding, max_nodes=max_nodes, bits=bits, title=title).dot
+
+
+def picture(diagram: Bdd | Mtbdd, encoding: Encoding, *, max_nodes: int = 200, bits: bool = False, title: str = "diagram") -> Picture:
+    """A set or function over the row and column bits of `encoding`, as a picture.
+
+    bits: a node per bit; else one per variable, where the bits of each variable are neighbours in the diagrams and the
+    variable has at most a thousand values (else a node per bit after all). Raises UnsupportedError for more than `max_nodes`
+    nodes.
+    """
+    graph = _Graph.of(diagram)
+    if len(graph.level) > 64 * max_nodes:
+        raise UnsupportedError(_too_many(len(graph.level), max_nodes))
+    blocks = _blocks(graph, encoding)
+    nodes, edges, layers = _binary(graph, encoding) if bits or blocks is None else _grouped(graph, blocks)
+    if len(nodes) > max_nodes:
+        raise UnsupportedError(_too_many(len(nodes), max_nodes))
+    return Picture(title, tuple(nodes), tuple(edges), tuple(layers))
+
+
+def _too_many(count: int, limit: int) -> str:
+    return f"the diagram has {count:,} nodes, too many to be read: draw a smaller one, or raise max_nodes (now {limit})"
+
+
+@dataclass(frozen=True, eq=False)
+class _Graph:
+    """A diagram as arrays (see `symcheck.dd.export.NodeTable`); `names`: the variable at each level."""
+
+    level: NDArray[np.int32]
+    low: NDArray[np.int32]
+    high: NDArray[np.int32]
+    values: NDArray[np.float64]
+    root: int
+    names: tuple[str, ...]
+    is_set: bool
+
+    @staticmethod
+    def of(diagram: Bdd | Mtbdd) -> _Graph:
+        from symcheck.dd import _cudd
+
+        core = diagram.core
+        names = tuple(str(core.bdd.var_at_level(i)) for i in range(core.size()))
+        if isinstance(diagram, _cudd.Mtbdd):
+            level, low, high, values, roots = _cudd.export_nodes(core, [diagram])
+            return _Graph(level, low, high, values, int(roots[0]), names, False)
+        level, low, high, roots = _cudd.export_sets(core, [diagram])
+        return _Graph(level, low, high, np.array([0.0, 1.0]), int(roots[0]), names, True)
+
+    def is_leaf(self, node: int) -> bool:
+        """Whether nothing is decided here."""
+        return node < len(self.values)
+
+    def is_zero(self, node: int) -> bool:
+        """Whether this is the leaf 0, which is left out."""
+        return self.is_leaf(node) and self.values[node] == 0.0
+
+    def leaf(self, node: int, layer: int) -> Node:
+        """A leaf as a node."""
+        value = self.values[node]
+        return Node(f"n{node}", str(bool(value)).lower() if self.is_set else f"{value:.6g}", layer, "leaf")
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """The levels of a variable: first and last, and for each its exponent and whether it is a column bit."""
+
+    variable: EncodedVariable
+    levels: dict[int, tuple[int, bool]]
+    rows: bool
+    columns: bool
+
+    @property
+    def kind(self) -> str:
+        return "pair" if self.rows and self.columns else "column" if self.columns else "row"
+
+    @property
+    def label(self) -> str:
+        name = self.variable.name
+        return {"pair": f"{name} → {name}'", "column": f"{name}'", "row": name}[self.kind]
+
+
+def _blocks(graph: _Graph, encoding: Encoding) -> list[_Block] | None:
+    """The variables that the diagram reads, from the top down; None where they cannot be drawn as one node each."""
+    at = {name: level for level, name in enumerate(graph.names)}
+    used = set(graph.level[len(graph.values) :].tolist())
+    blocks: list[_Block] = []
+    covered: set[int] = set()
+    for v in encoding.variables:
+        places = [(at[b], v.width - 1 - i, column) for column, part in ((False, v.rows), (True, v.columns)) for i, b in enumerate(part)]
+        levels = {level: (exponent, column) for level, exponent, column in places}
+        if not used & set(levels):
+            continue
+        rows, columns = (any(level in used for level, _, c in places if c is column) for column in (False, True))
+        size = v.high - v.low + 1
+        if max(levels) - min(levels) + 1 != len(levels) or (size**2 if rows and columns else size) > _PAIRS:
+            return None
+        blocks.append(_Block(v, levels, rows, columns))
+        covered |= set(levels)
+    return sorted(blocks, key=lambda b: min(b.levels)) if used <= covered else None
+
+
+def _grouped(graph: _Graph, blocks: list[_Block]) -> tuple[list[Node], list[Edge], list[str]]:
+    """A node for each place where the diagram enters a variable's bits."""
+    layer_of = {level: number for number, block in enumerate(blocks) for level in block.levels}
+    nodes: dict[int, Node] = {}
+    edges: list[Edge] = []
+    todo = [graph.root]
+    while todo:
+        number = todo.pop()
+        if number in nodes:
+            continue
+        if graph.is_leaf(number):
+            nodes[number] = graph.leaf(number, len(blocks))
+            continue
+        layer = layer_of[int(graph.level[number])]
+        block = blocks[layer]
+        now, after, targets = _walk(graph, block, number)
+        nodes[number] = Node(f"n{number}", f"{block.label}\n{_all_values(block, now, after)}", layer, block.kind)
+        for target in dict.fromkeys(targets.tolist()):
+            here = targets == target
+            edges.append(Edge(f"n{number}", f"n{target}", _text(block, now[here], after[here])))
+            todo.append(target)
+    return list(nodes.values()), edges, [*(b.label for b in blocks), "value"]
+
+
+def _walk(graph: _Graph, block: _Block, number: int) -> tuple[_Ints, _Ints, _Ints]:
+    """Present and next values at a node that do not lead to 0, as codes, and the nodes that they lead to."""
+    codes = np.arange(block.variable.high - block.variable.low + 1, dtype=np.int64)
+    alone = np.zeros(1, dtype=np.int64)
+    mesh = np.meshgrid(codes if block.rows else alone, codes if block.columns else alone, indexing="ij")
+    now, after = mesh[0].reshape(-1), mesh[1].reshape(-1)
+    at = np.full(len(now), number, dtype=np.int64)
+    for level in sorted(block.levels):
+        exponent, column = block.levels[level]
+        bit = (after if column else now) >> exponent & 1
+        at = np.where(graph.level[at] == level, np.where(bit == 1, graph.high[at], graph.low[at]), at)
+    leaves = np.append(graph.values, 1.0)
+    keep = leaves[np.minimum(at, len(graph.values))] != 0.0
+    return now[keep], after[keep], at[keep]
+
+
+def _text(block: _Block, now: _Ints, after: _Ints) -> str:
+    v = block.variable
+    if block.kind == "pair":
+        return moves_text(v, now, after)
+    return values_text(v, now if block.rows else after)
+
+
+def _all_values(block: _Block, now: _Ints, after: _Ints) -> str:
+    """The values that lead anywhere."""
+    return values_text(block.variable, np.unique(now if block.rows else after), parts=4)
+
+
+def _binary(graph: _Graph, encoding: Encoding) -> tuple[list[Node], list[Edge], list[str]]:
+    """A node for each binary node: the bit's weight is what it adds to the value."""
+    labels = {}
+    for v in encoding.variables:
+        for column, part in ((False, v.rows), (True, v.columns)):
+            for i, bit in enumerate(part):
+                weight = "" if v.is_bool else f"\n+{2 ** (v.width - 1 - i)}"
+                labels[bit] = (v.name + "'" * column + weight, "column" if column else "row")
+    used = sorted(set(graph.level[len(graph.values) :].tolist()))
+    layer = {level: number for number, level in enumerate(used)}
+    nodes: list[Node] = []
+    edges: list[Edge] = []
+    for number in range(len(graph.level)):
+        if graph.is_leaf(number):
+            if not graph.is_zero(number) or number == graph.root:
+                nodes.append(graph.leaf(number, len(used)))
+            continue
+        bit = graph.names[int(graph.level[number])]
+        label, kind = labels.get(bit, (bit, "row"))
+        nodes.append(Node(f"n{number}", label, layer[int(graph.level[number])], kind))
+        for child, dashed in ((int(graph.low[number]), True), (int(graph.high[number]), False)):
+            if not graph.is_zero(child):
+                edges.append(Edge(f"n{number}", f"n{child}", "", dashed))
+    nodes = [n for n in nodes if n.kind != "leaf" or len(nodes) == 1 or any(e.target == n.name for e in edges)] or nodes
+    return nodes, edges, [*(graph.names[level] for level in used), "value"]

@@ -1,0 +1,138 @@
+"""Plots with matplotlib, the optional extra `plot`. Each function draws into given axes, or makes new ones, and returns them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Protocol
+
+from symcheck.errors import UnsupportedError
+from symcheck.numerics.matrix import Floats, Int64s
+
+__all__ = ["axes_of", "plot_blocks", "plot_bounds", "plot_orders", "plot_search"]
+
+_BLUE, _ORANGE, _GREEN = "#1f4e8c", "#c8641b", "#2b7a33"
+
+
+class Counted(Protocol):
+    """A step of the search (`symcheck.symbolic.model.Iteration`)."""
+
+    @property
+    def number(self) -> int: ...
+    @property
+    def states(self) -> int | None: ...
+    @property
+    def nodes(self) -> int | None: ...
+    @property
+    def frontier_nodes(self) -> int | None: ...
+
+
+class Bounded(Protocol):
+    """A step of a method (`symcheck.numerics.problem.Step`)."""
+
+    @property
+    def iteration(self) -> int: ...
+    @property
+    def lower(self) -> Floats | None: ...
+    @property
+    def upper(self) -> Floats | None: ...
+
+
+class Ordered(Protocol):
+    """A model built under one order of its variables (`symcheck.teach.OrderFrame`)."""
+
+    @property
+    def order(self) -> tuple[str, ...]: ...
+    @property
+    def states_nodes(self) -> int: ...
+    @property
+    def matrix_nodes(self) -> int: ...
+
+
+def _pyplot() -> Any:
+    try:
+        from matplotlib import pyplot
+    except ImportError:
+        raise UnsupportedError("plots need matplotlib: pip install 'symcheck[plot]'") from None
+    return pyplot
+
+
+def axes_of(axes: Any, size: tuple[float, float] = (6.4, 4.0)) -> Any:
+    """The axes, or new ones of this size in inches. Raises UnsupportedError where matplotlib is missing."""
+    pyplot = _pyplot()
+    return pyplot.subplots(figsize=size, layout="constrained")[1] if axes is None else axes
+
+
+def plot_search(iterations: Iterable[Counted], axes: Any = None, title: str = "") -> Any:
+    """Nodes of the reached set and of the frontier per iteration, and the number of states on the right-hand axis.
+
+    Takes the iterations of a StateSpace that was reached with an observer (else nothing was counted).
+    """
+    seen = [i for i in iterations if i.states is not None]
+    axes = axes_of(axes)
+    number = [i.number for i in seen]
+    axes.plot(number, [i.nodes for i in seen], color=_BLUE, label="nodes, reached")
+    axes.plot(number, [i.frontier_nodes for i in seen], color=_ORANGE, label="nodes, frontier")
+    axes.set(xlabel="iteration", ylabel="BDD nodes", title=title)
+    right = axes.twinx()
+    right.plot(number, [i.states for i in seen], color=_GREEN, linestyle="--", label="states")
+    right.set_ylabel("states", color=_GREEN)
+    handles = axes.get_legend_handles_labels()[0] + right.get_legend_handles_labels()[0]
+    axes.legend(handles=handles, fontsize="small", frameon=False)
+    return axes
+
+
+def plot_bounds(steps: Iterable[Bounded], state: int = 0, axes: Any = None, truth: float | None = None, title: str = "") -> Any:
+    """Lower and upper bounds of one unknown, step by step, with the gap between them shaded. `truth`: a line to compare with."""
+    seen = list(steps)
+    axes = axes_of(axes)
+    number = [s.iteration for s in seen if s.lower is not None]
+    lower = [float(s.lower[state]) for s in seen if s.lower is not None]
+    upper = [float(s.upper[state]) for s in seen if s.upper is not None]
+    if len(upper) == len(lower):
+        axes.fill_between(number, lower, upper, color="#ece2f3")
+        axes.plot(number, upper, color=_ORANGE, label="upper bound")
+    axes.plot(number, lower, color=_BLUE, label="lower bound" if upper else "iterate")
+    if truth is not None:
+        axes.axhline(truth, color="#404040", linewidth=0.8, linestyle=":", label="value")
+    axes.set(xlabel="iteration", ylabel="value", title=title)
+    axes.legend(fontsize="small", frameon=False)
+    return axes
+
+
+def plot_orders(frames: Sequence[Ordered], axes: Any = None, title: str = "") -> Any:
+    """Nodes of the states and of the matrix under each order of the variables, fewest first."""
+    best = sorted(frames, key=lambda f: f.matrix_nodes, reverse=True)
+    axes = axes_of(axes, (6.4, 1.0 + 0.32 * len(best)))
+    place = range(len(best))
+    axes.barh([p + 0.2 for p in place], [f.matrix_nodes for f in best], height=0.38, color=_BLUE, label="matrix")
+    axes.barh([p - 0.2 for p in place], [f.states_nodes for f in best], height=0.38, color=_GREEN, label="states")
+    axes.set_yticks(list(place), [" < ".join(f.order) for f in best], fontsize="small")
+    axes.set(xlabel="nodes", title=title)
+    axes.legend(fontsize="small", frameon=False)
+    return axes
+
+
+class Blocked(Protocol):
+    """The blocks of a matrix (`symcheck.teach.Anatomy`)."""
+
+    @property
+    def blocks(self) -> Int64s: ...
+    @property
+    def places(self) -> Int64s: ...
+
+
+def plot_blocks(matrix: Blocked, axes: Any = None, title: str = "") -> Any:
+    """Where the distinct blocks stand in the matrix: places of the same block have the same colour."""
+    axes = axes_of(axes, (5.2, 5.0))
+    from matplotlib.patches import Rectangle
+
+    colours = _pyplot().get_cmap("tab20")
+    number = {int(b): i for i, b in enumerate(dict.fromkeys(matrix.places[:, 1].tolist()))}
+    for _, block, row, column in matrix.places.tolist():
+        height, width, _ = matrix.blocks[block].tolist()
+        colour = colours(number[block] % 20)
+        axes.add_patch(Rectangle((column, row), width, height, facecolor=colour, edgecolor="#404040", linewidth=0.3, alpha=0.75))
+    rows, columns = ((matrix.places[:, 2 + i] + matrix.blocks[matrix.places[:, 1], i]).max(initial=1) for i in (0, 1))
+    axes.set(xlim=(0, columns), ylim=(rows, 0), xlabel="to state", ylabel="from state", title=title)
+    axes.set_aspect("equal")
+    return axes
