@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def transient(engine: Engine, time: float, options: Options | None = None, start
         raise UsageError(f"a time is a number that is not negative, not {time}")
     if engine.model.type is ModelType.DTMC and time != int(time):
         raise UsageError(f"a DTMC takes whole steps, not {time}")
-    matrix = engine.system(engine.all).matrix
+    matrix = _matrix(engine)
     if engine.model.type is ModelType.DTMC:
         lower, upper, text = _steps(matrix, start, int(time))
     elif time == 0:
@@ -101,6 +102,12 @@ def _prepared(engine: Engine, start: Floats | None) -> Floats:
     return start
 
 
+def _matrix(engine: Engine) -> SparseMatrix:
+    """All one-step probabilities (rates), as doubles."""
+    rational: Any = engine
+    return rational.matrix if engine.exact else engine.system(engine.all).matrix
+
+
 def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Floats, str]:
     """Products with the transposed matrix. Sums of non-negative terms: the rounding error stays relative."""
     indptr, indices, data = sparse.transpose_values(matrix.indptr, matrix.indices, matrix.data, matrix.columns)
@@ -113,14 +120,14 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
         if np.array_equal(x, y):
             break  # from here on nothing changes any more
         x, y = y, x
-    error = (made * (longest + 2) + 2) * _UNIT
+    error = (made * (longest + 2) + 2) * _UNIT if steps else 0.0
     if error > 1e-3:
         raise NumericalError(f"{steps} steps are too many: rounding may make an error of {error:.1E}")
     if made < steps:
         # The rounded chain stands still, the true one may still move: the bound must hold for all steps.
         error = max(error, min(steps * (longest + 2) * _UNIT, 1.0))
     text = f"{made} products with the matrix" + (", then nothing changes" if made < steps else "")
-    return x * (1 - error), np.minimum(x * (1 + error), 1.0), text
+    return x * (1 - error), x * (1 + error), text
 
 
 def steady_state(engine: Engine, options: Options | None = None, start: Floats | None = None) -> Distribution:
@@ -133,7 +140,7 @@ def steady_state(engine: Engine, options: Options | None = None, start: Floats |
 
     options, begun = options or Options(), perf_counter()
     start = _prepared(engine, start)
-    matrix = engine.system(engine.all).matrix
+    matrix = _matrix(engine)
     parts = graph.bsccs(matrix)
     weights = _reached(engine, parts, start, options)
     lower, upper = np.zeros(engine.states), np.zeros(engine.states)

@@ -97,6 +97,7 @@ class ImportedEngine(ExplicitEngine):
             tuple(map(_rationals, explored.state_rewards)),
             tuple(map(_rationals, explored.choice_rewards)),
             members=self.members,
+            row_actions=explored.choice_actions,
         )
 
 
@@ -106,6 +107,7 @@ def _rational_engine() -> Any:
     @dataclass(frozen=True, eq=False)
     class ImportedExactEngine(ExactEngine):
         members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
+        row_actions: Int32s | None = field(default=None, repr=False)
 
         def where(self, expression: Expression) -> ArraySet:
             known = self.members.get(expression)

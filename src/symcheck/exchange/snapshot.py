@@ -100,24 +100,23 @@ def _texts(column: Int64s, type: Type) -> list[str]:
 def snapshot(engine: Engine, labels: Sequence[str] = (), states: SetOf | None = None) -> Snapshot:
     """The arrays of a built model. `states` gives the states of the labels that are named; the built-in ones come by themselves."""
     model = engine.model
-    system = engine.system(engine.all)
     columns = _columns(engine)
     members = {"init": engine.to_bools(engine.initial), "deadlock": engine.to_bools(engine.deadlocks)}
     if states is not None:
         members |= {name: engine.to_bools(states(name)) for name in labels}
-    rewards = [Rewards(r.name, *system.rewards(i)) for i, r in enumerate(model.rewards)]
-    rationals = getattr(engine, "rationals", None)
-    matrix = system.matrix
+    rationals: Any = engine
+    system = None if engine.exact else engine.system(engine.all)
+    matrix: SparseMatrix = rationals.matrix if system is None else system.matrix
     found = Snapshot(
         model.type,
         model.variables,
         columns,
         matrix,
-        matrix.data if rationals is None else rationals.values,
+        rationals.rationals.values if system is None else matrix.data,
         model.actions,
-        _row_actions(engine, system) if model.type is ModelType.MDP else None,
+        _row_actions(engine, system, matrix) if model.type is ModelType.MDP else None,
         members,
-        rewards,
+        [Rewards(r.name, *_rewards(engine, system, i)) for i, r in enumerate(model.rewards)],
     )
     return _sorted(found)
 
@@ -131,8 +130,18 @@ def _columns(engine: Engine) -> list[Int64s]:
     return list(flat.reshape(engine.states, count).T)
 
 
-def _row_actions(engine: Engine, system: Any) -> Int32s:
+def _rewards(engine: Any, system: Any, structure: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    if system is None:
+        return engine.state_rewards[structure], engine.row_rewards[structure]
+    states, rows = system.rewards(structure)
+    return states, rows
+
+
+def _row_actions(engine: Engine, system: Any, matrix: SparseMatrix) -> Int32s:
     """The action of each row: kept by some engines, and found by steps of the semantics for the rational one."""
+    own = getattr(engine, "row_actions", None)
+    if own is not None:
+        return np.asarray(own, np.int32)
     explored = getattr(engine, "explored", None)
     if explored is not None:
         kept: Int32s = explored.choice_actions
@@ -140,7 +149,8 @@ def _row_actions(engine: Engine, system: Any) -> Int32s:
     actions = getattr(system, "actions", None)
     if actions is not None:
         return np.asarray(actions, np.int32)
-    return _rational_actions(engine, system.matrix.groups)
+    assert matrix.groups is not None
+    return _rational_actions(engine, matrix.groups)
 
 
 def _rational_actions(engine: Engine, groups: Int64s) -> Int32s:

@@ -59,9 +59,10 @@ def umb_model(model: Snapshot) -> Any:
     _choices(model, made, timed)
     for name, members in model.labels.items():
         if name != "init":
-            made.add_ap_annotation(name=name).set_state_values(members.tolist())
+            made.add_ap_annotation(name=name, alias=name).set_state_values(members.tolist())
     for i, structure in enumerate(model.rewards):
-        annotation = made.add_reward_annotation(name=structure.name or f"reward{i + 1}")
+        name = structure.name or f"reward{i + 1}"
+        annotation = made.add_reward_annotation(name=name, alias=name)
         annotation.set_state_values(structure.states.tolist())
         annotation.set_choice_values(model.transition_rewards(structure).tolist())
     _valuations(model, ats, made)

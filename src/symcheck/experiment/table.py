@@ -89,11 +89,19 @@ def _comment(rows: Sequence[Row]) -> str:
     return "\n".join(parts)
 
 
-FORMATS = ("text", "csv", "matrix", "dataframe", "comment")
+def _json(rows: Sequence[Row]) -> str:
+    """A list of objects: property, constants and result as text (a number has the digits that give it back), and accuracy."""
+    import json
+
+    found = [{"property": r.property, "constants": dict(r.constants), "result": r.value, "accuracy": r.accuracy} for r in rows]
+    return json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+
+
+FORMATS = ("text", "csv", "matrix", "dataframe", "comment", "json")
 
 
 def render(rows: Sequence[Row], kinds: Sequence[str]) -> str:
-    """The rows in a format: `text`, `csv`, `matrix` (also with `csv`), `dataframe` or `comment`. Raises UsageError."""
+    """The rows in a format: `text`, `csv`, `matrix` (also with `csv`), `dataframe`, `comment` or `json`. Raises UsageError."""
     unknown = [k for k in kinds if k not in FORMATS]
     if unknown:
         raise UsageError(f"-exportresults: unknown format '{unknown[0]}'\n  hint: known are {', '.join(FORMATS)}")
@@ -104,4 +112,6 @@ def render(rows: Sequence[Row], kinds: Sequence[str]) -> str:
         return _dataframe(rows)
     if "comment" in kinds:
         return _comment(rows)
+    if "json" in kinds:
+        return _json(rows)
     return _list(rows, separator)

@@ -1,0 +1,135 @@
+"""What is written and read again has the same answers: random models of all types, on engines of all kinds."""
+
+from __future__ import annotations
+
+import io
+from math import isclose
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import symcheck
+from exchange.models import some_model
+from generate import random_property
+from symcheck.errors import SymcheckError
+from symcheck.exchange.snapshot import snapshot
+from symcheck.exchange.targets import export, parse_target
+from symcheck.syntax.ast import ModelType
+
+KINDS = ("dtmc", "ctmc", "mdp")
+
+
+def exported(model, target):
+    """Write with the API; the folder may be a temporary one."""
+    return model.export(str(target))
+
+
+@settings(max_examples=80, deadline=None)
+@given(seed=st.integers(0, 10**9), kind=st.sampled_from(KINDS))
+def test_answers_survive_a_round_trip(seed, kind, tmp_path_factory):
+    rng = Random(seed)
+    generated = some_model(rng, kind)
+    model = symcheck.loads(generated.text, engine="explicit")
+    folder = tmp_path_factory.mktemp("trip")
+    exported(model, folder / "m.all")
+    again = symcheck.load_explicit(str(folder / "m.all"), type=ModelType(kind))
+    assert again.engine.states == model.engine.states
+    assert again.engine.transitions == model.engine.transitions
+    assert again.engine.choices == model.engine.choices
+    for _ in range(6):
+        formula = random_property(rng, generated)
+        try:
+            expected = model.check(formula).value
+        except SymcheckError:
+            continue
+        found = again.check(formula).value
+        assert _near(found, expected), (formula, found, expected)
+
+
+def _near(found, expected):
+    if isinstance(expected, tuple):
+        return all(map(_near, found, expected))
+    return found == expected or isclose(found, expected, rel_tol=3e-6, abs_tol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**9), kind=st.sampled_from(KINDS))
+def test_every_engine_writes_the_same(seed, kind):
+    text = some_model(Random(seed), kind).text
+    found = {}
+    for engine in ("explicit", "sparse", "mtbdd", "exact"):
+        options = {"exact": True} if engine == "exact" else {"engine": engine}
+        out = io.StringIO()
+        names = ["a", "b"]
+        model = symcheck.loads(text, **options)
+        built = model.engine
+        found[engine] = snapshot(built, names, lambda n, m=model: m.engine.where(m.bound.labels[n]))
+        list(export(found[engine], parse_target("stdout.sta,lab", "m"), out))
+        found[engine, "text"] = out.getvalue()
+    first = found["explicit"]
+    for engine in ("sparse", "mtbdd", "exact"):
+        other = found[engine]
+        assert found[engine, "text"] == found["explicit", "text"]
+        assert sorted(_choices(other)) == sorted(_choices(first))
+
+
+def _choices(model):
+    """State, action, successors and reward of each row, numbers rounded."""
+    m = model.matrix
+    for r, state in enumerate(model.state_of_row.tolist()):
+        i, j = m.indptr[r], m.indptr[r + 1]
+        values = tuple(round(float(x), 9) for x in model.values[i:j])
+        action = -1 if model.row_actions is None else int(model.row_actions[r])
+        name = "" if action < 0 else model.actions[action]
+        yield state, name, tuple(m.indices[i:j].tolist()), values, tuple(round(float(x.rows[r]), 9) for x in model.rewards)
+
+
+def test_states_in_another_order_are_put_in_order():
+    model = symcheck.loads(some_model(Random(3), "mdp").text)
+    whole = snapshot(model.engine)
+    from symcheck.exchange.snapshot import _permuted, _sorted
+
+    order = np.arange(whole.n)[::-1]
+    mixed = _permuted(whole, order)
+    assert whole.n > 1
+    assert not np.array_equal(mixed.columns[0], whole.columns[0])
+    back = _sorted(mixed)
+    for a, b in zip(back.columns, whole.columns, strict=True):
+        assert np.array_equal(a, b)
+    assert np.array_equal(back.matrix.indptr, whole.matrix.indptr)
+    assert np.array_equal(back.matrix.indices, whole.matrix.indices)
+    assert np.array_equal(back.values, whole.values)
+    assert np.array_equal(back.matrix.groups, whole.matrix.groups)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_model_without_states_file_has_one_variable(kind, tmp_path):
+    model = symcheck.loads(some_model(Random(11), kind).text)
+    exported(model, tmp_path / "m.tra,lab")
+    again = symcheck.load_explicit(str(tmp_path / "m.tra,lab"), type=ModelType(kind))
+    assert [v.name for v in again.bound.variables] == ["x"]
+    direction = "max" if kind == "mdp" else ""
+    formula = f'P{direction}=? [ F "a" ]'
+    assert _near(again.check(formula).value, model.check(formula).value)
+    assert again.check(f"filter(count, x<{model.engine.states})").value == model.engine.states
+
+
+def test_thresholds_on_rounded_numbers_are_decided_as_before(tmp_path):
+    text = "dtmc module m x:[0..3]; [] x=0 -> 1/3:(x'=1)+1/3:(x'=2)+1/3:(x'=3); [] x>0 -> true; endmodule"
+    model = symcheck.loads(text)
+    exported(model, tmp_path / "m.all")
+    again = symcheck.load_explicit(str(tmp_path / "m.all"))
+    for formula in ("P>=1/3 [ F x=1 ]", "P>1/3 [ F x=1 ]", "P<=1/3 [ F x=1 ]", "P>=2/3 [ F x<3&x>0 ]"):
+        assert again.check(formula).value == model.check(formula).value == (">1/3" not in formula)
+    exact = symcheck.load_explicit(str(tmp_path / "m.all"), exact=True)
+    assert str(exact.check("P=? [ F x=1 ]").value) == "1/3"
+
+
+def test_a_threshold_on_numbers_that_are_no_distribution_is_left_open(tmp_path):
+    (tmp_path / "m.tra").write_text("3 4\n0 1 0.3333333\n0 2 0.6666666\n1 1 1\n2 2 1\n")
+    model = symcheck.load_explicit(str(tmp_path / "m.tra"))
+    with pytest.raises(SymcheckError, match="do not sum to 1 exactly"):
+        model.check("P>=0.3333333 [ F x=1 ]")
