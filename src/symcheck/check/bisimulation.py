@@ -21,7 +21,7 @@ from symcheck.explicit.states import StateTable
 from symcheck.numerics.lump import Lumping, lump
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Filter, LabelReference, MultiObjective, PathQuantifier, RewardOperator, StateFilter
+from symcheck.syntax.ast import Expression, Filter, LabelReference, MultiObjective, PathQuantifier, RewardOperator, StateFilter, Type
 from symcheck.syntax.walk import children
 
 __all__ = ["Quotient", "quotient"]
@@ -89,6 +89,27 @@ class LumpedModel:
         return own
 
 
+@dataclass(frozen=True)
+class LumpedEngine(ExplicitEngine):
+    """The explicit engine on blocks."""
+
+    base: ExplicitEngine | None = field(default=None, repr=False)
+    lumping: Lumping | None = field(default=None, repr=False)
+
+    def where(self, expression: Expression) -> ArraySet:
+        """The blocks whose states satisfy an expression; an AssertionError where they differ in it."""
+        assert self.base is not None
+        assert self.lumping is not None
+        members = self.base.where(expression).members
+        own = members[self.lumping.first]
+        assert (own[self.lumping.block] == members).all(), "an expression that the partition does not respect"
+        return ArraySet(own)
+
+    def rational(self) -> Any:
+        """Not to be had: raises UnsupportedError, so that what only rationals decide is decided on the model itself."""
+        raise UnsupportedError("a quotient is not computed in rational arithmetic")
+
+
 @dataclass(frozen=True, eq=False)
 class Quotient:
     """The quotient as an engine, and the way back."""
@@ -134,9 +155,10 @@ def quotient(context: Context, formula: Expression) -> Quotient:
             case RewardOperator():
                 structures.add(structure_number(context, part))
             case _ if is_plain(part):
-                value = np.asarray(engine.explored.evaluate(part))
-                if value.ndim:
-                    colours.append(value)
+                if context.type(part) is Type.BOOL:
+                    colours.append(engine.where(part).members)
+                else:
+                    colours.append(engine.values(part, context.type(part)).lower)
             case _:
                 pass
     rows: list[Floats] = []
@@ -145,7 +167,7 @@ def quotient(context: Context, formula: Expression) -> Quotient:
         colours.append(states)
         rows.append(choices)
     lumping = lump(engine.matrix, colours, rows)
-    return Quotient(ExplicitEngine(LumpedModel(engine, lumping), "explicit"), lumping)  # type: ignore[arg-type]
+    return Quotient(LumpedEngine(LumpedModel(engine, lumping), base=engine, lumping=lumping), lumping)  # type: ignore[arg-type]
 
 
 def _parts(context: Context, formula: Expression) -> Iterator[Expression]:

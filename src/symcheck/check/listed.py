@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from symcheck.check.context import Context
+from symcheck.engines.explicit import ExplicitEngine
 from symcheck.engines.registry import build
 
 __all__ = ["listed"]
@@ -12,6 +13,6 @@ __all__ = ["listed"]
 
 def listed(context: Context) -> Context:
     """The context, over the explicit engine where it has another one in floating point (the model is then explored again)."""
-    if context.engine.exact or context.engine.name == "explicit":
+    if context.engine.exact or isinstance(context.engine, ExplicitEngine):
         return context
     return replace(context, engine=build(context.engine.model, replace(context.options, engine="explicit")), matter=None)
