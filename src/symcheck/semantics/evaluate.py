@@ -307,8 +307,8 @@ def _to_int(function: str, x: Value, exact: bool, node: Node) -> Value:
     return _checked(math.floor(x if function == "floor" else x + (Fraction(1, 2) if exact else 0.5)), node)
 
 
-def _modulo(i: int, j: int, node: Node) -> int:
+def _modulo(i: int, j: int, node: Node) -> Value:
     if j == 0:
         raise _fault(node, "mod-zero", f"mod({i}, 0) has no value")
     remainder = abs(i) % abs(j) * (1 if i >= 0 else -1)
-    return remainder + j if remainder < 0 else remainder
+    return _checked(remainder + j if remainder < 0 else remainder, node)

@@ -75,6 +75,8 @@ class Stepper:
 
 def widest(lower: Floats, upper: Floats, relative: bool) -> float:
     """The greatest width, relative to the upper bound if so wished."""
+    if not np.isfinite(upper).all():
+        return np.inf
     width = upper - lower
     if relative:
         width = width / np.maximum(upper, 1e-300)
