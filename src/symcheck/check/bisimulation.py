@@ -21,7 +21,7 @@ from symcheck.explicit.states import StateTable
 from symcheck.numerics.lump import Lumping, lump
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Filter, LabelReference, MultiObjective, PathQuantifier, RewardOperator, StateFilter, Type
+from symcheck.syntax.ast import Expression, Filter, LabelReference, MultiObjective, Name, PathQuantifier, RewardOperator, StateFilter, Type
 from symcheck.syntax.walk import children
 
 __all__ = ["Quotient", "quotient"]
@@ -155,10 +155,7 @@ def quotient(context: Context, formula: Expression) -> Quotient:
             case RewardOperator():
                 structures.add(structure_number(context, part))
             case _ if is_plain(part):
-                if context.type(part) is Type.BOOL:
-                    colours.append(engine.where(part).members)
-                else:
-                    colours.append(engine.values(part, context.type(part)).lower)
+                colours.append(_value(context, engine, part))
             case _:
                 pass
     rows: list[Floats] = []
@@ -168,6 +165,15 @@ def quotient(context: Context, formula: Expression) -> Quotient:
         rows.append(choices)
     lumping = lump(engine.matrix, colours, rows)
     return Quotient(LumpedEngine(LumpedModel(engine, lumping), base=engine, lumping=lumping), lumping)  # type: ignore[arg-type]
+
+
+def _value(context: Context, engine: ExplicitEngine, part: Expression) -> NDArray[np.generic]:
+    """An expression over the variables at each state."""
+    # A model that was read has labels that are names of sets of states, which are no variables.
+    label = isinstance(part, Name) and part.name.startswith('"')
+    if label or context.type(part) is Type.BOOL:
+        return engine.where(part).members
+    return engine.values(part, context.type(part)).lower
 
 
 def _parts(context: Context, formula: Expression) -> Iterator[Expression]:
