@@ -69,6 +69,7 @@ class Chain:
         self._set = StateSet(self._layout.words)
         self._rows = _Growing(np.uint64, width=(self._layout.words,))
         self._start, self._length = _Growing(np.int64, -1), _Growing(np.int32)
+        self._stuck = _Growing(np.bool_)
         self._rate, self._reward = _Growing(np.float64), _Growing(np.float64)
         self._truth = [_Growing(np.bool_) for _ in self._atoms]
         self._targets, self._cumulative, self._earned = _Growing(np.int32), _Growing(np.float64), _Growing(np.float64)
@@ -86,7 +87,7 @@ class Chain:
         """The numbers of packed states: int32[n]."""
         ids = np.empty(len(rows), np.int32)
         self._set.add(np.ascontiguousarray(rows), ids)
-        for array in (self._rows, self._start, self._length, self._rate, self._reward, *self._truth):
+        for array in (self._rows, self._start, self._length, self._rate, self._reward, self._stuck, *self._truth):
             array.reserve(len(self))
         self._rows.data[ids] = rows
         return ids
@@ -101,6 +102,11 @@ class Chain:
             new = np.unique(ids)
         self._expand(new)
         return ids
+
+    def complete(self, budget: int) -> None:
+        """Expand what is known and was never entered, and what it leads to, as long as no more than `budget` states are known."""
+        while len(self) <= budget and len(new := np.flatnonzero(self._start.data[: len(self)] < 0).astype(np.int32)):
+            self._expand(new)
 
     def _forget(self, ids: Int32s) -> Int32s:
         """Begin again with these states only."""
@@ -122,6 +128,8 @@ class Chain:
         self._reward.data[new] = self._expander.state_rewards(columns)
         for atom, truth in zip(self._atoms, self._truth, strict=True):
             truth.data[new] = atom(columns, found.deadlock)
+        elsewhere = targets != np.repeat(new, np.diff(found.offsets))
+        self._stuck.data[new] = ~np.logical_or.reduceat(elsewhere, found.offsets[:-1])
         self._append(targets, _cumulative(found.weights, found.offsets), found.rewards)
 
     def _append(self, targets: Int32s, cumulative: Floats, earned: Floats) -> None:
@@ -136,6 +144,10 @@ class Chain:
     def truth(self, number: int, ids: Int32s) -> Bools:
         """Where atom `number` holds, of states that are expanded."""
         return np.asarray(self._truth[number].data[ids])
+
+    def stuck(self, ids: Int32s) -> Bools:
+        """Which states, of states that are expanded, lead nowhere but to themselves."""
+        return np.asarray(self._stuck.data[ids])
 
     def rate(self, ids: Int32s) -> Floats:
         """Rates at which these states are left (in discrete time: the sum of the probabilities)."""

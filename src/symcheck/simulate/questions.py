@@ -41,6 +41,8 @@ from symcheck.syntax.walk import nodes
 
 __all__ = ["Decision", "Goal", "Paths", "Question", "path_question", "reward_question"]
 
+_SMALL = 20_000
+"""States up to which a chain is explored where paths do not end: a step to a rare state would leave it open for long."""
 _TRUE = Literal(True, Type.BOOL)
 
 
@@ -85,14 +87,21 @@ class Goal:
     left: int | None
     missed: float
 
-    def look(self, chain: Chain, ids: Int32s) -> Decision:
-        """Decide paths from whose state all ways are known, and miss."""
+    def stuck(self, chain: Chain, ids: Int32s) -> Bools:
+        """Which paths stay for ever in a state that misses."""
+        stuck = chain.stuck(ids)
+        where = np.flatnonzero(stuck)
+        stuck[where] = ~chain.truth(self.right, ids[where])
+        return stuck
+
+    def lost(self, chain: Chain, ids: Int32s) -> Bools:
+        """Which paths are in a state from which all ways are known, and miss. Small chains are made known for it."""
+        chain.complete(_SMALL)
         matrix, expanded = chain.graph()
         everything = np.arange(matrix.states, dtype=np.int32)
         target = ~expanded | chain.truth(self.right, everything)
         through = expanded if self.left is None else expanded & chain.truth(self.left, everything)
-        lost = ~backward_reachable(matrix, target, through)[ids]
-        return lost, np.full(len(ids), self.missed)
+        return ~backward_reachable(matrix, target, through)[ids]
 
 
 def _undecided(ids: Int32s) -> Decision:

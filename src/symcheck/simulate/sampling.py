@@ -19,7 +19,7 @@ from symcheck.syntax.ast import Expression
 
 __all__ = ["Sampler"]
 
-_BATCH = 1 << 17  # paths at a time
+_BATCH = 1 << 16  # paths at a time
 _FIRST_LOOK_AHEAD = 16  # steps after which, and then after each doubling, hopeless paths are looked for
 
 
@@ -73,10 +73,10 @@ class Sampler:
             ids = self._chain.expand(ids)
             leave = time + self._durations(ids)
             decided, results = self.question.look(self._chain, Paths(step, ids, time, leave, total))
-            if step == look_ahead and goal is not None:
-                look_ahead *= 2
-                lost, lost_results = goal.look(self._chain, ids)
-                results, decided = np.where(decided, results, lost_results), decided | lost
+            if goal is not None:
+                missed = (goal.lost if step == look_ahead else goal.stuck)(self._chain, ids) & ~decided
+                results, decided = np.where(missed, goal.missed, results), decided | missed
+                look_ahead *= 1 + (step == look_ahead)
             values[alive[decided]] = results[decided]
             open_ = ~decided
             alive, ids, time, leave, total = alive[open_], ids[open_], time[open_], leave[open_], total[open_]

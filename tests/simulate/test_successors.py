@@ -1,0 +1,126 @@
+"""Branches of many states at once against the scalar semantics, and paths against the explored model."""
+
+from __future__ import annotations
+
+from random import Random
+
+import numpy as np
+import pytest
+from generate import random_model
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symcheck.check.options import Options
+from symcheck.errors import ModelFault, NameFault
+from symcheck.explicit.build import explore
+from symcheck.semantics.bind import bind
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.step import state_rewards, transitions
+from symcheck.simulate.chain import Chain
+from symcheck.simulate.path import simulate
+from symcheck.simulate.successors import Expander
+from symcheck.syntax.ast import ModelType
+from symcheck.syntax.parse import parse_model
+
+KINDS = ("dtmc", "ctmc", "mdp")
+
+
+def model_of(seed: int, kind: str) -> BoundModel:
+    """A random model; some texts are at fault (a reward for an action that no command has), and the next is taken."""
+    rng = Random(seed)
+    while True:
+        try:
+            return bind(parse_model(random_model(rng, kind).text), {})
+        except NameFault:
+            continue
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.sampled_from(KINDS))
+def test_successors_are_those_of_the_scalar_semantics(seed: int, kind: str) -> None:
+    model = model_of(seed, kind)
+    states = list(explore(model, Options()).states)
+    columns = np.array(states, np.int64).T
+    expander = Expander(model, 0)
+    found, rewards = expander.successors(columns), expander.state_rewards(columns)
+    for i, state in enumerate(states):
+        rows = transitions(model, state)
+        share = len(rows) or 1  # the choices of an MDP are equally likely
+        wanted: dict[tuple[bool | int, ...], float] = {}
+        for row in rows:
+            for weight, after in row.branches:
+                wanted[after] = wanted.get(after, 0.0) + weight / share
+        got: dict[tuple[bool | int, ...], float] = {}
+        part = slice(int(found.offsets[i]), int(found.offsets[i + 1]))
+        for weight, after in zip(found.weights[part].tolist(), found.columns[:, part].T.tolist(), strict=True):
+            got[tuple(after)] = got.get(tuple(after), 0.0) + weight
+        assert found.deadlock[i] == (not rows)
+        assert got == pytest.approx(wanted or {state: 1.0})
+        earned = float(found.weights[part] @ found.rewards[part])
+        assert earned == pytest.approx(sum(r.rewards[0] for r in rows) / share)
+        assert rewards[i] == pytest.approx(state_rewards(model, state)[0])
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.sampled_from(KINDS))
+def test_steps_are_transitions_of_the_explored_model(seed: int, kind: str) -> None:
+    model = model_of(seed, kind)
+    explored = explore(model, Options())
+    matrix = explored.matrix
+    path = simulate(model, 40, seed=seed, loop_check=False)
+    numbers = [explored.states.index(s.state) for s in path]
+    assert numbers[0] in explored.initial
+    for here, there in zip(numbers, numbers[1:], strict=False):
+        rows = range(here, here + 1) if matrix.groups is None else range(matrix.groups[here], matrix.groups[here + 1])
+        assert any(there in matrix.indices[matrix.indptr[r] : matrix.indptr[r + 1]] for r in rows)
+    assert len(path) == 40 or (path.end == "deadlock" and numbers[-1] in explored.deadlocks)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.sampled_from(KINDS))
+def test_a_chain_that_forgets_goes_on_alike(seed: int, kind: str) -> None:
+    """Rows, numbers and graph of a chain whose memory is exceeded all the time."""
+    model = model_of(seed, kind)
+    start = np.array([[int(v.initial or 0)] for v in model.variables], np.int64)
+    visited = []
+    for limit in (0, 1 << 20):
+        chain, generator = Chain(model, limit=limit), np.random.default_rng(seed)
+        ids = np.repeat(chain.add(chain._layout.pack(list(start))), 20)
+        states = []
+        for _ in range(15):
+            ids = chain.expand(ids)
+            states.append([tuple(chain._layout.unpack(chain._rows.data[i])) for i in ids])
+            ids, _ = chain.follow(chain.choose(ids, generator.random(len(ids))))
+        visited.append(states)
+    assert visited[0] == visited[1]
+
+
+def test_choose_is_the_inverse_of_the_distribution() -> None:
+    text = "dtmc module m x:[0..9]; [] x=0 -> " + "+".join(f"0.1:(x'={i})" for i in range(10)) + "; endmodule"
+    model = bind(parse_model(text), {})
+    chain = Chain(model)
+    ids = chain.expand(np.repeat(chain.add(chain._layout.pack([np.array([0])])), 10))
+    targets, _ = chain.follow(chain.choose(ids, np.arange(10) / 10 + 0.05))
+    assert [chain._layout.unpack(chain._rows.data[t])[0] for t in targets] == list(range(10))
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [("x=1 -> 0.5:(x'=0)", "update-sum"), ("x=1 -> (x'=x+5)", "update-range"), ("x=1 -> 1.5:(x'=0) + (-0.5):(x'=1)", "update-negative")],
+)
+def test_faults_are_those_of_the_scalar_semantics(command: str, code: str) -> None:
+    model = bind(parse_model(f"dtmc module m x:[0..2]; [] x=0 -> (x'=1); [] {command}; endmodule"), {})
+    with pytest.raises(ModelFault) as fault:
+        Expander(model).successors(np.array([[0, 1, 2]], np.int64))
+    assert fault.value.diagnostics[0].code == code
+
+
+def test_sojourn_times_are_exponential() -> None:
+    model = bind(parse_model("ctmc module m x:[0..1]; [] x=0 -> 3:(x'=1); [] x=0 -> 2:(x'=1); [] x=1 -> 0.25:(x'=0); endmodule"), {})
+    assert model.type is ModelType.CTMC
+    path = simulate(model, 8000, seed=1)
+    stays = np.diff(path.times)
+    for value, rate in ((0, 5.0), (1, 0.25)):
+        own = np.sort(stays[np.array(path.values("x"))[:-1] == value])
+        distance = np.abs(1 - np.exp(-rate * own) - np.arange(len(own)) / len(own)).max()
+        assert distance < 2.7 / np.sqrt(len(own))  # Kolmogorov: exceeded with probability 1e-6
