@@ -249,7 +249,7 @@ def draw_variations(results: Sequence[Finished], path: Path) -> None:
         axis.set_xticks([int(s) for s in STEPS])
         axis.set_ylim(0)
     axes[0][0].set_ylabel("probability")
-    axes[0][-1].legend(title="noise", frameon=False)
+    axes[0][0].legend(title="noise", loc="upper right", frameon=False)
     save(picture, path)
 
 
