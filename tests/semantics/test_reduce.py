@@ -97,6 +97,11 @@ def test_rewards_are_observed_only_where_they_are_asked_for() -> None:
     assert "z" in _alive(reduced(text, "R=? [ F s=3 ]"), 3)
 
 
+def test_rewards_that_may_have_no_value_keep_what_they_read() -> None:
+    text = PHASES + 'rewards "r" s=3 : 1/(z+1); endrewards'
+    assert "z" in _alive(reduced(text, "P=? [ F s=3 ]"), 3)
+
+
 def _alive(pair: tuple[BoundModel, Reduction], location: int) -> set[str]:
     model, reduction = pair
     return {model.variables[i].name for i in reduction.liveness.live[(location,)]}

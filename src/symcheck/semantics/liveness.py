@@ -41,7 +41,9 @@ class _Analysis:
         self.model = model
         self.locations = locations
         self.observed = observed
-        self.rewards = [i for r in model.rewards for i in r.items] if rewards else []
+        # Rewards are computed for every state, asked for or not: those that may have no value must keep what they read.
+        items = (i for r in model.rewards for i in r.items)
+        self.rewards = [i for i in items if rewards or any(_partial(n) for e in (i.guard, i.value) for n in nodes(e))]
         self.index = {v.name: i for i, v in enumerate(model.variables)}
         self.harmless: dict[tuple[int, int], bool] = {}
 
