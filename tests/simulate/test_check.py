@@ -6,9 +6,9 @@ from random import Random
 
 import numpy as np
 import pytest
+
 from checking import check_text, engine_of
 from generate import random_model, random_property
-
 from symcheck.check.result import Exact, Result, Statistical
 from symcheck.errors import NameFault, NumericalError, SymcheckError, UnsupportedError, UsageError
 from symcheck.semantics.bind import bind, bind_properties
@@ -155,7 +155,8 @@ def test_paths_that_are_too_long_are_an_error() -> None:
 
 
 def test_a_closed_class_without_the_target_ends_a_path() -> None:
-    text = "dtmc module m x:[0..3]; [] x=0 -> 0.25:(x'=1)+0.75:(x'=2); [] x=2 -> (x'=3); [] x=3 -> (x'=2); endmodule\nrewards true:1; endrewards"
+    text = "dtmc module m x:[0..3]; [] x=0 -> 0.25:(x'=1)+0.75:(x'=2); [] x=2 -> (x'=3); [] x=3 -> (x'=2); endmodule"
+    text += "\nrewards true:1; endrewards"
     result = sample(text, "P=? [ F x=1 ]", error=1e-6, samples=2000)
     assert isinstance(result.accuracy, Statistical)
     assert result.accuracy.lower <= 0.25 <= result.accuracy.upper

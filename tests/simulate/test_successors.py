@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from random import Random
 
 import numpy as np
 import pytest
-from generate import random_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from generate import random_model
 from symcheck.check.options import Options
 from symcheck.errors import ModelFault, NameFault
 from symcheck.explicit.build import explore
@@ -70,7 +71,7 @@ def test_steps_are_transitions_of_the_explored_model(seed: int, kind: str) -> No
     path = simulate(model, 40, seed=seed, loop_check=False)
     numbers = [explored.states.index(s.state) for s in path]
     assert numbers[0] in explored.initial
-    for here, there in zip(numbers, numbers[1:], strict=False):
+    for here, there in pairwise(numbers):
         rows = range(here, here + 1) if matrix.groups is None else range(matrix.groups[here], matrix.groups[here + 1])
         assert any(there in matrix.indices[matrix.indptr[r] : matrix.indptr[r + 1]] for r in rows)
     assert len(path) == 40 or (path.end == "deadlock" and numbers[-1] in explored.deadlocks)

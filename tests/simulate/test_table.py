@@ -6,6 +6,7 @@ from pathlib import Path as File
 
 import pytest
 
+from symcheck.api import loads
 from symcheck.cli.entry import run_safely
 from symcheck.errors import NameFault, UsageError
 from symcheck.semantics.bind import bind
@@ -22,7 +23,7 @@ module counter
 endmodule
 rewards x<3 : x; [up] true : 2; endrewards
 """
-CLOCK = "ctmc module clock x:[0..1]; [] true -> 2:(x'=1-x); endmodule"
+CLOCK = "ctmc module ticker x:[0..1]; [] true -> 2:(x'=1-x); endmodule"
 
 
 def model(text: str = COUNTER) -> BoundModel:
@@ -48,7 +49,7 @@ def test_chosen_variables_show_changes_only() -> None:
 
 
 def test_snapshots() -> None:
-    path = simulate(model(CLOCK), time=4, seed=1)
+    path = simulate(model(CLOCK), time=4, seed=1, loop_check=False)
     found = rows(path, Layout(snapshot=0.5))
     assert found[0] == ["step", "time", "x"]
     assert [r[1] for r in found[1:9]] == [str(0.5 * i) for i in range(8)]
@@ -80,7 +81,10 @@ def test_values_of_unknown_variables() -> None:
         path.values("y")
 
 
-@pytest.mark.parametrize("text", ["", "vars=(x)", "10,time=3", "10,sep=dot", "10,rewards=yes", "time=soon", "10,snapshot=0", "10,colour=red"])
+UNCLEAR = ["", "vars=(x)", "10,time=3", "10,sep=dot", "10,rewards=yes", "time=soon", "10,snapshot=0", "10,colour=red"]
+
+
+@pytest.mark.parametrize("text", UNCLEAR)
 def test_requests_that_are_not_understood(text: str) -> None:
     with pytest.raises(UsageError, match="-simpath"):
         parse_request(text)
@@ -101,8 +105,16 @@ def test_command_line(tmp_path: File, capsys: pytest.CaptureFixture[str]) -> Non
     assert "counter 4 3 true" in capsys.readouterr().out
     assert run_safely([str(file), "-pf", "P=? [ F<=4 b ]", "-sim", "-simsamples", "100", "-seed", "7"]) == 0
     shown = capsys.readouterr().out
-    assert "Result: 1.0 (in [0.9484" in shown
+    assert "Result: 1.0 (in [0.948396, 1]" in shown
     assert "seed 7" in shown
     assert run_safely([str(file), "-pf", "S=? [ b ]", "-sim"]) == 1
     assert run_safely([str(file), "-pf", "P=? [ F b ]", "-sim", "-simmethod", "guess"]) == 2
     assert "sprt" in capsys.readouterr().err
+
+
+def test_library() -> None:
+    loaded = loads(COUNTER)
+    path = loaded.simulate(10, seed=1)
+    assert str(path).splitlines()[-1] == "counter 4 3 true"
+    assert "<td>counter</td>" in path._repr_html_()
+    assert loaded.estimate("P=? [ F<=4 b ]", samples=50, seed=1).value == 1.0
