@@ -1,4 +1,4 @@
-# make demo: check a real model; make study: the cell-injection study, into study-output/; make test: the test suite; make check: everything that CI runs.
+# make demo: check two real models; make study: the cell-injection study, into study-output/; make test: the test suite; make check: everything that CI runs.
 # Each sets up its own virtual environment in .venv first; python3, make, gcc and a package index are all it needs.
 PYTHON ?= python3
 VENV := .venv
@@ -10,6 +10,9 @@ STAMP := $(VENV)/.stamp
 
 demo: $(STAMP)-base
 	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10
+	$(BIN)/symcheck models/cell_injection/cell_injection.pm models/cell_injection/cell_injection.pctl -ex -reduce \
+	    -const CellBoundaryX=175,CellBoundaryY=175,NoisePercentage=0.01,StepSizeXY=18 \
+	    -const 'InitialPositionXY=100,MaxDistance=250,Damping=1,ForceBound={10,5}'
 
 study: $(STAMP)-study
 	$(BIN)/python models/cell_injection/study.py --out study-output
