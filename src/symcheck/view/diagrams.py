@@ -196,8 +196,7 @@ def _binary(graph: _Graph, encoding: Encoding) -> tuple[list[Node], list[Edge], 
     edges: list[Edge] = []
     for number in range(len(graph.level)):
         if graph.is_leaf(number):
-            if not graph.is_zero(number) or number == graph.root:
-                nodes.append(graph.leaf(number, len(used)))
+            nodes.append(graph.leaf(number, len(used)))
             continue
         bit = graph.names[int(graph.level[number])]
         label, kind = labels.get(bit, (bit, "row"))
@@ -205,5 +204,6 @@ def _binary(graph: _Graph, encoding: Encoding) -> tuple[list[Node], list[Edge], 
         for child, dashed in ((int(graph.low[number]), True), (int(graph.high[number]), False)):
             if not graph.is_zero(child):
                 edges.append(Edge(f"n{number}", f"n{child}", "", dashed))
-    nodes = [n for n in nodes if n.kind != "leaf" or len(nodes) == 1 or any(e.target == n.name for e in edges)] or nodes
+    seen = {f"n{graph.root}", *(e.target for e in edges)}
+    nodes = [n for n in nodes if n.name in seen]
     return nodes, edges, [*(graph.names[level] for level in used), "value"]

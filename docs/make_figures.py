@@ -1,0 +1,105 @@
+"""The figures of the tutorial: `python docs/make_figures.py [FOLDER]` (extra `plot`); into docs/figures by default."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+from matplotlib import pyplot
+
+import symcheck
+from symcheck import Options, teach, view
+from symcheck.symbolic.build import construct
+from symcheck.syntax.parse import parse_expression
+from symcheck.view.layout import place
+
+ROOT = Path(__file__).resolve().parent.parent
+PAIRS = """dtmc
+module three_coins_told_twice
+  i : [0..3] init 0;
+  a1 : bool init false;  a2 : bool init false;  a3 : bool init false;
+  b1 : bool init false;  b2 : bool init false;  b3 : bool init false;
+
+  [] i=0 -> 0.5 : (a1'=true) & (b1'=true) & (i'=1) + 0.5 : (i'=1);
+  [] i=1 -> 0.5 : (a2'=true) & (b2'=true) & (i'=2) + 0.5 : (i'=2);
+  [] i=2 -> 0.5 : (a3'=true) & (b3'=true) & (i'=3) + 0.5 : (i'=3);
+  [] i=3 -> true;
+endmodule
+"""
+
+
+def bound(name: str) -> symcheck.BoundModel:
+    return symcheck.bind(symcheck.parse_model_file(ROOT / "models" / name))
+
+
+def die_states() -> Any:
+    """The die as a state graph."""
+    model = symcheck.explore(bound("die/die.pm"), Options())
+    return view.draw(view.state_graph(model, marked=model.evaluate(parse_expression("d=6")), title="the die; green: six"))
+
+
+def die_diagrams() -> Any:
+    """Reachable states and matrix of the die as diagrams."""
+    made = construct(bound("die/die.pm"), Options())
+    encoding = made.space.symbolic.encoding
+    assert made.matrix is not None
+    pictures = (
+        view.picture(made.space.states, encoding, title="reachable states"),
+        view.picture(made.matrix, encoding, title="matrix"),
+    )
+    sizes = [place(p) for p in pictures]
+    widths, height = [s.width for s in sizes], max(s.height for s in sizes)
+    _, axes = pyplot.subplots(1, 2, figsize=(sum(widths) / 72, height / 72), layout="constrained", width_ratios=widths)
+    for picture, part in zip(pictures, axes, strict=True):
+        view.draw(picture, part)
+    return axes[0]
+
+
+def search() -> Any:
+    """Nodes and states while the philosophers are explored."""
+    symbolic = symcheck.build(bound("dining/dining.nm"), Options())
+    frames = list(teach.frontiers(symbolic))
+    return view.plot_search((f.iteration for f in frames), title="three philosophers, breadth first")
+
+
+def bounds() -> Any:
+    """Interval iteration on a fair game of the gambler."""
+    engine = symcheck.load(ROOT / "models" / "gambler" / "gambler.pm").engine
+    seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval"))
+    return view.plot_bounds(seen.steps[:600], state=4, truth=0.25, title="the gambler wins 20, starting with 5")
+
+
+def blocks() -> Any:
+    """The matrix of Herman's ring as blocks."""
+    seen = teach.anatomy(construct(bound("herman/herman7.pm"), Options()), budget=1)
+    title = f"Herman's ring of 7: {len(seen.blocks)} distinct blocks at {len(seen.places)} places"
+    return view.plot_blocks(seen, title=title)
+
+
+def orders() -> Any:
+    """The same model under orders that keep what belongs together near each other, or not."""
+    model = symcheck.bind(symcheck.parse_model(PAIRS))
+    pairs = ("a1", "b1", "a2", "b2", "a3", "b3")
+    apart = ("a1", "a2", "a3", "b1", "b2", "b3")
+    tried = [("i", *pairs), (*pairs, "i"), ("i", *apart), (*apart, "i"), ("a1", "b1", "a2", "b2", "i", "a3", "b3")]
+    return view.plot_orders(list(teach.order_lab(model, Options(), tried)), title="one model, five orders")
+
+
+FIGURES = {f.__name__: f for f in (die_states, die_diagrams, search, bounds, blocks, orders)}
+
+
+def main(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, make in FIGURES.items():
+        figure = make().figure
+        figure.savefig(folder / f"{name}.png", dpi=100, metadata={"Software": None})
+        pyplot.close(figure)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "figures")

@@ -1,0 +1,145 @@
+"""Films end where production ends, and every frame is what it says."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import symcheck
+from symcheck import teach
+from symcheck.check.options import Options
+from symcheck.symbolic.build import construct
+from symcheck.symbolic.reach import SCHEDULES
+from symcheck.syntax.parse import parse_expression
+
+PHILOSOPHERS = "models/dining/dining.nm"
+OPTIONS = Options()
+
+
+def bound(path: str) -> symcheck.BoundModel:
+    return symcheck.bind(symcheck.parse_model_file(path))
+
+
+def test_construction_ends_with_the_matrix() -> None:
+    made = construct(bound("models/die/die.pm"), OPTIONS)
+    frames = list(teach.construction(made.space, OPTIONS))
+    assert frames[-1].stage == "model"
+    assert frames[-1].diagram == made.matrix
+    stages = [f.stage for f in frames]
+    assert stages.count("guard") == stages.count("command") == 8
+    assert stages.count("update") == 15
+    events = [f.diagram for f in frames if f.stage == "event"]
+    assert made.space.symbolic.manager.sum(events) == made.matrix  # type: ignore[arg-type]
+
+
+def test_construction_of_synchronised_modules_and_slots() -> None:
+    text = """mdp
+    module a x : [0..2] init 0; [t] x=0 -> 0.5:(x'=1)+0.5:(x'=2); [t] x=1 -> (x'=2); [] x<2 -> (x'=2); endmodule
+    module b y : [0..1] init 0; [t] y=0 -> (y'=1); [t] y=1 -> (y'=0); endmodule"""
+    made = construct(symcheck.bind(symcheck.parse_model(text)), OPTIONS)
+    frames = list(teach.construction(made.space, OPTIONS))
+    assert [f.title for f in frames if f.stage == "module"] == ["[t] module a: sum of 2 commands", "[t] module b: sum of 2 commands"]
+    assert any(f.stage == "event" and f.title.startswith("[t] a × b") for f in frames)
+    assert tuple(f.diagram for f in frames if f.stage == "model") == made.roots
+    assert all(f.nodes == f.diagram.node_count for f in frames)
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_frontiers_add_up(schedule: str) -> None:
+    symbolic = symcheck.build(bound(PHILOSOPHERS), OPTIONS)
+    frames = list(teach.frontiers(symbolic, schedule, limit=1000))
+    space = symcheck.reach(symbolic, OPTIONS)
+    assert frames[-1].states == space.states
+    found = [state for frame in frames for state in frame.found]
+    assert len(found) == len(set(found)) == space.count
+    assert set(found) == set(space.valuations(space.states))
+    assert frames[0].found == ((0, 0, 0),)
+
+
+def test_frontiers_are_limited() -> None:
+    frames = list(teach.frontiers(symcheck.build(bound(PHILOSOPHERS), OPTIONS), limit=2, frames=3))
+    assert len(frames) == 3
+    assert all(len(f.found) <= 2 for f in frames)
+    assert str(frames[1]).startswith("1: 7 states in")
+    assert str(frames[1]).endswith("in all")
+
+
+def test_order_lab_counts_the_same_states() -> None:
+    frames = list(teach.order_lab(bound(PHILOSOPHERS), OPTIONS))
+    assert len({f.order for f in frames}) == 6
+    assert {f.states for f in frames} == {155}
+    given = list(teach.order_lab(bound("models/die/die.pm"), OPTIONS, [("d",)]))
+    assert [f.order for f in given] == [("d", "s")]
+
+
+@pytest.mark.parametrize("direction", ["min", "max"])
+@pytest.mark.parametrize("name", ["prob0", "prob1"])
+def test_fixpoints_end_with_the_answer(name: str, direction: str) -> None:
+    engine = symcheck.load(PHILOSOPHERS, engine="hybrid").engine
+    goal = engine.where(parse_expression("p1=5"))
+    frames = list(getattr(teach, name)(engine, engine.all, goal, direction))
+    assert frames[-1].stage == "result"
+    assert frames[-1].states == getattr(engine.graph, name)(engine.all, goal, direction)
+    assert [f.number for f in frames] == list(range(len(frames)))
+    closure = [f.count for f in frames if f.stage == "closure"]
+    assert closure == sorted(set(closure))
+    if (name, direction) == ("prob1", "max"):
+        candidates = [f.count for f in frames if f.stage == "candidates"]
+        assert candidates == sorted(candidates, reverse=True)
+        assert candidates[-1] == frames[-1].count
+
+
+def test_bounds_close_in_on_the_value() -> None:
+    engine = symcheck.load("models/gambler/gambler.pm").engine
+    seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval"))
+    assert (seen.no.count, seen.yes.count, seen.maybe.count) == (1, 1, 19)
+    truth = np.array([float(Fraction(i, 20)) for i in range(1, 20)])
+    before = np.zeros(19), np.ones(19)
+    for step in seen.steps:
+        assert step.lower is not None
+        assert step.upper is not None
+        assert (before[0] <= step.lower).all()
+        assert (step.lower <= truth).all()
+        assert (truth <= step.upper).all()
+        assert (step.upper <= before[1]).all()
+        before = step.lower, step.upper
+    assert len(seen.steps) > 100
+
+
+@pytest.mark.parametrize("method", ["power", "jacobi", "gauss-seidel", "optimistic"])
+def test_every_iteration_shows_its_vector(method: str) -> None:
+    engine = symcheck.load("models/gambler/gambler.pm").engine
+    options = Options(method=method, certify=method == "optimistic")
+    seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), options)
+    lows = [step.lower for step in seen.steps]
+    assert all(low is not None and low.shape == (19,) for low in lows)
+    assert np.abs(lows[-1] - np.arange(1, 20) / 20).max() < 1e-3
+    assert not np.array_equal(lows[0], lows[-1])
+
+
+def test_nothing_to_solve() -> None:
+    engine = symcheck.load("models/die/die.pm").engine
+    seen = teach.vectors(engine, engine.all, engine.where(parse_expression("s=7")), OPTIONS)
+    assert (seen.maybe.count, seen.problem, seen.steps) == (0, None, ())
+
+
+def test_anatomy_covers_the_matrix() -> None:
+    made = construct(bound("models/herman/herman7.pm"), OPTIONS)
+    for budget in (1, 60_000):
+        seen = teach.anatomy(made, budget)
+        assert seen.levels[0].counts == (made.space.count,)
+        assert [level.bit for level in seen.levels] == list(made.space.symbolic.encoding.rows)
+        covered = np.zeros((128, 128), bool)
+        for root, block, row, column in seen.places.tolist():
+            rows, columns, runs = seen.blocks[block].tolist()
+            assert root == 0
+            assert runs > 0
+            assert not covered[row : row + rows, column : column + columns].any()
+            covered[row : row + rows, column : column + columns] = True
+        engine = symcheck.load("models/herman/herman7.pm", engine="sparse").engine
+        matrix = engine.system(engine.all).matrix
+        of_row = np.repeat(np.arange(128), np.diff(matrix.indptr))
+        assert covered[of_row, matrix.indices].all()
+        assert seen.statistics["entries"] == matrix.entries

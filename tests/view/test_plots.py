@@ -1,0 +1,72 @@
+"""Plots show the numbers that they were given; without matplotlib they say what to install."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import symcheck
+from symcheck import teach, view
+from symcheck.check.options import Options
+from symcheck.errors import UnsupportedError
+from symcheck.numerics.problem import Step
+from symcheck.symbolic.build import construct
+from symcheck.symbolic.model import Iteration
+
+matplotlib = pytest.importorskip("matplotlib", reason="plots need the extra 'plot'")
+matplotlib.use("Agg")
+
+ITERATIONS = [Iteration(i, 2**i, 10 + i, 2 ** max(0, i - 1), 5 + i, 0.1 * i) for i in range(4)]
+
+
+@pytest.fixture(autouse=True)
+def _closed() -> object:
+    yield
+    from matplotlib import pyplot
+
+    pyplot.close("all")
+
+
+def test_search() -> None:
+    axes = view.plot_search([*ITERATIONS, Iteration(4, None, None, None, None, 1.0)])
+    assert axes.lines[0].get_ydata().tolist() == [10, 11, 12, 13]
+    assert axes.lines[1].get_ydata().tolist() == [5, 6, 7, 8]
+    right = next(a for a in axes.figure.axes if a is not axes)
+    assert right.lines[0].get_ydata().tolist() == [1, 2, 4, 8]
+
+
+def test_bounds() -> None:
+    steps = [Step("interval", i, 0.0, 2, np.array([0.0, i / 10]), np.array([1.0, 1 - i / 10])) for i in range(1, 4)]
+    axes = view.plot_bounds(steps, 1, truth=0.4)
+    lines = {line.get_label(): line for line in axes.lines}
+    np.testing.assert_allclose(lines["lower bound"].get_ydata(), [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(lines["upper bound"].get_ydata(), [0.9, 0.8, 0.7])
+    estimates = view.plot_bounds([Step("power", 1, 0.0, 1, np.array([0.5]))])
+    assert [line.get_label() for line in estimates.lines] == ["iterate"]
+
+
+def test_blocks_orders_and_pictures() -> None:
+    made = construct(symcheck.bind(symcheck.parse_model_file("models/herman/herman7.pm")), Options())
+    seen = teach.anatomy(made, budget=1)
+    assert len(view.plot_blocks(seen).patches) == len(seen.places)
+    frames = list(teach.order_lab(symcheck.bind(symcheck.parse_model_file("models/die/die.pm")), Options()))
+    assert [t.get_text() for t in view.plot_orders(frames).get_yticklabels()] == ["s < d", "d < s"]
+    picture = view.picture(made.space.states, made.space.symbolic.encoding, title="all")
+    axes = view.draw(picture)
+    assert len(axes.patches) == len(picture.nodes) + len(picture.edges)
+
+
+def test_missing_matplotlib_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for plot in (lambda: view.plot_search(ITERATIONS), lambda: view.draw(view.Picture("", (), (), ()))):
+        with pytest.raises(UnsupportedError, match=r"pip install 'symcheck\[plot\]'"):
+            plot()
+
+
+def test_tables() -> None:
+    model = symcheck.load("models/die/die.pm")
+    table = view.results([(f, model.check(f)) for f in ("P=? [ F d=6 ]", "P>1/6 [ F d=6 ]")])
+    assert str(table).splitlines()[2] == "P>1/6 [ F d=6 ]  false                exact"
+    assert "<td>P&gt;1/6 [ F d=6 ]</td><td>false</td>" in table._repr_html_()
