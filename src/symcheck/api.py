@@ -5,7 +5,6 @@ Everything it does is a call of a stage's own function; `Model` only keeps the v
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,17 +15,18 @@ from symcheck.check.checker import check
 from symcheck.check.options import Options
 from symcheck.check.result import Result
 from symcheck.engines import registry
-from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.base import Engine
 from symcheck.errors import UsageError
 from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.syntax.ast import Expression, LabelReference, ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
 
 if TYPE_CHECKING:
     from symcheck.check.distribution import Distribution
+    from symcheck.simulate.path import Path as RandomPath
 
-__all__ = ["Model", "load", "load_explicit", "loads"]
+__all__ = ["Model", "load", "loads"]
 
 Given = Mapping[str, Value | str]
 
@@ -100,19 +100,28 @@ class Model:
 
         return steady_state(self.engine, self.options)
 
-    def export(self, target: str) -> list[str]:
-        """Write the built model: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`, `die.umb` (see -exportmodel); gives the files."""
-        from symcheck.check.context import Context
-        from symcheck.check.formulas import satisfying
-        from symcheck.exchange.snapshot import snapshot
-        from symcheck.exchange.targets import export, parse_target
+    def simulate(
+        self, steps: int | None = None, *, time: float | None = None, seed: int | None = None, loop_check: bool = True
+    ) -> RandomPath:
+        """A random path of so many steps (or until a time), without building the model. The same seed gives the same path."""
+        from symcheck.simulate.path import simulate
 
-        targets, context = parse_target(target, "model"), Context(self.engine, self.options)
+        return simulate(self.bound, steps, time=time, seed=seed, loop_check=loop_check)
 
-        def states(name: str) -> StateSet:
-            return satisfying(context, LabelReference(name), self.engine.all)
+    def estimate(self, formula: str, constants: Given | None = None, **plan: Any) -> Result:
+        """Estimate one property from random paths, without building the model.
 
-        return list(export(snapshot(self.engine, list(self.engine.model.labels), states), targets, sys.stdout))
+        `plan`: the fields of `symcheck.simulate.statistics.Plan`, such as samples=100_000, width=0.01, seed=1. The result's
+        accuracy is an interval with a confidence. Raises SymcheckError.
+        """
+        from symcheck.simulate.check import check_by_sampling
+        from symcheck.simulate.statistics import Plan
+
+        bound = self.properties(parse_properties(formula), constants)
+        if len(bound.properties) != 1:
+            raise UsageError(f"one property is wanted here, not {len(bound.properties)}")
+        fixed = self.options.fix_deadlocks
+        return check_by_sampling(self.bound, bound.properties[0].formula, Plan(**plan), labels=bound.labels, fix_deadlocks=fixed)
 
     def _check(self, file: PropertiesFile, index: int, constants: Given | None) -> tuple[BoundProperty, Result]:
         bound = self.properties(file, constants)
@@ -127,23 +136,6 @@ class Model:
 def load(path: str | Path, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:
     """Read a model file. `options` are the fields of `symcheck.Options`, such as engine="sparse". Raises InputError."""
     return Model(parse_model_file(path), constants or {}, Options(**options), type)
-
-
-def load_explicit(files: str, *, type: ModelType | None = None, **options: Any) -> Model:
-    """Read a model that is given state by state in PRISM's explicit files, such as `die.all` or `die.tra,lab`.
-
-    Raises SyntaxFault at the place of what is wrong, and UsageError for files that cannot be read.
-    """
-    from symcheck.exchange.imported import imported_engine
-    from symcheck.exchange.read import model_files, read_model
-
-    chosen = Options(**options)
-    given = read_model(model_files(files), type, check_sums=chosen.check_sums)
-    engine = imported_engine(given, fix_deadlocks=chosen.fix_deadlocks)
-    model = Model(engine.model.program, {}, chosen, given.type)
-    # What a Model would make from a text is known already.
-    model.__dict__.update(bound=engine.model, engine=engine.rational() if chosen.exact else engine)
-    return model
 
 
 def loads(text: str, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:

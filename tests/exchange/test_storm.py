@@ -24,7 +24,7 @@ def storm_value(model, formula):
 @pytest.mark.parametrize("seed", range(6))
 def test_storm_finds_the_same(kind, seed, tmp_path):
     model = symcheck.loads(some_model(Random(seed), kind).text)
-    model.export(str(tmp_path / "m.drn"))
+    symcheck.export(model, str(tmp_path / "m.drn"))
     loaded = stormpy.build_model_from_drn(str(tmp_path / "m.drn"))
     assert loaded.nr_states == model.engine.states
     assert loaded.nr_transitions == model.engine.transitions
@@ -47,6 +47,6 @@ def test_storm_finds_the_same(kind, seed, tmp_path):
 
 def test_names_that_are_no_words_are_quoted(tmp_path):
     text = 'dtmc module m x:[0..1]; [] true -> 0.5:(x\'=0)+0.5:(x\'=1); endmodule label "one" = x=1; rewards x=1 : 2; endrewards'
-    symcheck.loads(text).export(str(tmp_path / "m.drn"))
+    symcheck.export(symcheck.loads(text), str(tmp_path / "m.drn"))
     loaded = stormpy.build_model_from_drn(str(tmp_path / "m.drn"))
     assert isclose(storm_value(loaded, 'R{"reward1"}=? [ C<=3 ]'), 2.0)

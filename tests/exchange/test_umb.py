@@ -17,7 +17,7 @@ umbi = pytest.importorskip("umbi")
 @pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
 def test_the_model_is_in_the_file(kind, tmp_path):
     model = symcheck.loads(some_model(Random(4), kind).text)
-    model.export(str(tmp_path / "m.umb"))
+    symcheck.export(model, str(tmp_path / "m.umb"))
     assert [p.name for p in tmp_path.iterdir()] == ["m.umb"]
     import umbi.ats
     import umbi.umb

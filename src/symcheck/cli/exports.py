@@ -148,16 +148,21 @@ def _named(path: str | None, time: str | None) -> str | None:
 
 def _tell(report: Report, kind: str, found: object, path: str | None, precision: int) -> None:
     from symcheck.check.distribution import Distribution
+    from symcheck.exchange.snapshot import state_order
     from symcheck.exchange.text import lines, number_text, write_text
 
     assert isinstance(found, Distribution)
+    # The numbers are those of the exported states, whatever the order of the variables in diagrams.
+    order = state_order(found.engine)
     if path is None or path == "stdout":
         report.line(f"\nPrinting {kind} probabilities in plain text format below:")
-        for number, state, value in found:
+        place = np.arange(len(found)) if order is None else np.argsort(order)
+        for own, state, value in found if order is None else sorted(found, key=lambda entry: int(place[entry[0]])):
+            number = place[own]
             shown = ",".join(str(x).lower() if isinstance(x, bool) else str(x) for x in state)
             report.line(f"{number}:({shown})={number_text(value, precision)}")
     else:
-        write_text(path, lines("%s", len(found), found.values, precision=precision), report.out)
+        write_text(path, lines("%s", len(found), found.values if order is None else found.values[order], precision=precision), report.out)
         report.line(f"Exported to '{path}'")
     report.line()
     if found.certified:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gc
+import io
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -14,20 +17,58 @@ import numpy as np
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.numerics.matrix import Floats, Int64s
 
-__all__ = ["Fields", "read_fields"]
+__all__ = ["Fields", "number_table", "read_fields"]
 
 
 @dataclass(frozen=True, eq=False)
 class Fields:
     """The lines of a file, taken apart at blanks, without empty lines and comments; `comments`: those, without `#`.
 
-    numbers: the number of each line in the file, from 0.
+    numbers: the number of each line in the file, from 0. body: where, in the text, the second of these lines begins.
     """
 
     source: Source
-    numbers: Sequence[int] = field(repr=False)
-    rows: Sequence[Sequence[str]] = field(repr=False)
+    body: int = field(repr=False)
+    first: Sequence[str] = field(repr=False)
     comments: Sequence[str] = field(repr=False)
+
+    @cached_property
+    def _lines(self) -> tuple[list[int], list[list[str]]]:
+        """Numbers and words of all lines: slow, and made only where a file is not a plain table or has a fault."""
+        numbers, rows = [], []
+        # Millions of small lists: looking for cycles among them would take longer than all the rest.
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            for i, line in enumerate(self.source.text.split("\n")):
+                words = line.split()
+                if words and not words[0].startswith("#"):
+                    numbers.append(i)
+                    rows.append(words)
+        finally:
+            if collecting:
+                gc.enable()
+        return numbers, rows
+
+    @property
+    def numbers(self) -> list[int]:
+        """The number of each line in the file, from 0."""
+        return self._lines[0]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """The words of each line."""
+        return self._lines[1]
+
+    @cached_property
+    def table(self) -> Floats | None:
+        """The lines after the first, float64[lines, words]; None where they are not all numbers, of one width, below 2**53."""
+        return number_table(self.source.text[self.body :])
+
+    @property
+    def count(self) -> int:
+        """Number of lines after the first."""
+        return len(self.rows) - 1 if self.table is None else len(self.table)
 
     def fault(self, line: int, message: str, code: str, word: int | None = None, hint: str | None = None) -> NoReturn:
         """Raise SyntaxFault for a line (by its place in `rows`), or for one of its words."""
@@ -45,9 +86,9 @@ class Fields:
 
     def header(self, widths: Sequence[int], what: str) -> list[int]:
         """The whole numbers in the first line."""
-        if not self.rows:
+        if not self.first:
             self.fault(0, f"the file is empty: its first line should hold {what}", "header")
-        first = self.rows[0]
+        first = self.first
         if len(first) not in widths:
             self.fault(0, f"the first line should hold {what}", "header")
         for i, word in enumerate(first):
@@ -57,23 +98,35 @@ class Fields:
 
     def widths(self, allowed: Sequence[int], what: str) -> None:
         """Check the number of words of each line after the first."""
+        if self.table is not None and self.table.shape[1] in allowed:
+            return
         for i, row in enumerate(self.rows[1:], 1):
             if len(row) not in allowed:
                 self.fault(i, f"a line should hold {what}", "fields")
 
     def integers(self, word: int, limit: int, what: str) -> Int64s:
         """A column of whole numbers from 0 to limit - 1, of the lines after the first."""
-        column = [row[word] for row in self.rows[1:]]
-        try:
-            found = np.array(list(map(int, column)), np.int64)
-        except (ValueError, OverflowError):
-            self._first(column, _is_integer, word, "'{}' is not a whole number")
+        found = self._integers(word)
         for i in np.flatnonzero((found < 0) | (found >= limit))[:1].tolist():
             self.fault(i + 1, f"{what} {found[i]} does not exist: there are {limit}, numbered from 0", "index", word)
         return found
 
+    def _integers(self, word: int) -> Int64s:
+        if self.table is not None:
+            plain = self.table[:, word]
+            if np.all(plain == np.floor(plain)):
+                return plain.astype(np.int64)
+        column = [row[word] for row in self.rows[1:]]
+        try:
+            return np.array(list(map(int, column)), np.int64)
+        except (ValueError, OverflowError):
+            self._first(column, _is_integer, word, "'{}' is not a whole number")
+            raise
+
     def reals(self, word: int) -> Floats:
         """A column of numbers (decimal, or a/b), of the lines after the first."""
+        if self.table is not None:
+            return np.ascontiguousarray(self.table[:, word])
         column = [row[word] for row in self.rows[1:]]
         try:
             return np.array(list(map(float, column)), np.float64)
@@ -89,8 +142,8 @@ class Fields:
 
     def expect(self, count: int, what: str) -> None:
         """Check that as many lines follow the first as it says."""
-        if len(self.rows) - 1 != count:
-            self.fault(0, f"the first line tells of {count} {what}, and {len(self.rows) - 1} follow", "count", len(self.rows[0]) - 1)
+        if self.count != count:
+            self.fault(0, f"the first line tells of {count} {what}, and {self.count} follow", "count", len(self.first) - 1)
 
 
 def _is_integer(text: str) -> bool:
@@ -115,12 +168,27 @@ def read_fields(path: Path) -> Fields:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"cannot read '{path}': {getattr(error, 'strerror', None) or error}") from None
-    numbers, rows, comments = [], [], []
-    for i, line in enumerate(text.split("\n")):
-        words = line.split()
+    comments: list[str] = []
+    first: list[str] = []
+    start = 0
+    while start < len(text) and not first:
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        words = text[start:end].split()
         if words and words[0].startswith("#"):
-            comments.append(line.strip().lstrip("#").strip())
-        elif words:
-            numbers.append(i)
-            rows.append(words)
-    return Fields(Source(str(path), text), numbers, rows, comments)
+            comments.append(text[start:end].strip().lstrip("#").strip())
+        else:
+            first = words
+        start = end + 1
+    return Fields(Source(str(path), text), start, first, comments)
+
+
+def number_table(text: str) -> Floats | None:
+    """Lines of numbers as float64[lines, words]; None where they are not all numbers, of one width, below 2**53."""
+    if not text.strip():
+        return None
+    try:
+        table = np.loadtxt(io.StringIO(text), dtype=np.float64, comments="#", ndmin=2)
+    except ValueError:
+        return None
+    return table if len(table) and bool(np.all(np.abs(table) < 2.0**53)) else None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.errors import UsageError
-from symcheck.exchange.fields import Fields, read_fields
+from symcheck.exchange.fields import Fields, number_table, read_fields
 from symcheck.exchange.imported import Given
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.faults import SUM_TOLERANCE
@@ -206,13 +206,16 @@ def _told(file: Fields) -> ModelType | None:
 
 def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
     file = read_fields(path)
-    text = "".join(file.rows[0]) if file.rows else ""
+    text = "".join(file.first)
     match = re.fullmatch(r"\(([^()]*)\)", text)
     if match is None:
         file.fault(0, "the first line should hold the names of the variables, as (x,y)", "header")
     names = [x for x in match[1].split(",") if x]
     if len(set(names)) < len(names):
         file.fault(0, "two variables have the same name", "repeated")
+    plain = _plain_states(file, names, n)
+    if plain is not None:
+        return plain
     if len(file.rows) - 1 != n:
         file.fault(len(file.rows) - 1, f"the transitions file has {n} states, and this file {len(file.rows) - 1}", "count")
     values: list[list[str]] = [[""] * len(names) for _ in range(n)]
@@ -230,6 +233,26 @@ def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
     return [_column(file, name, [v[j] for v in values]) for j, name in enumerate(names)] or [("x", Type.INT, np.arange(n))]
 
 
+def _plain_states(file: Fields, names: Sequence[str], n: int) -> list[tuple[str, Type, Int64s]] | None:
+    """The states where the file has them all in order, without a fault; None otherwise (then it is read line by line)."""
+    body = file.source.text[file.body :]
+    if not names or body.count(":(") != n or body.count(")\n") + body.endswith(")") != n or body.count(",") != n * (len(names) - 1):
+        return None
+    switches = [word in ("true", "false") for word in re.split(r"[(),:\s]+", body[: body.find("\n")])[1:-1]]
+    if body.count("true") + body.count("false") != n * sum(switches) or len(switches) != len(names):
+        return None
+    numbers = body.translate(str.maketrans("(),:", "    ")).replace("true", "1").replace("false", "0")
+    table = number_table(numbers)
+    if table is None or table.shape != (n, len(names) + 1) or not np.array_equal(table[:, 0], np.arange(n)):
+        return None
+    if not np.array_equal(table, np.floor(table)):
+        return None
+    return [
+        (name, Type.BOOL if switch else Type.INT, table[:, i].astype(np.int64))
+        for i, (name, switch) in enumerate(zip(names, switches, strict=True), 1)
+    ]
+
+
 def _column(file: Fields, name: str, texts: list[str]) -> tuple[str, Type, Int64s]:
     if all(t in ("true", "false") for t in texts):
         return name, Type.BOOL, np.array([t == "true" for t in texts], np.int64)
@@ -243,7 +266,7 @@ def _column(file: Fields, name: str, texts: list[str]) -> tuple[str, Type, Int64
 
 def _read_labels(path: Path, n: int) -> dict[str, Bools]:
     file = read_fields(path)
-    declared = re.findall(r'(\d+)="([^"]*)"', " ".join(file.rows[0])) if file.rows else []
+    declared = re.findall(r'(\d+)="([^"]*)"', " ".join(file.first))
     if not declared:
         file.fault(0, 'the first line should hold the labels, as 0="init" 1="deadlock"', "header")
     names = {int(i): name for i, name in declared}

@@ -15,7 +15,7 @@ from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import ModelType, Type
 
-__all__ = ["Rewards", "Snapshot", "snapshot"]
+__all__ = ["Rewards", "Snapshot", "snapshot", "state_order"]
 
 SetOf = Callable[[str], StateSet]
 
@@ -118,7 +118,19 @@ def snapshot(engine: Engine, labels: Sequence[str] = (), states: SetOf | None = 
         members,
         [Rewards(r.name, *_rewards(engine, system, i)) for i, r in enumerate(model.rewards)],
     )
-    return _sorted(found)
+    return _sorted(found, state_order(engine, columns))
+
+
+def state_order(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int64s | None:
+    """The engine's numbers of the states in lexicographic order of the variables; None where they are in order already.
+
+    A model that was read keeps the order of its files.
+    """
+    if getattr(engine, "members", None) is not None:
+        return None
+    columns = _columns(engine) if columns is None else columns
+    order = np.lexsort(list(columns)[::-1]) if columns else np.arange(engine.states)
+    return None if np.array_equal(order, np.arange(engine.states)) else order
 
 
 def _columns(engine: Engine) -> list[Int64s]:
@@ -164,10 +176,9 @@ def _rational_actions(engine: Engine, groups: Int64s) -> Int32s:
     return np.array(out, np.int32)
 
 
-def _sorted(found: Snapshot) -> Snapshot:
+def _sorted(found: Snapshot, order: Int64s | None) -> Snapshot:
     """States and entries in their canonical order (a symbolic engine may order the variables otherwise)."""
-    order = np.lexsort(list(found.columns)[::-1]) if found.columns else np.arange(found.n)
-    if not np.array_equal(order, np.arange(found.n)):
+    if order is not None:
         found = _permuted(found, order)
     m = found.matrix
     inside = np.diff(m.indices) > 0
