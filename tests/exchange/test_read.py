@@ -44,7 +44,7 @@ def test_deadlocks_are_fixed(tmp_path):
 def test_a_deadlock_may_be_an_error(tmp_path):
     (tmp_path / "m.tra").write_text("3 2\n0 1 0.5\n0 2 0.5\n")
     with pytest.raises(ModelFault, match="2 deadlock states"):
-        symcheck.load_explicit(str(tmp_path / "m.tra"), type=ModelType.DTMC, fix_deadlocks=False)
+        symcheck.load_explicit(str(tmp_path / "m.tra"), type=ModelType.DTMC, fix_deadlocks=False).check("true")
 
 
 def test_actions_labels_and_rewards(tmp_path):
