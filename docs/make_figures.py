@@ -34,6 +34,7 @@ endmodule
 
 
 def bound(name: str) -> symcheck.BoundModel:
+    """A model of the repository."""
     return symcheck.bind(symcheck.parse_model_file(ROOT / "models" / name))
 
 
@@ -94,6 +95,7 @@ FIGURES = {f.__name__: f for f in (die_states, die_diagrams, search, bounds, blo
 
 
 def main(folder: Path) -> None:
+    """Write every figure into the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, make in FIGURES.items():
         figure = make().figure

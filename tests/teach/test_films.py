@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,16 +15,17 @@ from symcheck.symbolic.build import construct
 from symcheck.symbolic.reach import SCHEDULES
 from symcheck.syntax.parse import parse_expression
 
-PHILOSOPHERS = "models/dining/dining.nm"
+MODELS = Path(__file__).resolve().parents[2] / "models"
+PHILOSOPHERS = MODELS / "dining/dining.nm"
 OPTIONS = Options()
 
 
-def bound(path: str) -> symcheck.BoundModel:
+def bound(path: Path) -> symcheck.BoundModel:
     return symcheck.bind(symcheck.parse_model_file(path))
 
 
 def test_construction_ends_with_the_matrix() -> None:
-    made = construct(bound("models/die/die.pm"), OPTIONS)
+    made = construct(bound(MODELS / "die/die.pm"), OPTIONS)
     frames = list(teach.construction(made.space, OPTIONS))
     assert frames[-1].stage == "model"
     assert frames[-1].diagram == made.matrix
@@ -70,7 +72,7 @@ def test_order_lab_counts_the_same_states() -> None:
     frames = list(teach.order_lab(bound(PHILOSOPHERS), OPTIONS))
     assert len({f.order for f in frames}) == 6
     assert {f.states for f in frames} == {155}
-    given = list(teach.order_lab(bound("models/die/die.pm"), OPTIONS, [("d",)]))
+    given = list(teach.order_lab(bound(MODELS / "die/die.pm"), OPTIONS, [("d",)]))
     assert [f.order for f in given] == [("d", "s")]
 
 
@@ -92,7 +94,7 @@ def test_fixpoints_end_with_the_answer(name: str, direction: str) -> None:
 
 
 def test_bounds_close_in_on_the_value() -> None:
-    engine = symcheck.load("models/gambler/gambler.pm").engine
+    engine = symcheck.load(MODELS / "gambler/gambler.pm").engine
     seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval"))
     assert (seen.no.count, seen.yes.count, seen.maybe.count) == (1, 1, 19)
     truth = np.array([float(Fraction(i, 20)) for i in range(1, 20)])
@@ -110,7 +112,7 @@ def test_bounds_close_in_on_the_value() -> None:
 
 @pytest.mark.parametrize("method", ["power", "jacobi", "gauss-seidel", "optimistic"])
 def test_every_iteration_shows_its_vector(method: str) -> None:
-    engine = symcheck.load("models/gambler/gambler.pm").engine
+    engine = symcheck.load(MODELS / "gambler/gambler.pm").engine
     options = Options(method=method, certify=method == "optimistic")
     seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), options)
     lows = [step.lower for step in seen.steps]
@@ -120,13 +122,13 @@ def test_every_iteration_shows_its_vector(method: str) -> None:
 
 
 def test_nothing_to_solve() -> None:
-    engine = symcheck.load("models/die/die.pm").engine
+    engine = symcheck.load(MODELS / "die/die.pm").engine
     seen = teach.vectors(engine, engine.all, engine.where(parse_expression("s=7")), OPTIONS)
     assert (seen.maybe.count, seen.problem, seen.steps) == (0, None, ())
 
 
 def test_anatomy_covers_the_matrix() -> None:
-    made = construct(bound("models/herman/herman7.pm"), OPTIONS)
+    made = construct(bound(MODELS / "herman/herman7.pm"), OPTIONS)
     for budget in (1, 60_000):
         seen = teach.anatomy(made, budget)
         assert seen.levels[0].counts == (made.space.count,)
@@ -138,7 +140,7 @@ def test_anatomy_covers_the_matrix() -> None:
             assert runs > 0
             assert not covered[row : row + rows, column : column + columns].any()
             covered[row : row + rows, column : column + columns] = True
-        engine = symcheck.load("models/herman/herman7.pm", engine="sparse").engine
+        engine = symcheck.load(MODELS / "herman/herman7.pm", engine="sparse").engine
         matrix = engine.system(engine.all).matrix
         of_row = np.repeat(np.arange(128), np.diff(matrix.indptr))
         assert covered[of_row, matrix.indices].all()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from symcheck.symbolic.model import Iteration
 matplotlib = pytest.importorskip("matplotlib", reason="plots need the extra 'plot'")
 matplotlib.use("Agg")
 
+MODELS = Path(__file__).resolve().parents[2] / "models"
 ITERATIONS = [Iteration(i, 2**i, 10 + i, 2 ** max(0, i - 1), 5 + i, 0.1 * i) for i in range(4)]
 
 
@@ -48,10 +51,13 @@ def test_bounds() -> None:
 
 
 def test_blocks_orders_and_pictures() -> None:
-    made = construct(symcheck.bind(symcheck.parse_model_file("models/herman/herman7.pm")), Options())
+    made = construct(symcheck.bind(symcheck.parse_model_file(MODELS / "herman/herman7.pm")), Options())
     seen = teach.anatomy(made, budget=1)
     assert len(view.plot_blocks(seen).patches) == len(seen.places)
-    frames = list(teach.order_lab(symcheck.bind(symcheck.parse_model_file("models/die/die.pm")), Options()))
+    many = dataclasses.replace(seen, places=np.zeros((20_001, 4), np.int64))
+    with pytest.raises(UnsupportedError, match="smaller model"):
+        view.plot_blocks(many)
+    frames = list(teach.order_lab(symcheck.bind(symcheck.parse_model_file(MODELS / "die/die.pm")), Options()))
     assert [t.get_text() for t in view.plot_orders(frames).get_yticklabels()] == ["s < d", "d < s"]
     picture = view.picture(made.space.states, made.space.symbolic.encoding, title="all")
     axes = view.draw(picture)
@@ -66,7 +72,7 @@ def test_missing_matplotlib_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_tables() -> None:
-    model = symcheck.load("models/die/die.pm")
+    model = symcheck.load(MODELS / "die/die.pm")
     table = view.results([(f, model.check(f)) for f in ("P=? [ F d=6 ]", "P>1/6 [ F d=6 ]")])
     assert str(table).splitlines()[2] == "P>1/6 [ F d=6 ]  false                exact"
     assert "<td>P&gt;1/6 [ F d=6 ]</td><td>false</td>" in table._repr_html_()

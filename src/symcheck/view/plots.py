@@ -10,6 +10,7 @@ from symcheck.numerics.matrix import Floats, Int64s
 
 __all__ = ["axes_of", "plot_blocks", "plot_bounds", "plot_orders", "plot_search"]
 
+_PLACES = 20_000
 _BLUE, _ORANGE, _GREEN = "#1f4e8c", "#c8641b", "#2b7a33"
 
 
@@ -122,7 +123,12 @@ class Blocked(Protocol):
 
 
 def plot_blocks(matrix: Blocked, axes: Any = None, title: str = "") -> Any:
-    """Where the distinct blocks stand in the matrix: places of the same block have the same colour."""
+    """Where the distinct blocks stand in the matrix: places of the same block have the same colour.
+
+    Raises UnsupportedError for more than 20 000 places.
+    """
+    if len(matrix.places) > _PLACES:
+        raise UnsupportedError(f"{len(matrix.places):,} places of blocks are too many to be drawn: take a smaller model")
     axes = axes_of(axes, (5.2, 5.0))
     from matplotlib.patches import Rectangle
 
