@@ -110,6 +110,7 @@ def test_command_line(tmp_path: File, capsys: pytest.CaptureFixture[str]) -> Non
     assert run_safely([str(file), "-pf", "S=? [ b ]", "-sim"]) == 1
     assert run_safely([str(file), "-pf", "P=? [ F b ]", "-sim", "-simmethod", "guess"]) == 2
     assert "sprt" in capsys.readouterr().err
+    assert run_safely([str(file), "-pf", "P=? [ F b ]", "-sim", "-steadystate"]) == 2
 
 
 def test_library() -> None:

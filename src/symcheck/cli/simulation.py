@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do wi
 
 __all__ = ["Simulation", "plan_of", "simulation", "write_path"]
 
+_OF_BUILT_MODELS = ("exportmodel", "exporttrans", "exportstates", "exportlabels", "exportstrat", "transient", "steadystate")
 _ENDS = {
     "loop": "Deterministic loop detected after {n} steps (use the loopcheck=false option to extend the path).",
     "deadlock": "Deadlock state reached after {n} steps.",
@@ -118,4 +119,7 @@ def simulation(arguments: argparse.Namespace, report: Report, model: BoundModel)
     plan = plan_of(arguments)
     if arguments.exact:
         raise UsageError("-sim estimates, and -exact asks for rational arithmetic: one of the two has to go")
+    for name in _OF_BUILT_MODELS:
+        if getattr(arguments, name, None):
+            raise UsageError(f"-{name} needs the whole model, which -sim does not build: run it without -sim")
     return Simulation(model, plan, arguments.fix_deadlocks)

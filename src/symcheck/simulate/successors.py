@@ -135,10 +135,10 @@ class Expander:
         try:
             return self._assembled(columns, self._found(columns))
         except _Broken as broken:
-            self._explain(columns, range(broken.lane, broken.lane + 1))
+            suspects = range(broken.lane, broken.lane + 1)
         except InputError:
-            self._explain(columns, range(columns.shape[1]))
-            raise
+            suspects = range(columns.shape[1])
+        self._explain(columns, suspects)
 
     def _explain(self, columns: Int64s, lanes: Sequence[int]) -> NoReturn:
         """Raise what the scalar semantics raises for one of these lanes."""
