@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NoReturn
 
 import numpy as np
 
@@ -138,15 +137,15 @@ class Expander:
             suspects = range(broken.lane, broken.lane + 1)
         except InputError:
             suspects = range(columns.shape[1])
-        self._explain(columns, suspects)
+        raise self._fault(columns, suspects)
 
-    def _explain(self, columns: Int64s, lanes: Sequence[int]) -> NoReturn:
-        """Raise what the scalar semantics raises for one of these lanes."""
+    def _fault(self, columns: Int64s, lanes: Sequence[int]) -> ModelFault:
+        """Raise what the scalar semantics raises for one of these lanes; where it finds nothing, numbers have grown too large."""
         for lane in lanes:
             choices(self.model, self._state(columns, lane))
         shown = describe_state(self.model.variables, columns[:, lanes[0]].tolist())
         message = f"a variable without bounds leaves 32 bits, after the state {shown}"
-        raise ModelFault(Diagnostic(message, code="unbounded", hint="give it a range, or a guard that stops it"))
+        return ModelFault(Diagnostic(message, code="unbounded", hint="give it a range, or a guard that stops it"))
 
     def _state(self, columns: Int64s, lane: int) -> tuple[bool | int, ...]:
         values = columns[:, lane].tolist()
