@@ -113,8 +113,7 @@ def _boolean(context: Context, formula: Expression) -> Result:
     value = initial <= states
     if isinstance(formula, PathQuantifier):
         _explain(context, formula, value)
-    where = _where(initial)
-    return Result(value, Exact(), f"satisfied in {(states & initial).count} of {where}", satisfying=states)
+    return Result(value, Exact(), _satisfied((states & initial).count, initial.count), satisfying=states)
 
 
 def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
@@ -153,9 +152,7 @@ def _outcome(context: Context, outcome: Outcome, type: Type) -> tuple[Answer, Ac
     return _answer(context, value, outcome.rounded, type)
 
 
-def _range(
-    context: Context, bounds: tuple[tuple[float, float], tuple[float, float]], rounded: bool, type: Type
-) -> tuple[Answer, Accuracy]:
+def _range(context: Context, bounds: tuple[tuple[float, float], tuple[float, float]], rounded: bool, type: Type) -> tuple[Answer, Accuracy]:
     low, accuracy = _answer(context, bounds[0], rounded, type)
     high, other = _answer(context, bounds[1], rounded, type)
     worse = other if _width(other) > _width(accuracy) else accuracy
@@ -189,3 +186,11 @@ def _where(initial: StateSet) -> str:
     count = initial.count
     return "the initial state" if count == 1 else f"{count} initial states"
 
+
+def _satisfied(count: int, initial: int) -> str:
+    """In how many of the initial states a formula holds."""
+    match initial:
+        case 1:
+            return "satisfied in the initial state" if count else "not satisfied in the initial state"
+        case _:
+            return f"satisfied in {'all' if count == initial else count or 'none'} of {initial} initial states"

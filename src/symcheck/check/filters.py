@@ -116,13 +116,15 @@ def _range(_: Context, __: Filter, formula: Values, states: StateSet) -> Outcome
     return Outcome((formula.minimum(states), formula.maximum(states)), formula, formula.rounded(states))
 
 
-def _arguments(_: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
+def _arguments(context: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
     """The states at which the value is least (greatest), as far as the accuracy tells them from others."""
     if node.operator == "argmin":
         sure, maybe = formula.compare("<=", formula.minimum(states)[1])
     else:
         sure, maybe = formula.compare(">=", formula.maximum(states)[0])
-    return Outcome(None, (sure | maybe) & states)
+    found = (sure | maybe) & states
+    context.notes.lines.extend(lines(context, formula, found, Type.DOUBLE))
+    return Outcome(None, found)
 
 
 def _print(context: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:

@@ -34,12 +34,19 @@ class _Parser(argparse.ArgumentParser):
         self.add_argument(*names, **keywords)
 
 
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number") from None
+
+
 def _count(text: str) -> int:
     """A whole number, plain (10000) or in scientific notation (1e6)."""
-    value = float(text)
-    if value != int(value) or value < 0:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number")
-    return int(value)
+    value = _number(text)
+    if not 0 <= value < float("inf") or value != int(value):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 0")
+    return int(text) if text.isdigit() else int(value)
 
 
 def _memory(text: str) -> int:
@@ -55,7 +62,10 @@ def _seconds(text: str) -> float:
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smhd]?)", text.lower())
     if match is None:
         raise argparse.ArgumentTypeError(f"'{text}' is not a time such as 90, 90s, 5m or 1h")
-    return float(match[1]) * {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}[match[2]]
+    seconds = float(match[1]) * {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}[match[2]]
+    if seconds == 0:
+        raise argparse.ArgumentTypeError("no time at all is not enough; leave the switch out for no limit")
+    return seconds
 
 
 def _digits(text: str) -> int:
@@ -65,14 +75,14 @@ def _digits(text: str) -> int:
 
 
 def _positive(text: str) -> float:
-    value = float(text)
+    value = _number(text)
     if not 0 < value < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number between 0 and 1")
     return value
 
 
 def _width(text: str) -> float:
-    value = float(text)
+    value = _number(text)
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
     return value
@@ -85,7 +95,7 @@ def _input(parser: _Parser) -> None:
     parser.add_argument("model", nargs="?", metavar="MODEL", help="model file (.pm .prism .sm .nm …)")
     parser.add_argument("properties", nargs="?", metavar="PROPERTIES", help="properties file (.pctl .csl .props …)")
     parser.add("pf", "pctl", "csl", metavar="TEXT", action="append", default=[], help="properties given as text")
-    parser.add("prop", "property", metavar="N,NAME,…", help="only these properties, by number (from 1) or name")
+    parser.add("prop", "property", metavar="N,N-N,NAME", help="only these properties, by number (from 1), range of numbers or name")
     parser.add(
         "const", metavar="X=V,…", action="append", default=[], help="constants: values, lists {a,b}, ranges low:high or low:step:high"
     )
@@ -179,7 +189,11 @@ def _exchange(parser: _Parser) -> None:
 
 def _output(parser: _Parser) -> None:
     parser.add("v", "verbose", dest="verbose", action="store_true", help="tell more: iterations, methods, diagrams")
-    parser.add("exportresults", metavar="FILE[:KIND]", help="write the results: text (default), csv, matrix, dataframe, comment or json")
+    parser.add(
+        "exportresults",
+        metavar="FILE[:KIND]",
+        help="write the results: text (default), csv, matrix, dataframe, comment or json; 'stdout' for FILE prints",
+    )
     parser.add(
         "exportstrat", metavar="FILE[:type=KIND]", help="write a strategy of each mdp property: actions (default), indices, induced, dot"
     )

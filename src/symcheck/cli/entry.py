@@ -30,7 +30,7 @@ def run_safely(words: list[str] | None = None) -> int:
         if arguments.version:
             print(f"symcheck {__version__}")
             return 0
-        if arguments.exportresults:
+        if arguments.exportresults is not None:
             results_file_checked(arguments.exportresults)
         job = Job(arguments, Report(verbose=arguments.verbose))
         with _limits(arguments.timeout, lambda: _give_up(job)):
@@ -58,8 +58,14 @@ def results_file_checked(argument: str) -> None:
     """Complain about -exportresults before anything is computed. Raises UsageError."""
     path, kinds = results_file(argument)
     render([], kinds)
+    if not path.name:
+        raise UsageError(f"-exportresults: '{argument}' names no file")
+    if path.is_dir():
+        raise UsageError(f"-exportresults: '{path}' is a folder")
     if not path.parent.is_dir():
         raise UsageError(f"-exportresults: there is no folder '{path.parent}'")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise UsageError(f"-exportresults: '{path}' may not be written")
 
 
 def _fail(error: SymcheckError, status: int) -> int:
@@ -92,6 +98,9 @@ def _export(job: Job | None) -> None:
     if job is None or not job.arguments.exportresults or not job.rows:
         return
     path, kinds = results_file(job.arguments.exportresults)
+    if str(path) == "stdout":
+        print(f"\nResults:\n\n{render(list(sorted_rows(job.rows)), kinds)}", end="", flush=True)
+        return
     temporary = path.with_name(f".{path.name}.part")
     try:
         temporary.write_text(render(list(sorted_rows(job.rows)), kinds))

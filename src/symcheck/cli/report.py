@@ -11,6 +11,7 @@ from symcheck.check.result import Estimate, Result
 from symcheck.engines.auto import Choice
 from symcheck.engines.base import Engine
 from symcheck.semantics.bind import BoundProperty
+from symcheck.semantics.faults import describe_state
 from symcheck.semantics.model import BoundModel, Value
 
 __all__ = ["Report", "property_text"]
@@ -33,7 +34,7 @@ class Report:
     def warn(self, text: str) -> None:
         """A warning, counted for the end of the run."""
         self.warnings += 1
-        self.line(f"Warning: {text.removeprefix('warning: ')}")
+        self.line(f"Warning: {text}")
 
     def detail(self, text: str) -> None:
         """A line that only -v shows."""
@@ -131,7 +132,7 @@ def _state(state: Mapping[str, Value]) -> str:
 
 def _example(engine: Engine) -> str:
     values = next(iter(engine.valuations(engine.deadlocks, 1)))
-    return f"({_state(dict(zip((v.name for v in engine.model.variables), values, strict=True)))})"
+    return describe_state(engine.model.variables, values)
 
 
 def property_text(bound: BoundProperty) -> str:

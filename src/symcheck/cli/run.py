@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -86,14 +86,14 @@ def run(job: Job) -> int:
         a.model, a.properties = None, a.model
     if a.model is None and job.imported is None:
         raise UsageError("no model file is given\n  hint: symcheck MODEL [PROPERTIES] [switches]; --help lists the switches")
+    _check_method(a.method)
     given = parse_constants(a.const)
     source = a.model or a.importmodel or a.importtrans
     job.report.header([f'Reading model file "{source}"', *([f'Reading properties file "{a.properties}"'] if a.properties else [])])
     program = parse_model_file(a.model) if job.imported is None else job.imported.model.program
     files = [*([parse_properties_file(a.properties)] if a.properties else []), *(parse_properties(t, "-pf") for t in a.pf)]
     file = _joined(files)
-    for warning in split_constants(program, file, dict.fromkeys(given, "0")).warnings:
-        job.report.warn(str(warning))
+    _known(program, file, given)
     chosen = _chosen(file, a.prop)
     of_model = {n: v for n, v in given.items() if any(c.name == n for c in program.constants)}
     try:
@@ -105,6 +105,16 @@ def run(job: Job) -> int:
     return 1 if job.failures else 0
 
 
+def _check_method(name: str) -> None:
+    """Complain about an unknown -method before the model is built. Raises UsageError."""
+    if name == "auto":
+        return
+    from symcheck.numerics.methods import METHODS
+
+    if name not in METHODS:
+        raise UsageError(f"-method: there is no method '{name}'\n  hint: known are auto, {', '.join(METHODS)}")
+
+
 def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
     def all_of(part: str) -> tuple:  # type: ignore[type-arg]
         return tuple(x for f in files for x in getattr(f, part))
@@ -112,19 +122,37 @@ def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
     return PropertiesFile(*(all_of(part) for part in ("constants", "formulas", "labels", "properties")))
 
 
+def _known(program: Program, file: PropertiesFile, given: Mapping[str, Sequence[str]]) -> None:
+    """Complain about values for constants that do not exist: as often as not a name is misspelt. Raises NameFault."""
+    unknown = split_constants(program, file, dict.fromkeys(given, "0")).warnings
+    if unknown:
+        raise NameFault(*(replace(d, severity="error", message=f"-const: {d.message}") for d in unknown))
+
+
 def _chosen(file: PropertiesFile, which: str | None) -> list[int]:
     """Indices of the properties to check, in the order of the file."""
     if which is None:
         return list(range(len(file.properties)))
-    chosen = []
-    for item in which.split(","):
-        found = [i for i, p in enumerate(file.properties) if p.name == item or str(i + 1) == item]
+    chosen: set[int] = set()
+    for item in (part.strip() for part in which.split(",")):
+        found = _named(file, item)
         if not found:
             names = ", ".join(p.name for p in file.properties if p.name)
-            hint = f"there are {len(file.properties)}" + (f", among them {names}" if names else "")
+            count = len(file.properties)
+            hint = f"there {'is' if count == 1 else 'are'} {count or 'none'}" + (f", among them {names}" if names else "")
             raise NameFault(Diagnostic(f"-prop: there is no property '{item}'", code="unknown-property", hint=hint))
-        chosen.append(next((i for i in found if file.properties[i].name == item), found[0]))
-    return sorted(set(chosen))
+        chosen.update(found)
+    return sorted(chosen)
+
+
+def _named(file: PropertiesFile, item: str) -> list[int]:
+    """Indices of the properties that NAME, N or N-N means; none where one of them does not exist."""
+    by_name = [i for i, p in enumerate(file.properties) if p.name == item]
+    low, dash, high = item.partition("-")
+    if by_name or not (low.isdecimal() and (high.isdecimal() or not dash)):
+        return by_name
+    first, last = int(low), int(high) if dash else int(low)
+    return list(range(first - 1, last)) if 1 <= first <= last <= len(file.properties) else []
 
 
 def _instance(
@@ -225,9 +253,7 @@ def _build(job: Job, model: BoundModel, options: Options) -> Engine:
     return engine
 
 
-def _check(
-    job: Job, subject: Engine | Simulation, question: Question, options: Options, constants: Values, choice: Values
-) -> None:
+def _check(job: Job, subject: Engine | Simulation, question: Question, options: Options, constants: Values, choice: Values) -> None:
     bound, labels = question.bind(subject.model)
     text = property_text(bound)
     job.report.property(text, bound.name, constants, choice)

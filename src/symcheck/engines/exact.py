@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit_graph import ExplicitGraph
 from symcheck.engines.rationals import Rationals, RationalValues
-from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
+from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.numerics.matrix import Bools, Int64s, SparseMatrix
+from symcheck.semantics import faults
 from symcheck.semantics.evaluate import evaluate
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.step import State, initial_states, state_rewards, transitions, valuation
@@ -120,7 +121,11 @@ class ExactEngine:
         return RationalValues(_objects([_rational(v) for v in self._evaluate(expression)]))
 
     def constant(
-        self, lower: float | Fraction, upper: float | Fraction | None = None, *, rounded: bool = False  # noqa: ARG002
+        self,
+        lower: float | Fraction,
+        upper: float | Fraction | None = None,
+        *,
+        rounded: bool = False,  # noqa: ARG002
     ) -> RationalValues:
         """The same value everywhere."""
         assert upper is None or upper == lower
@@ -200,7 +205,8 @@ def _assemble(model: BoundModel, found: dict[State, tuple[Any, ...]], initial: S
     index = {s: i for i, s in enumerate(table)}
     deadlocks = [index[s] for s in table if not found[s]]
     if deadlocks and not fix_deadlocks:
-        raise ModelFault(Diagnostic(f"the model has {len(deadlocks)} deadlock states", code="deadlock"))
+        examples = [faults.describe_state(model.variables, table[i]) for i in deadlocks[:3]]
+        raise ModelFault(faults.deadlocks(examples, len(deadlocks)))
     indptr, groups = [0], [0]
     columns: list[int] = []
     values: list[Fraction] = []

@@ -47,7 +47,10 @@ def _split(text: str) -> Iterator[str]:
 
 def _values(name: str, text: str) -> tuple[str, ...]:
     if text.startswith("{") and text.endswith("}"):
-        return tuple(part.strip() for part in text[1:-1].split(",") if part.strip())
+        values = tuple(part.strip() for part in text[1:-1].split(",") if part.strip())
+        if not values:
+            raise UsageError(f"-const: the list of values of {name} is empty")
+        return values
     parts = [part.strip() for part in text.split(":")]
     if len(parts) == 1:
         return (text,)

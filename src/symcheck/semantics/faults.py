@@ -30,6 +30,7 @@ __all__ = [
 
 SUM_TOLERANCE = 1e-5
 _SHOWN = 3
+_VARIABLES = 10  # of an example state, at most
 
 
 def sums_to_one(total: Value) -> bool:
@@ -38,9 +39,15 @@ def sums_to_one(total: Value) -> bool:
 
 
 def describe_state(variables: Sequence[Variable], values: Sequence[Value]) -> str:
-    """A state as it is shown: `(s=0,b=true)`. Values of bools may be 0 and 1."""
-    shown = (f"{v.name}={format_value(bool(x) if v.type.value == 'bool' else x)}" for v, x in zip(variables, values, strict=True))
-    return f"({','.join(shown)})"
+    """A state as it is shown: `(s=0,b=true)`. Values of bools may be 0 and 1.
+
+    Of many variables the first that are not at 0 or false are shown, which is what tells an example from the others.
+    """
+    pairs = list(zip(variables, values, strict=True))
+    kept = pairs if len(pairs) <= _VARIABLES else [(v, x) for v, x in pairs if x][:_VARIABLES] or pairs[:_VARIABLES]
+    shown = [f"{v.name}={format_value(bool(x) if v.type.value == 'bool' else x)}" for v, x in kept]
+    left = [f"… {len(pairs) - len(kept)} more"] if len(kept) < len(pairs) else []
+    return f"({','.join(shown + left)})"
 
 
 def update_sum(command: BoundCommand, total: Value, state: str) -> Diagnostic:
