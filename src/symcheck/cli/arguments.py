@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
@@ -21,6 +22,17 @@ Examples:
 Exit status: 0 all answered (and all tests passed); 1 something was not: an error in the input, an unsupported
 property, a failed test; 2 the command line is wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C.
 """
+
+
+class _Formatter(argparse.RawDescriptionHelpFormatter):
+    """As wide as the terminal; argparse would import shutil and all its archive formats to find that out."""
+
+    def __init__(self, prog: str) -> None:
+        try:
+            width = os.get_terminal_size(1).columns
+        except OSError:
+            width = 120
+        super().__init__(prog, width=max(width - 2, 60))
 
 
 class _Parser(argparse.ArgumentParser):
@@ -209,7 +221,7 @@ def _parser() -> _Parser:
         usage="symcheck MODEL [PROPERTIES] [switches]",
         description="Checks probabilistic models (DTMC, CTMC, MDP in the PRISM language) against PCTL, CSL and LTL properties.",
         epilog=HELP_EPILOGUE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=_Formatter,
         add_help=False,
         allow_abbrev=False,
     )

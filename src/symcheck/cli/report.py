@@ -56,6 +56,7 @@ class Report:
         self.line(f"Variables:   {' '.join(v.name for v in model.variables)}")
         if constants:
             self.line(f"Constants:   {_assignment(constants)}")
+        self.out.flush()
 
     def built(self, engine: Engine, choice: Choice | None, seconds: float) -> None:
         """Counts of a built model."""
@@ -70,6 +71,7 @@ class Report:
         deadlocks = engine.deadlocks.count
         if deadlocks:
             self.warn(f"deadlocks were given self-loops in {deadlocks} state{'s' if deadlocks > 1 else ''}, such as {_example(engine)}")
+        self.out.flush()
 
     def property(self, text: str, name: str | None, model_constants: Mapping[str, str], constants: Mapping[str, str]) -> None:
         """The property that is about to be checked."""

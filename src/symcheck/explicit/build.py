@@ -201,9 +201,10 @@ class Exploration:
         levels = e.level + 1
         state_rewards = self._state_rewards(states)
         self._seconds += time.perf_counter() - started
-        return ExplicitModel(
-            self.model, states, matrix, actions, np.unique(initial), deadlocks, state_rewards, choice_rewards, levels, self._seconds
-        )
+        # Not np.unique, which imports numpy.ma: a tenth of the time that a small model takes.
+        ordered = np.sort(initial)
+        distinct = ordered[np.append(True, ordered[1:] != ordered[:-1])[: ordered.size]]
+        return ExplicitModel(self.model, states, matrix, actions, distinct, deadlocks, state_rewards, choice_rewards, levels, self._seconds)
 
     def _check_deadlocks(self, states: StateTable, deadlocks: Int64s) -> None:
         if len(deadlocks) and not self.options.fix_deadlocks:
