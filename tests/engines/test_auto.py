@@ -74,7 +74,7 @@ def test_diagrams_that_take_too_long_give_way(monkeypatch):
 
 
 def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
-    engine, _ = chosen(COUNTER, monkeypatch, _SMALL=100, _SPARSE_NODES=0.0, _LARGE=1000)
+    engine, _ = chosen(COUNTER, monkeypatch, _SMALL=100, _SPARSE_NODES=0.0, _TURNS=((1.0, 1000),))
     assert isinstance(engine, WrittenEngine)
 
 

@@ -3,10 +3,10 @@
 1. A short explicit search. A model that ends within it is small: no diagram is worth its while.
 2. Diagrams, for a limited time. If they compress the states, the model is explored with them; then it is written out as
    compressed rows where those fit well into memory, and stays with the diagrams where not.
-3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped. Should that become too
-   large as well, the diagrams get all the time there is.
+3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped, up to a number of states;
+   then the diagrams get a longer turn, and so on. In the end the diagrams get all the time there is.
 
-So a wrong first guess costs a bounded share of the run, and what has been explored is kept.
+So a wrong guess costs a bounded share of the run, and what the search has explored is kept.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 from symcheck.engines.base import Engine
@@ -29,8 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["Choice", "choose"]
 
 _SMALL = 50_000  # states that explicit search explores sooner than diagrams are loaded
-_LARGE = 30_000_000  # states at which explicit search gives way to diagrams
-_ATTEMPT = 4.0  # seconds that diagrams get to show whether they compress
+_TURNS = ((1.5, 4_000_000), (10.0, 30_000_000))  # seconds for diagrams, then states for the search; and so on in turn
 _WRITTEN = 10_000_000  # states up to which a model that diagrams hold is written out and checked as arrays
 _SPARSE_NODES = 0.5  # diagram nodes per state above which rows of bits are the better container
 _ENTRY_BYTES = 12
@@ -64,21 +62,20 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
     if any(v.low is None for v in model.variables):
         exploration.run(None, observer)
         return _explicit(exploration, observer, "there are integers without bounds")
-    started = perf_counter()
-    try:
-        space = _reach(model, options, observer)
-        nodes = space.states.node_count
-        if nodes <= _SPARSE_NODES * space.count:
-            return _symbolic(space, options, observer, f"{nodes:,} nodes hold {space.count:,} states")
-        reason = f"{nodes:,} nodes for {space.count:,} states compress nothing"
-    except (TimeLimitError, MemoryLimitError, UnsupportedError) as error:
-        if options.time_limit is not None and isinstance(error, TimeLimitError) and perf_counter() - started < _ATTEMPT:
-            raise
-        reason = f"diagrams did not finish within {_ATTEMPT:g} s" if isinstance(error, TimeLimitError) else str(error)
-    if exploration.run(_LARGE, observer):
-        return _explicit(exploration, observer, reason)
+    for seconds, states in _TURNS:
+        reason = ""
+        try:
+            space = _reach(model, options, seconds)
+            nodes = space.states.node_count
+            if nodes <= _SPARSE_NODES * space.count:
+                return _symbolic(space, options, observer, f"{nodes:,} nodes hold {space.count:,} states")
+            reason = f"{nodes:,} nodes for {space.count:,} states compress nothing"
+        except (TimeLimitError, MemoryLimitError, UnsupportedError) as error:
+            reason = f"diagrams did not finish within {seconds:g} s" if isinstance(error, TimeLimitError) else str(error)
+        if exploration.run(states, observer):
+            return _explicit(exploration, observer, reason)
     del exploration
-    return _symbolic(_reach(model, options, observer, None), options, observer, f"more than {_LARGE:,} states")
+    return _symbolic(_reach(model, options, None), options, observer, f"there are more than {states:,} states")
 
 
 def _explicit(exploration: Exploration, observer: Observer | None, reason: str) -> Engine:
@@ -88,17 +85,21 @@ def _explicit(exploration: Exploration, observer: Observer | None, reason: str) 
     return ExplicitEngine(exploration.finish())
 
 
-def _reach(model: BoundModel, options: Options, observer: Observer | None, attempt: float | None = _ATTEMPT) -> StateSpace:
-    """The states as a diagram, within `attempt` seconds (None: within the time limit of the options)."""
+def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateSpace:
+    """The states as a diagram. Raises TimeLimitError after `seconds` (None: at the time limit of the options only).
+
+    Within a limited turn, a model with updates that diagrams would have to learn state by state is left to the search:
+    UnsupportedError says so.
+    """
     from symcheck.symbolic.build import build
     from symcheck.symbolic.reach import reach
 
-    limit = options.time_limit if attempt is None else min(attempt, options.time_limit or attempt)
+    limit = options.time_limit if seconds is None else min(seconds, options.time_limit or seconds)
     symbolic = build(model, replace(options, time_limit=limit))
+    if seconds is not None and any(event.learned for event in symbolic.events):
+        raise UnsupportedError("updates read too much for diagrams")
     space = reach(symbolic, options)
     symbolic.manager.limit_time(options.time_limit)
-    if observer is not None:
-        observer(space)
     return space
 
 
