@@ -52,8 +52,10 @@ def _command(rng: Random, kind: str, own: list[tuple[str, int]], variables: list
     else:
         weights = rng.choice(_WEIGHTS[count]).split(",")
     updates = " + ".join(f"{w} : {_update(rng, own)}" for w in weights)
-    return f"[{action}] {_condition(rng, variables)} -> {updates};".replace(" -> 1 : ", " -> ") if count == 1 else (
-        f"[{action}] {_condition(rng, variables)} -> {updates};"
+    return (
+        f"[{action}] {_condition(rng, variables)} -> {updates};".replace(" -> 1 : ", " -> ")
+        if count == 1
+        else (f"[{action}] {_condition(rng, variables)} -> {updates};")
     )
 
 

@@ -34,9 +34,9 @@ MANY = (RESULTS / "many.pm").read_text()
         ("filter(count, filter(argmax, P=? [ F x=4 ], x<4) & x=3)", 1),
         ("filter(count, filter(argmin, x))", 1),
         ("filter(max, P=? [ F x=4 ], x<4) + filter(min, x, x>2)", (3.75, 3.75)),
-        ('P=? [ F x=4 {x=1} ]', 0.25),
-        ('P=? [ F x=4 {x<4}{max} ]', 0.75),
-        ('P=? [ F x=4 {x<4}{min}{max} ]', (0, 0.75)),
+        ("P=? [ F x=4 {x=1} ]", 0.25),
+        ("P=? [ F x=4 {x<4}{max} ]", 0.75),
+        ("P=? [ F x=4 {x<4}{min}{max} ]", (0, 0.75)),
     ],
 )
 def test_values(name, formula, value):

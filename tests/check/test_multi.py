@@ -52,15 +52,15 @@ def test_achievability():
     assert ask("multi(P>=0.39 [ F s=1 ], P>=0.59 [ F s=2 ])") is True
     assert ask("multi(P>=0.5 [ F s=1 ], P>=0.55 [ F s=2 ])") is False
     assert ask("multi(P>=0.2 [ F s=1 ], P>=0.2 [ F s=2 ], P>=0.2 [ G F s=3 ])") is True
-    assert ask("multi(P<=0.1 [ F s=1 ], P>=0.9 [ F s=3 ], R{\"try\"}<=2 [ C ])") is True
-    assert ask("multi(P<=0.1 [ F s=1 ], P>=0.9 [ F s=3 ], R{\"try\"}<=1 [ C ])") is False
+    assert ask('multi(P<=0.1 [ F s=1 ], P>=0.9 [ F s=3 ], R{"try"}<=2 [ C ])') is True
+    assert ask('multi(P<=0.1 [ F s=1 ], P>=0.9 [ F s=3 ], R{"try"}<=1 [ C ])') is False
 
 
 def test_numerical():
     # With probability q = 5/6 action a is chosen (0.6 q = 0.5), the rest may go to s=3.
     assert ask("multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])") == pytest.approx(1 / 6, abs=1e-9)
     assert ask("multi(Pmin=? [ F s=1 ], P>=0.3 [ F s=2 ])") == pytest.approx(0.2, abs=1e-9)
-    assert ask("multi(R{\"try\"}min=? [ C ], P>=0.5 [ F s=3 ])") == pytest.approx(1, abs=1e-9)
+    assert ask('multi(R{"try"}min=? [ C ], P>=0.5 [ F s=3 ])') == pytest.approx(1, abs=1e-9)
     assert isnan(ask("multi(Pmax=? [ F s=3 ], P>=0.7 [ F s=2 ])"))
 
 
@@ -184,9 +184,6 @@ def test_pareto_curve_against_all_strategies(seed):
     bound = float(max(p[1] for p in points)) / 2
     best = check_text(engine, f"multi(Pmax=? [ F s={n} ], P>={bound!r} [ F s={n + 1} ])").value
     hull = max(
-        (p[0] if p[1] >= bound else q[0] + (p[0] - q[0]) * (bound - q[1]) / (p[1] - q[1]))
-        for p in points
-        for q in points
-        if q[1] >= bound
+        (p[0] if p[1] >= bound else q[0] + (p[0] - q[0]) * (bound - q[1]) / (p[1] - q[1])) for p in points for q in points if q[1] >= bound
     )
     assert best == pytest.approx(hull, abs=1e-6)

@@ -54,7 +54,7 @@ def test_fair_strategies(name):
     assert check_text(engine, 'Pmin=? [ F "goal" | "lost" ]').value == 0
     assert check_text(engine, 'Pmin=? [ F "goal" | "lost" ]', fairness=True).value == 1
     assert check_text(engine, 'P>=1 [ F "goal" | "lost" ]', fairness=True).value is True
-    assert check_text(engine, 'P>0 [ G s=0 ]', fairness=True).value is False
+    assert check_text(engine, "P>0 [ G s=0 ]", fairness=True).value is False
     assert check_text(engine, 'Pmax=? [ F "lost" ]', fairness=True).value == pytest.approx(0.6, rel=1e-6)
     assert check_text(engine, 'Pmin=? [ F "goal" ]', fairness=True).value == pytest.approx(0.4, rel=1e-6)
 

@@ -46,7 +46,7 @@ def test_storm_finds_the_same(kind, seed, tmp_path):
 
 
 def test_names_that_are_no_words_are_quoted(tmp_path):
-    text = 'dtmc module m x:[0..1]; [] true -> 0.5:(x\'=0)+0.5:(x\'=1); endmodule label "one" = x=1; rewards x=1 : 2; endrewards'
+    text = "dtmc module m x:[0..1]; [] true -> 0.5:(x'=0)+0.5:(x'=1); endmodule label \"one\" = x=1; rewards x=1 : 2; endrewards"
     symcheck.export(symcheck.loads(text), str(tmp_path / "m.drn"))
     loaded = stormpy.build_model_from_drn(str(tmp_path / "m.drn"))
     assert isclose(storm_value(loaded, 'R{"reward1"}=? [ C<=3 ]'), 2.0)

@@ -35,9 +35,7 @@ def test_the_model_is_in_the_file(kind, tmp_path):
     assert [p for _, p in branches] == pytest.approx(values.tolist())
     if kind == "ctmc":
         assert [float(r) for r in read.state_to_exit_rate] == pytest.approx(shot.row_sums.tolist())
-    assert {n: v["states"] for n, v in raw.annotations["aps"].items()} == {
-        n: m.tolist() for n, m in shot.labels.items() if n != "init"
-    }
+    assert {n: v["states"] for n, v in raw.annotations["aps"].items()} == {n: m.tolist() for n, m in shot.labels.items() if n != "init"}
     assert raw.annotations["rewards"]["r"]["states"] == shot.rewards[0].states.tolist()
     assert raw.annotations["rewards"]["r"]["choices"] == pytest.approx(shot.transition_rewards(shot.rewards[0]).tolist())
     names = [v.name for v in shot.variables]

@@ -72,8 +72,7 @@ class Automaton:
             rounds.append(taken)
         cycle = [edge for taken in rounds[seen[state] :] for edge in taken]
         return any(
-            not any(pair.avoid[e] for e in cycle) and all(any(visit[e] for e in cycle) for visit in pair.visits)
-            for pair in self.pairs
+            not any(pair.avoid[e] for e in cycle) and all(any(visit[e] for e in cycle) for visit in pair.visits) for pair in self.pairs
         )
 
     def spread(self, columns: Sequence[int], letters: int) -> Automaton:

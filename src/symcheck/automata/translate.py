@@ -67,9 +67,7 @@ def translate(formulas: Formulas, formula: Formula, letters: Sequence[int]) -> A
     states: list[int] = main.states  # type: ignore[assignment]
     number = {state: i for i, state in enumerate(states)}
     of, looping = strong_components(delta)
-    parts = [
-        _component(after, [states[q] for q in np.flatnonzero(of == c)]) if looping[c] else Component() for c in range(len(looping))
-    ]
+    parts = [_component(after, [states[q] for q in np.flatnonzero(of == c)]) if looping[c] else Component() for c in range(len(looping))]
     where = {state: int(of[number[state]]) for state in states}
     runner = _Runner(after, where, parts)
     whole = _explore(runner.entered(start), len(letters), lambda state: [runner.step(state, a) for a in letters])
@@ -155,9 +153,7 @@ def _assembled(whole: _Explored, parts: list[Component]) -> Automaton:
     pairs = []
     for i in range(max((len(p.alternatives) for p in parts), default=0)):
         chosen = [p.alternatives[i] if i < len(p.alternatives) else None for p in parts]
-        again = [
-            [r for r in sorted(a or ()) if isinstance(p.requirements[r], Again)] for p, a in zip(parts, chosen, strict=True)
-        ]
+        again = [[r for r in sorted(a or ()) if isinstance(p.requirements[r], Again)] for p, a in zip(parts, chosen, strict=True)]
         avoid = np.zeros(delta.shape, dtype=bool)
         visits = np.ones((max(map(len, again)), *delta.shape), dtype=bool)
         for q, (marks, alternative) in enumerate(zip(whole.marks, chosen, strict=True)):

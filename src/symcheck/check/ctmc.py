@@ -156,4 +156,3 @@ def _note_width(context: Context, system: System, lower: Floats, upper: Floats, 
         width = width[system.restrict(context.matter) > 0]
     if len(width) and width.max() > context.options.epsilon * (1 + 1e-9):
         context.notes.warn(f"the bounds are {width.max():.1E} apart, further than asked for: {explanation}")
-

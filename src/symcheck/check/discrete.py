@@ -50,9 +50,7 @@ def next_probability(context: Context, target: StateSet, window: Window, directi
     return rest.choose(~(sure | never), engine.indicator(sure))
 
 
-def bounded_until(
-    context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None, until: Until
-) -> Values:
+def bounded_until(context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None, until: Until) -> Values:
     """Probability of left U[a,b] right: b - a steps towards `right`, then a steps within `left`.
 
     Without an upper bound the first part is `until`.
@@ -143,9 +141,7 @@ def _repeat(context: Context, system: System, x: Floats, steps: int, direction: 
     return _lift(context, system, x, x, [], taken)
 
 
-def _lift(
-    context: Context, system: System, low: Floats, high: Floats, rest: list[tuple[StateSet, float]], steps: int
-) -> Values:
+def _lift(context: Context, system: System, low: Floats, high: Floats, rest: list[tuple[StateSet, float]], steps: int) -> Values:
     """Values with the rounding of so many steps taken into account."""
     entries = context.engine.transitions / max(1, context.engine.choices)
     rounding = steps * 2 * (entries + 2) * _UNIT

@@ -89,7 +89,5 @@ def _component_average(context: Context, system: System, reward: Floats) -> tupl
     started = perf_counter()
     found = long_run_average(system.matrix, reward, context.options, context.observer)
     seconds = perf_counter() - started
-    context.notes.runs.append(
-        Run("steady", "long-run average", system.n, found.iterations, seconds, found.explanation, found.certified)
-    )
+    context.notes.runs.append(Run("steady", "long-run average", system.n, found.iterations, seconds, found.explanation, found.certified))
     return found.lower, found.upper

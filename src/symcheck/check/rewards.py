@@ -55,9 +55,7 @@ def reward_values(context: Context, formula: RewardOperator, structure: int, sta
             return _until_shown(context, structure, query, states_of, direction)
 
 
-def _until_shown(
-    context: Context, structure: int, path: PathFormula, states_of: StatesOf, direction: str | None
-) -> Values:
+def _until_shown(context: Context, structure: int, path: PathFormula, states_of: StatesOf, direction: str | None) -> Values:
     """The expected reward until a run shows that it satisfies a path formula."""
     from symcheck.check.ltl import co_safe_reward
 

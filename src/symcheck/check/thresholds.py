@@ -74,9 +74,7 @@ def _by_rationals(context: Context, formula: Expression) -> StateSet | SymcheckE
         return error
 
 
-def _undecided(
-    context: Context, operator: str, threshold: Fraction | float, states: StateSet, reason: SymcheckError
-) -> NumericalError:
+def _undecided(context: Context, operator: str, threshold: Fraction | float, states: StateSet, reason: SymcheckError) -> NumericalError:
     engine = context.engine
     names = [v.name for v in engine.model.variables]
     example = next(iter(engine.valuations(engine.first(states))))

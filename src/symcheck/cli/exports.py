@@ -63,9 +63,7 @@ def targets(a: argparse.Namespace) -> list:  # type: ignore[type-arg]
 
     from symcheck.exchange.targets import ExportOptions, Target, parse_target
 
-    options = ExportOptions(
-        precision=a.exportprecision, headers=not a.noexportheaders, rows=a.exportrows, proplabels=a.exportproplabels
-    )
+    options = ExportOptions(precision=a.exportprecision, headers=not a.noexportheaders, rows=a.exportrows, proplabels=a.exportproplabels)
     found = [t for text in a.exportmodel for t in parse_target(text, a.model or a.importmodel or a.importtrans, options)]
     for switch, kind in _SINGLE.items():
         path = getattr(a, switch)

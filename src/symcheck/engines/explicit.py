@@ -248,9 +248,7 @@ class ExplicitSystem:
         array = values.members if isinstance(values, ArraySet) else values.lower
         return array[self.chosen].astype(np.float64)
 
-    def lift(
-        self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[ArraySet, float]] = (), exact: bool = False
-    ) -> ArrayValues:
+    def lift(self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[ArraySet, float]] = (), exact: bool = False) -> ArrayValues:
         """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
         low = self._spread(lower, rest)
         high = low if upper is None or upper is lower else self._spread(upper, rest)

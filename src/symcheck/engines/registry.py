@@ -99,6 +99,7 @@ BUILDERS: Mapping[str, Builder] = {
     "mtbdd": _mtbdd,
 }
 
+
 def build(model: BoundModel, options: BuildOptions, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 

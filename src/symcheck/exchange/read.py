@@ -169,9 +169,7 @@ def _unique(file: Fields, order: Int64s, *keys: Int64s) -> None:
         file.fault(max(int(order[i]), int(order[i + 1])) + 1, "this transition is in the file already", "repeated")
 
 
-def _check_sums(
-    file: Fields, sums: Floats, source: Int64s, text: str, states: Int64s | None = None, places: Int64s | None = None
-) -> None:
+def _check_sums(file: Fields, sums: Floats, source: Int64s, text: str, states: Int64s | None = None, places: Int64s | None = None) -> None:
     """Sums of probabilities, per state (then `source` tells where its lines are) or per row (then `places` does)."""
     wrong = np.flatnonzero((np.abs(sums - 1) > SUM_TOLERANCE) & ((sums != 0) | (places is not None)))
     for i in wrong[:1].tolist():

@@ -114,9 +114,7 @@ def _texts(model: Snapshot, target: Target) -> Iterator[tuple[str, Iterable[str]
             yield from _each(
                 model,
                 target.path,
-                lambda i: prism.transition_rewards_file(
-                    model, model.rewards[i], precision=o.precision, headers=o.headers, rows=o.rows
-                ),
+                lambda i: prism.transition_rewards_file(model, model.rewards[i], precision=o.precision, headers=o.headers, rows=o.rows),
             )
         case _:
             raise UsageError(f"there is no format '.{target.kind}'")

@@ -40,9 +40,7 @@ def parse_model(text: str, name: str = "<model>") -> Program:
 def parse_properties(text: str, name: str = "<properties>") -> PropertiesFile:
     """The properties, constants, labels and formulas of a properties text. Raises SyntaxFault."""
     source = Source(name, text)
-    return cast(
-        PropertiesFile, _parse("properties", "properties", source, PropertiesBuilder(source), _PROPERTY_PARTS, _PROPERTY_OPENERS)
-    )
+    return cast(PropertiesFile, _parse("properties", "properties", source, PropertiesBuilder(source), _PROPERTY_PARTS, _PROPERTY_OPENERS))
 
 
 def parse_expression(text: str, name: str = "<expression>") -> Expression:

@@ -14,8 +14,21 @@ __all__ = ["pretty", "pretty_number"]
 # How tightly an operator binds; its operands must bind as tightly or more.
 _PATH, _TEMPORAL, _CONDITIONAL, _NOT, _SIGN, _POWER, _ATOM = 0, 1, 2, 7, 12, 13, 14
 _BINARY = {
-    "=>": 3, "<=>": 4, "|": 5, "&": 6, "=": 8, "!=": 8,
-    "<": 9, "<=": 9, ">": 9, ">=": 9, "+": 10, "-": 10, "*": 11, "/": 11, "^": 13,
+    "=>": 3,
+    "<=>": 4,
+    "|": 5,
+    "&": 6,
+    "=": 8,
+    "!=": 8,
+    "<": 9,
+    "<=": 9,
+    ">": 9,
+    ">=": 9,
+    "+": 10,
+    "-": 10,
+    "*": 11,
+    "/": 11,
+    "^": 13,
 }
 
 Printable = Tree | ast.Program | ast.PropertiesFile | ast.Property | ast.Composition
