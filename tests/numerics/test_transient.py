@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from symcheck.errors import NumericalError
+from symcheck.numerics import transient
 from symcheck.numerics.matrix import Floats, SparseMatrix
 from symcheck.numerics.poisson import poisson
 from symcheck.numerics.settings import Accuracy
@@ -139,3 +140,42 @@ def test_products_are_enough() -> None:
 def test_negative_rewards_are_refused() -> None:
     with pytest.raises(NumericalError, match="non-negative"):
         transient_values(sparse_of(np.zeros((1, 1))), np.ones(1), 1.0, Accuracy(), terminal=-np.ones(1))
+
+
+def queue(n: int, arrive: float, serve: float) -> tuple[SparseMatrix, Floats, Floats]:
+    """A queue that must never overflow: rates, exit rates, and the rate of overflowing."""
+    rates = np.zeros((n, n))
+    rates[np.arange(n - 1), np.arange(1, n)] = arrive
+    rates[np.arange(1, n), np.arange(n - 1)] = serve
+    overflow = np.zeros(n)
+    overflow[-1] = arrive
+    return sparse_of(rates), rates.sum(1) + overflow, overflow
+
+
+@pytest.mark.parametrize("interest", [[0], [0, 3]])
+def test_cutting_states_off_keeps_rare_events_right(monkeypatch: pytest.MonkeyPatch, interest: list[int]) -> None:
+    """Two queues, of which one is fast and never overflows in effect: most of its states do not matter, by 1e-60 or so."""
+    slow, leave, overflow = queue(40, 1.0, 4.0)
+    m = 30
+    fast = np.zeros((m, m))
+    fast[np.arange(m - 1), np.arange(1, m)] = 1.0
+    fast[np.arange(1, m), np.arange(m - 1)] = 200.0
+    dense = np.zeros((40, 40))
+    dense[np.repeat(np.arange(40), np.diff(slow.indptr)), slow.indices] = slow.data
+    both = sparse_of(np.kron(dense, np.eye(m)) + np.kron(np.eye(40), fast))
+    exits = np.repeat(leave, m) + np.tile(fast.sum(1), 40)
+    gain = np.repeat(overflow, m)
+    starts = np.array(interest) * m
+    alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-9), gain=overflow)
+    whole = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
+    monkeypatch.setattr(transient, "BUDGET", 1.0)
+    cut = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
+    assert cut.statistics["kept"] < 0.5 * len(exits)
+    for s, t in zip(interest, starts.tolist(), strict=True):
+        for found in (whole, cut):
+            assert found.lower[t] <= alone.upper[s]
+            assert found.upper[t] >= alone.lower[s]
+            assert found.upper[t] - found.lower[t] <= 1e-6 * found.upper[t]
+    assert alone.upper[0] < 1e-19
+    assert np.all(cut.lower <= whole.upper)
+    assert np.all(cut.upper >= whole.lower)

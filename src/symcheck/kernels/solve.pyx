@@ -422,7 +422,8 @@ cdef class Block:
                     if not relative:
                         high[i] = high[i] + 0.25 * goal
                 verdict = 0
-                for tries in range(30):
+                # The slack of the guess comes from where something is gained, and takes sweeps to spread as values did.
+                for tries in range(30 + sweeps // 2):
                     verdict = self.high_sweep(high)
                     sweeps += 1
                     if verdict != 0:

@@ -1,5 +1,5 @@
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
 
 def steps(
-    indptr: Int64s, indices: Int32s, data: Floats, diagonal: Floats, y: Floats, z: Floats, total: Floats, weights: Floats
+    indptr: Int64s, indices: Int32s, data: Floats, diagonal: Floats, y: Floats, z: Floats, total: Floats, weights: Floats, floor: float
 ) -> tuple[bool, float, float, float]: ...

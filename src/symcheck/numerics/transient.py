@@ -11,6 +11,7 @@ quasi-stationary decay or growth (a = b = another number), and what remains of t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -23,11 +24,15 @@ from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.poisson import poisson
 from symcheck.numerics.problem import Observer, Operator, Step
 from symcheck.numerics.settings import Settings
+from symcheck.numerics.truncate import truncate
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
 
 ROUND = 2.0**-53
 LOOK = 50  # steps between two looks at the stopping test
+BUDGET = 1e10  # entries to go over before states are cut off that do not matter (a tenth of it if the whole is hopeless)
+HOPELESS = 1e12  # entries to go over in all
+HASTE = (20.0, 5.0)  # of the rounds of cutting off
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +66,16 @@ class _Chain:
     operator: Operator | None
     longest: int
 
-    def advance(self, y: Floats, z: Floats, total: Floats, weights: Floats) -> tuple[Floats, Floats, float, float, float]:
+    @property
+    def entries(self) -> int:
+        """Of the matrix (0 where it is not known)."""
+        return 0 if self.matrix is None else self.matrix.entries + self.matrix.rows
+
+    def advance(self, y: Floats, z: Floats, total: Floats, weights: Floats, floor: float) -> tuple[Floats, Floats, float, float, float]:
         """Accumulate and step once per weight; the new y, the other buffer, ratio bounds and the greatest entry."""
         if self.matrix is not None:
             m = self.matrix
-            even, low, high, most = uniform.steps(m.indptr, m.indices, m.data, self.diagonal, y, z, total, weights)
+            even, low, high, most = uniform.steps(m.indptr, m.indices, m.data, self.diagonal, y, z, total, weights, floor)
             return (y, z, low, high, most) if even else (z, y, low, high, most)
         assert self.operator is not None
         before = y
@@ -74,9 +84,37 @@ class _Chain:
                 total += w * y
             before, y = y, self.operator.multiply(y) / self.q + self.diagonal * y
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = y / before
-        ratio = ratio[(y > 0.0) | (before > 0.0)]
-        return y, before, float(ratio.min(initial=np.inf)), float(ratio.max(initial=0.0)), float(y.max(initial=0.0))
+            least = ((y - floor) / before)[before > floor]
+            greatest = ((y + floor) / (before + floor))[(y > 0.0) | (before > 0.0)]
+        return y, before, float(least.min(initial=np.inf)), float(greatest.max(initial=0.0)), float(y.max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Visits:
+    """Bounds on the time spent in each state from a state of interest, up to the horizon: what differs from a level matters so much.
+
+    If y = c + above - below then what remains, sum over j of weight_j P^j y with weights that fall from at most 1, lies between
+    c * rest * (1 - q time·leak) - q time·below and c * rest + q time·above at that state, where leak is what P loses per step.
+    """
+
+    time: Floats
+    leak: float
+    patience: int = 1000
+
+    @staticmethod
+    def of(chain: _Chain, time: Floats) -> _Visits:
+        """For a chain with few losses on the way."""
+        assert chain.matrix is not None
+        stays = sparse.row_sums(chain.matrix.indptr, chain.matrix.data) + chain.diagonal
+        return _Visits(time, chain.q * float(time @ np.maximum(1.0 - stays, 0.0)) * (1.0 + 1e-9) + len(time) * ROUND)
+
+    def level(self, y: Floats, interest: Int64s, q: float, rest: float) -> tuple[Floats, Floats]:
+        """Bounds on what remains, at each state of interest."""
+        lower, upper = [], []
+        for c in y[interest]:
+            lower.append(max(0.0, c * rest * (1.0 - self.leak) - q * float(self.time @ np.maximum(c - y, 0.0)) * (1 + 1e-9)))
+            upper.append(c * rest + q * float(self.time @ np.maximum(y - c, 0.0)) * (1 + 1e-9))
+        return np.array(lower), np.array(upper)
 
 
 def _uniformise(rates: SparseMatrix | Operator, exit_rates: Floats, transposed: bool = False) -> _Chain:
@@ -117,9 +155,20 @@ def transient_values(
             continue
         if start.min() < 0.0:
             raise NumericalError("transient values need non-negative rewards: treat gains and losses apart")
-        part = _sum(chain, start / chain.q if source else start, time, source, settings, interest, observer)
+        alone = source and interest is not None and isinstance(rates, SparseMatrix)
+        y = start / chain.q if source else start
+        part = _sum(chain, y, time, source, settings, interest, observer, budget=_budget(chain, time) if alone else math.inf)
+        if part is None and interest is not None and isinstance(rates, SparseMatrix):
+            part = _truncated(rates, exit_rates, time, settings, start, interest, observer)
+        if part is None:
+            part = _sum(chain, y, time, source, settings, interest, observer)
+        assert part is not None
         found = part if found is None else found.plus(part)
     return found or Transient(np.zeros(n), np.zeros(n), 0, "nothing to gain: 0")
+
+
+def _budget(chain: _Chain, time: float) -> float:
+    return BUDGET * (0.1 if chain.q * time * chain.entries > HOPELESS else 1.0)
 
 
 def transient_distribution(
@@ -128,6 +177,7 @@ def transient_distribution(
     """Bounds on the probability of each state at `time`, from the distribution `initial` (float64[n])."""
     chain = _uniformise(rates, exit_rates, transposed=True)
     found = _sum(chain, initial, time, False, settings, None, observer, mass=True)
+    assert found is not None
     found.upper[:] = np.minimum(found.upper, 1.0)
     return found
 
@@ -141,11 +191,13 @@ def _sum(
     interest: Int64s | None,
     observer: Observer | None,
     mass: bool = False,
-) -> Transient:
+    budget: float = math.inf,
+    visits: _Visits | None = None,
+) -> Transient | None:
     """Sum of weight_k * P^k start over the Poisson window, or less where a proof ends it early.
 
     source: weights P(N > k), else P(N = k). mass: start is a distribution (its sum does not grow), else a value (its greatest
-    entry does not grow).
+    entry does not grow). None where it takes more than `budget` entries to go over. visits: see there.
     """
     window = poisson(chain.q * time)
     weights = window.tails() if source else window.masses()
@@ -154,7 +206,10 @@ def _sum(
     k, look = 0, min(LOOK, len(weights))
     slip = (chain.longest + 6) * ROUND
     while True:
-        y, z, low, high, most = chain.advance(y, z, total, weights.part(k, k + look))
+        # Entries that have become negligible where it matters must not hide that the others have settled.
+        floor = 0.0 if mass or k == 0 else 1e-3 * settings.epsilon * float(pick(y).min(initial=np.inf)) / len(weights)
+        floor = floor if np.isfinite(floor) else 0.0
+        y, z, low, high, most = chain.advance(y, z, total, weights.part(k, k + look), floor)
         k += look
         error = (k + 4) * slip + 1e-10
         below = total * (1.0 - error)
@@ -168,11 +223,51 @@ def _sum(
         if low <= high < np.inf and _promising(low, high, ahead, pick(total), pick(y), settings):
             least = weights.powers(k, low * (1.0 - slip))
             greatest = weights.powers(k, high * (1.0 + slip)) + 2.0 * window.missing
-            shortcut = below + least * y * (1.0 - error), total * (1.0 + error) + greatest * y * (1.0 + error)
+            kept = np.where(y > floor / (1.0 - slip), y, 0.0)
+            shortcut = below + least * kept * (1.0 - error), total * (1.0 + error) + greatest * (y + 2.0 * floor) * (1.0 + error)
             # Ratios that differ by rounding only will not come nearer.
             if high - low <= 2.0 * slip or _near(pick(shortcut[0]), pick(shortcut[1]), settings):
                 return _result(*shortcut, k, len(weights), f", then a steady ratio of {0.5 * (low + high):.12g} per step")
+        if visits is not None and interest is not None and k >= visits.patience:
+            known = visits.level(y, interest, chain.q, weights.rest(k))
+            shortcut = below.copy(), above.copy()
+            shortcut[0][interest] = np.maximum(below[interest], below[interest] + known[0] * (1.0 - error))
+            shortcut[1][interest] = total[interest] * (1.0 + error) + known[1] * (1.0 + error) + window.missing * most
+            if _near(pick(shortcut[0]), pick(shortcut[1]), settings):
+                return _result(*shortcut, k, len(weights), ", then a level rate")
+        if k * chain.entries > budget:
+            return None
         look = min(max(LOOK, k // 20), len(weights) - k)
+
+
+def _truncated(
+    rates: SparseMatrix, exit_rates: Floats, time: float, settings: Settings, gain: Floats, interest: Int64s, observer: Observer | None
+) -> Transient | None:
+    """As `transient_values` for a gain, on the states that matter to those of interest; trivial bounds for all others."""
+    kept, loss, matrix = np.arange(rates.states, dtype=np.int64), 0.0, rates
+    for haste in HASTE:
+        place = np.full(rates.states, -1, dtype=np.int32)
+        place[kept] = np.arange(len(kept))
+        at = place[interest].astype(np.int64)
+        cut = truncate(matrix, exit_rates[kept], time, gain[kept], at, 0.1 * settings.epsilon, haste)
+        if cut is None:
+            return None
+        kept, loss = kept[cut.kept], loss + cut.loss
+        place[:] = -1
+        place[kept] = np.arange(len(kept))
+        matrix = SparseMatrix(*sparse.select(rates.indptr, rates.indices, rates.data, kept, place), len(kept))
+    if len(kept) > 0.5 * rates.states:
+        return None
+    at = place[interest].astype(np.int64)
+    chain = _uniformise(matrix, exit_rates[kept])
+    assert cut is not None
+    found = _sum(chain, gain[kept] / chain.q, time, True, settings, at, observer, visits=_Visits.of(chain, cut.visits))
+    assert found is not None
+    lower, upper = np.zeros(rates.states), np.full(rates.states, time * float(gain.max()) * (1.0 + 1e-9))
+    lower[interest] = found.lower[at]
+    upper[interest] = found.upper[at] + loss
+    note = f"{len(kept)} of {rates.states} states matter: {found.explanation}"
+    return Transient(lower, upper, found.iterations, note, found.statistics | {"kept": len(kept), "loss": loss})
 
 
 def _promising(low: float, high: float, ahead: float, total: Floats, y: Floats, settings: Settings) -> bool:
