@@ -219,3 +219,12 @@ def test_closed_pipe() -> None:
     assert process.wait(60) in (0, 1)
     assert process.stderr.read() == ""
     process.stderr.close()
+
+
+def test_stages_are_shown_in_a_line() -> None:
+    import symcheck
+
+    model = symcheck.load(DIE)
+    stages = (model, model.program, symcheck.parse_properties_file(DIE_PCTL), model.bound, model.engine, model.check("P=? [ F d=6 ]"))
+    assert [repr(stage) for stage in stages if len(repr(stage)) > 200] == []
+    assert "module" in repr(model.program)

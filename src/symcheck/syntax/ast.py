@@ -516,6 +516,11 @@ class Program(Node):
     initial: Expression | None = None
     system: Composition | None = None
 
+    def __repr__(self) -> str:
+        """A line: the nodes fill pages (`symcheck.pretty` gives the text)."""
+        kind = self.type.value if self.type is not None else "no type"
+        return f"<Program: {kind}, {_counted(constants=self.constants, modules=self.modules, labels=self.labels, rewards=self.rewards)}>"
+
 
 @dataclass(frozen=True, slots=True)
 class Property(Node):
@@ -534,3 +539,17 @@ class PropertiesFile(Node):
     formulas: tuple[Formula, ...] = ()
     labels: tuple[Label, ...] = ()
     properties: tuple[Property, ...] = ()
+
+    def __repr__(self) -> str:
+        """A line: the nodes fill pages (`symcheck.pretty` gives the text)."""
+        return f"<PropertiesFile: {_counted(constants=self.constants, labels=self.labels, properties=self.properties)}>"
+
+
+def _counted(**parts: tuple[Node, ...]) -> str:
+    """How many there are of each, and their names: `constants N p (2), modules m (1)`."""
+    found = []
+    for kind, nodes in parts.items():
+        names = [name for name in (getattr(n, "name", None) for n in nodes) if name]
+        shown = " ".join([*names[:4], *(["…"] if len(names) > 4 else [])])
+        found.append(f"{kind} {shown} ({len(nodes)})" if shown else f"{len(nodes)} {kind}")
+    return ", ".join(found)
