@@ -7,7 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from engines.twins import ENGINES, MODELS, Pair, explicit, pairs, symbolic
+from engines.twins import ENGINES, MODELS, Pair, explicit, fresh, pairs, pairs_of, symbolic
 from symcheck.check.options import Options
 from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.sparse import SparseEngine
@@ -66,10 +66,12 @@ def test_set_operations(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_graph_questions(name: str) -> None:
-    a, b = explicit(name), symbolic(name, SparseEngine)
+@pytest.mark.parametrize("patience", [-1.0, 1000.0])
+def test_graph_questions(name: str, patience: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("symcheck.engines.symbolic_graph.PATIENCE", patience)  # so on rows, or so on diagrams
+    a, b = explicit(name), fresh(name, SparseEngine)
     directions = ("min", "max") if name == "mdp" else (None,)
-    for p, q in zip(pairs(name, 12), list(pairs(name, 14))[2:], strict=True):
+    for p, q in zip(pairs_of(b, 12), list(pairs_of(b, 14))[2:], strict=True):
         assert same(b, b.graph.predecessors(p.diagram), a.graph.predecessors(p.array))
         assert same(b, b.graph.all_successors_in(p.diagram), a.graph.all_successors_in(p.array))
         assert same(b, b.graph.exists_until(p.diagram, q.diagram), a.graph.exists_until(p.array, q.array))
@@ -77,6 +79,7 @@ def test_graph_questions(name: str) -> None:
         for direction in directions:
             assert same(b, b.graph.prob0(p.diagram, q.diagram, direction), a.graph.prob0(p.array, q.array, direction))
             assert same(b, b.graph.prob1(p.diagram, q.diagram, direction), a.graph.prob1(p.array, q.array, direction))
+    assert ("_rows" in vars(b.graph)) == (patience < 0)
 
 
 @pytest.mark.parametrize("name", ["dtmc", "ctmc"])

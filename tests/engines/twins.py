@@ -85,9 +85,13 @@ def explicit(name: str) -> ExplicitEngine:
     return ExplicitEngine(explore(bind(parse_model(MODELS[name])), Options()))
 
 
+def fresh(name: str, kind: type[SymbolicEngine]) -> SymbolicEngine:
+    return kind.of(construct(bind(parse_model(MODELS[name])), Options()))
+
+
 @cache
 def symbolic(name: str, kind: type[SymbolicEngine]) -> SymbolicEngine:
-    return kind.of(construct(bind(parse_model(MODELS[name])), Options()))
+    return fresh(name, kind)
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,10 @@ class Pair:
 
 
 def pairs(name: str, count: int, kind: type[SymbolicEngine] = SparseEngine) -> Iterator[Pair]:
-    engine = symbolic(name, kind)
+    yield from pairs_of(symbolic(name, kind), count)
+
+
+def pairs_of(engine: SymbolicEngine, count: int) -> Iterator[Pair]:
     rng = np.random.default_rng(7)
     for share in np.resize([0.1, 0.5, 0.8], count):
         members = rng.random(engine.states) < share
