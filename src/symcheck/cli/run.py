@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
@@ -93,7 +93,7 @@ def run(job: Job) -> int:
     program = parse_model_file(a.model) if job.imported is None else job.imported.model.program
     files = [*([parse_properties_file(a.properties)] if a.properties else []), *(parse_properties(t, "-pf") for t in a.pf)]
     file = _joined(files)
-    _known(program, file, given)
+    _warn_unknown(job, program, file, given)
     chosen = _chosen(file, a.prop)
     of_model = {n: v for n, v in given.items() if any(c.name == n for c in program.constants)}
     try:
@@ -122,11 +122,11 @@ def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
     return PropertiesFile(*(all_of(part) for part in ("constants", "formulas", "labels", "properties")))
 
 
-def _known(program: Program, file: PropertiesFile, given: Mapping[str, Sequence[str]]) -> None:
-    """Complain about values for constants that do not exist: as often as not a name is misspelt. Raises NameFault."""
-    unknown = split_constants(program, file, dict.fromkeys(given, "0")).warnings
-    if unknown:
-        raise NameFault(*(replace(d, severity="error", message=f"-const: {d.message}") for d in unknown))
+def _warn_unknown(job: Job, program: Program, file: PropertiesFile, given: Mapping[str, Sequence[str]]) -> None:
+    """Warn of values for constants that do not exist. No error: scripts give one list to many models."""
+    for diagnostic in split_constants(program, file, dict.fromkeys(given, "0")).warnings:
+        hint = f" ({diagnostic.hint})" if diagnostic.hint else ""
+        job.report.warn(f"-const: {diagnostic.message}{hint}")
 
 
 def _chosen(file: PropertiesFile, which: str | None) -> list[int]:
