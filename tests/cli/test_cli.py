@@ -97,7 +97,7 @@ def test_wrong_command_lines(words: list[str], status: int, message: str, capsys
 
 def test_a_value_for_no_constant_is_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
     """Benchmark scripts give one list of constants to many models."""
-    assert main([CROWDS, "-const", "TotalRuns=1,CrowdSize=3,CrowdSise=4"]) == 0
+    assert main([CROWDS, "-pf", "P=? [ F phase=2 ]", "-const", "TotalRuns=1,CrowdSize=3,CrowdSise=4"]) == 0
     out = capsys.readouterr().out
     assert "no such constant" in out
     assert "did you mean CrowdSize?" in out

@@ -96,9 +96,10 @@ def run(job: Job) -> int:
     _warn_unknown(job, program, file, given)
     chosen = _chosen(file, a.prop)
     of_model = {n: v for n, v in given.items() if any(c.name == n for c in program.constants)}
+    of_file = {n: v for n, v in given.items() if n not in of_model and any(c.name == n for c in file.constants)}
     try:
         for constants in combinations(of_model):
-            _instance(job, program, file, chosen, constants, {n: v for n, v in given.items() if n not in of_model})
+            _instance(job, program, file, chosen, constants, of_file)
     except _Stop:
         pass
     job.report.end()
