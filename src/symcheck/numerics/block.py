@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from symcheck.kernels import sparse
+from symcheck.kernels.checks import certify
 from symcheck.kernels.eliminate import Elimination
-from symcheck.kernels.solve import Block, System, certify
+from symcheck.kernels.solve import Block, System
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Solution

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
+from symcheck.kernels import choices, sparse
 from symcheck.kernels import graph as kernel
-from symcheck.kernels import sparse
 from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
 
 __all__ = [
@@ -175,7 +175,7 @@ def prob0e(source: Source, left: Bools, right: Bools) -> Bools:
     graph = _incidence(source)
     if graph.matrix.groups is None:
         return prob0a(graph, left, right)
-    sure = kernel.attractor(graph.pre, graph.rows_in, graph.owner, graph.groups, _mask(right), _mask(left))
+    sure = choices.attractor(graph.pre, graph.rows_in, graph.owner, graph.groups, _mask(right), _mask(left))
     return ~sure.view(np.bool_)
 
 
@@ -196,7 +196,7 @@ def prob1e_strategy(source: Source, left: Bools, right: Bools) -> tuple[Bools, I
     """`prob1e`, and a row per state that stays within the set and moves nearer to `right` (-1 at `right` and outside)."""
     graph = _incidence(source)
     matrix = graph.matrix
-    alive, rows = kernel.almost_sure(
+    alive, rows = choices.almost_sure(
         matrix.indptr, matrix.indices, graph.groups, graph.pre, graph.rows_in, graph.owner_of_rows, _mask(right), _mask(left)
     )
     return alive.view(np.bool_), rows
@@ -210,7 +210,7 @@ def maximal_end_components(source: Source, within: Bools, rows: Bools | None = N
     graph = _incidence(source)
     matrix = graph.matrix
     usable = None if rows is None else _mask(rows)
-    of, enabled, count = kernel.end_components(
+    of, enabled, count = choices.end_components(
         matrix.indptr, matrix.indices, graph.groups, graph.pre, graph.rows_in, graph.owner_of_rows, _mask(within), usable
     )
     return EndComponents(of, enabled.view(np.bool_), count)

@@ -27,7 +27,9 @@ __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution
 OPERATIONS = 3_000_000_000
 SIZE = 10  # of a Krylov space
 SWEEPS = 3  # Gauss-Seidel sweeps, to and fro, in a preconditioner
-ALWAYS = 2_000  # states for which elimination is tried before anything else
+ALWAYS = 2_000  # states for which elimination is tried at length before anything else
+QUICK = 50  # operations per entry for which it is tried in any case
+SPARSE = 250_000  # states beyond which it is not tried at length
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +67,22 @@ def stationary_distribution(rates: SparseMatrix, settings: Settings, observer: O
     if n == 1:
         one = np.ones(1)
         return Stationary(one, one, True, "one state")
-    factors = Elimination(rates.indptr, rates.indices, rates.data, np.zeros(n), OPERATIONS)
-    if factors.complete:
-        pi = factors.stationary()
-        error = factors.error + (n + 4) * 2.0**-53
-        return Stationary(pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0), True, f"{n} states: elimination")
+    known = _eliminated(rates, OPERATIONS)
+    if known is not None:
+        return known
     pi, count = _estimate(rates, settings, observer)
     return Stationary(pi, pi, False, f"{n} states: Gauss-Seidel, {count} sweeps; an estimate")
+
+
+def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
+    """By elimination, or None where that needs more than `limit` operations."""
+    n = rates.states
+    factors = Elimination(rates.indptr, rates.indices, rates.data, np.zeros(n), limit)
+    if not factors.complete:
+        return None
+    pi = factors.stationary()
+    error = factors.error + (n + 4) * 2.0**-53
+    return Stationary(pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0), True, f"{n} states: elimination")
 
 
 def _estimate(rates: SparseMatrix, settings: Settings, observer: Observer | None) -> tuple[Floats, int]:
@@ -97,12 +108,17 @@ def long_run_average(rates: SparseMatrix, rewards: Floats, settings: Settings, o
     For rewards of transitions, give their rate-(probability-)weighted sum per state. The bounds are certified.
     """
     n = rates.states
-    if n <= ALWAYS:
-        known = stationary_distribution(rates, settings, observer)
-        if known.certified:
-            return _weighted(known, rewards)
+    limit = OPERATIONS if n <= ALWAYS else QUICK * rates.entries if n <= SPARSE else 0
+    known = _eliminated(rates, limit) if limit else None
+    if known is not None:
+        return _weighted(known, rewards)
     leave = stationary.outflow(rates.indptr, rates.indices, rates.data)
-    return _poisson_equation(rates, leave, rewards, settings, observer)
+    found = _poisson_equation(rates, leave, rewards, settings, observer)
+    if not _near((found.lower, found.upper), settings) and n <= SPARSE:
+        known = _eliminated(rates, OPERATIONS)
+        if known is not None:
+            return _weighted(known, rewards)
+    return found
 
 
 def _weighted(known: Stationary, rewards: Floats) -> Average:

@@ -32,7 +32,7 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     upper: Floats | None = None
     tolerance, rate, before, count = settings.epsilon, 0.5, 0.0, 0
     while count < settings.max_iterations and upper is None and tolerance > 1e-17:
-        after = np.maximum(lower, stepper.below(lower))
+        after = stepper.raised(lower)
         change = widest(lower, after, settings.relative)
         count += 1
         rate = min(0.7 * rate + 0.3 * change / before, 1 - 1e-7) if before > 0.0 else rate
@@ -42,21 +42,24 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
         if change / (1.0 - rate) <= tolerance:
             tolerance *= 0.2
             guess = lower * (1.0 + 0.25 * settings.epsilon) + 2.0 * difference / (1.0 - rate)
-            upper, used = _verify(stepper, lower, guess if settings.relative else guess + 0.25 * settings.epsilon)
+            upper, used = _verify(stepper, lower, guess if settings.relative else guess + 0.25 * settings.epsilon, TRIES + count // 2)
             count += used
     return _finish(stepper, settings, lower, upper, count)
 
 
-def _verify(stepper: Stepper, lower: Floats, guess: Floats) -> tuple[Floats | None, int]:
-    """The guess, or a later iterate of it, if a step does not raise it anywhere; and the number of steps."""
-    for count in range(1, TRIES + 1):
+def _verify(stepper: Stepper, lower: Floats, guess: Floats, tries: int) -> tuple[Floats | None, int]:
+    """The guess, or a later iterate of it, if a step does not raise it anywhere; and the number of steps.
+
+    The slack of a guess comes from where something is gained, and takes as many steps to spread as the values did.
+    """
+    for count in range(1, tries + 1):
         after = stepper.above(guess)
         if np.all(after <= guess):
             return after, count
         if np.any(after < lower):
             return None, count
         guess = after
-    return None, TRIES
+    return None, tries
 
 
 def _finish(stepper: Stepper, settings: Settings, lower: Floats, upper: Floats | None, count: int) -> Solution:
@@ -66,8 +69,7 @@ def _finish(stepper: Stepper, settings: Settings, lower: Floats, upper: Floats |
         upper = np.ones(problem.n) if problem.probability else np.full(problem.n, np.inf)
     width = before = widest(lower, upper, settings.relative)
     while np.isfinite(width) and width > settings.epsilon and count < settings.max_iterations:
-        lower = np.maximum(lower, stepper.below(lower))
-        upper = np.minimum(upper, stepper.above(upper))
+        lower, upper = stepper.raised(lower), stepper.lowered(upper)
         width = widest(lower, upper, settings.relative)
         count += 1
         if count % 1000 == 0:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from symcheck.kernels.solve import sweep
+from symcheck.kernels.checks import sweep
 from symcheck.numerics.matrix import Floats
 from symcheck.numerics.methods.product import Stepper, widest
 from symcheck.numerics.problem import LinearProblem, Observer, Solution, Step

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from symcheck.kernels import sparse
-from symcheck.kernels.solve import Block, System, levels
+from symcheck.kernels.checks import levels
+from symcheck.kernels.solve import Block, System
 from symcheck.numerics import graph
 from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct
 from symcheck.numerics.collapse import collapse, unit
@@ -28,6 +29,7 @@ __all__ = ["solve"]
 SMALL = 64  # states without choices that are eliminated in a full matrix
 SPARSE = 250_000  # states beyond which elimination is not tried at length
 OPERATIONS = 4_000_000_000  # of a sparse elimination, before it is given up
+MANY = 5_000_000  # entries beyond which it is not tried at all
 SLICE = 32  # sweeps between looks at the rate
 CHEAP = 20_000_000  # entries that sweeps go over in some hundredths of a second
 
@@ -166,7 +168,9 @@ def _rewards(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, f
 
 def _eliminate(run: _Run, block: Block, goal: float, limit: int) -> bool:
     """Elimination, for blocks without choices, within a number of operations."""
-    answer = solve_direct(LocalSystem.of(block), limit) if block.mode == 0 else None
+    # The lists that elimination works on take several times the memory of the rows.
+    fits = block.mode == 0 and block.entries <= MANY
+    answer = solve_direct(LocalSystem.of(block), limit) if fits else None
     return answer is not None and _accept(run, block, goal, answer, "elimination")
 
 
