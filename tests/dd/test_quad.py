@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from symcheck.dd import quad
 from symcheck.dd.manager import DiagramManager, Mtbdd
 from symcheck.dd.odd import Odd
+from symcheck.kernels.blocks import Blocks
 
 K = 4
 N = 2**K
@@ -80,6 +81,60 @@ def test_choices_are_grouped_by_state(seed: int, slots: int) -> None:
             mine = [i for i, (state, _) in enumerate(owners) if state == s]
             if mine:
                 assert best[s] == pytest.approx(pick((expected @ x + b)[i] for i in mine))
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.sampled_from([1, 3, 32768]), st.booleans())
+def test_sweeps_keep_bounds_and_close_in(seed: int, slots: int, range_rows: int, forward: bool) -> None:
+    """x = opt(A x + b) with rows that sum to less than 1: bounds stay bounds, get tighter, and meet."""
+    diagrams, _, row, _, _, _ = build(seed, slots)
+    rng = np.random.default_rng(seed)
+    if forward:  # no cycles: one sweep is enough
+        diagrams = [d * row.manager.table(ROWS + COLUMNS, np.triu(np.ones((N, N)), 1).reshape(-1)) for d in diagrams]
+    present = [np.ones(row.count, bool)] + [rng.random(row.count) < 0.5 for _ in range(slots - 1)]
+    guards = [row.collapse(p) for p in present]
+    diagrams = [d.times_bdd(g) * (0.9 / N) for d, g in zip(diagrams, guards, strict=True)]
+    dag = quad.quad_dag(diagrams, row, row, COLUMNS)
+    layout = quad.RowLayout.of(present, row.count) if slots > 1 else None
+    matrix = quad.BlockMatrix(Blocks(dag, 5, range_rows=range_rows), layout)
+    full = to_dense(quad.flatten(dag, layout), row.count)
+    divisor = rng.random(len(full)) + 0.5 if seed % 2 else None
+    b = rng.random(len(full)) * 0.05
+    groups = layout.groups[:-1] if layout else np.arange(row.count)
+    direction = ("min", "max")[seed % 2] if layout else None
+    pick = np.maximum if direction == "max" else np.minimum
+
+    def step(x: np.ndarray) -> np.ndarray:
+        product = full @ x if divisor is None else full @ x / divisor
+        return pick.reduceat(product + b, groups) if len(groups) else x
+
+    truth = np.zeros(row.count)
+    for _ in range(3000):
+        truth = step(truth)
+    lower, upper = np.zeros(row.count), np.full(row.count, 10.0)
+    for sweep in range(400):
+        before = lower.copy(), upper.copy()
+        matrix.sweep(lower, b, direction, 1e-14, upper=False, divisor=divisor)
+        matrix.sweep(upper, b, direction, 1e-14, upper=True, divisor=divisor)
+        assert (lower >= before[0]).all()
+        assert (upper <= before[1]).all()
+        assert (lower <= truth * (1 + 1e-12)).all()
+        assert (upper >= truth * (1 - 1e-12)).all()
+        if forward and sweep == 0:
+            break
+    np.testing.assert_allclose(lower, truth, rtol=1e-11)
+    np.testing.assert_allclose(upper, truth, rtol=1e-11)
+
+
+def test_threads_do_not_change_a_digit() -> None:
+    diagrams, _, row, column, _, _ = build(5, 3)
+    dag = quad.quad_dag(diagrams, row, column, COLUMNS)
+    layout = quad.RowLayout.of([np.ones(row.count, bool)] * 3, row.count)
+    stamps = Blocks(dag, 5, range_rows=2)
+    x = np.random.default_rng(1).random(column.count)
+    one, many = (quad.BlockMatrix(stamps, layout, threads) for threads in (1, 3))
+    assert one.multiply(x).tobytes() == many.multiply(x).tobytes()
+    assert one.optimum(x, None, "max").tobytes() == many.optimum(x, None, "max").tobytes()
 
 
 def test_entries_outside_of_the_layout_are_refused() -> None:

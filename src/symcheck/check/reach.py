@@ -7,6 +7,7 @@ A CTMC is solved as its embedded DTMC: rates divided by the exit rate of their s
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -36,6 +37,11 @@ class Scaled:
     def multiply(self, x: Floats, /) -> Floats:
         """The product with a vector: a value per row."""
         return np.asarray(self.operator.multiply(x) / self.factor)
+
+    def __getattr__(self, name: str) -> Any:
+        """What else the operator has: the length of its longest row, and sweeps, which are told to divide too."""
+        found = getattr(self.operator, name)
+        return partial(found, divisor=self.factor) if name == "sweep" else found
 
 
 @dataclass(frozen=True)

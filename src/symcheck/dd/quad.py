@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from symcheck.dd.odd import Odd, levels_of
 from symcheck.errors import MemoryLimitError
 from symcheck.kernels.blocks import Blocks
+from symcheck.kernels.graph import components
 from symcheck.kernels.quad import Quad
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ Floats = NDArray[np.float64]
 
 BUDGET = 60_000
 """Runs in distinct blocks: about half a megabyte, so that they stay in a core's cache while places stream by."""
+
+ALONE, TOGETHER = 1000, 2
+"""How often a sweep repeats a range of rows at most: one that waits for no other, and one that takes turns with others."""
 
 THREADED = 2_000_000
 """Entries from which a product is worth a second thread (starting it takes some 50 µs)."""
@@ -227,6 +231,48 @@ class BlockMatrix:
         groups, present, greatest = self.layout.groups, self.layout.present, direction == "max"
         self._run(lambda first, last: self.stamps.optimum(x, add, groups, present, greatest, y, first, last))
         return y
+
+    @cached_property
+    def longest(self) -> int:
+        """Number of entries of the longest row."""
+        counts = np.zeros(self.stamps.rows, np.int32)
+        longest = 0
+        for slot in range(self.stamps.roots):
+            counts[:] = 0
+            self.stamps.count_rows(slot, counts)
+            longest = max(longest, int(counts.max(initial=0)))
+        return longest
+
+    def sweep(
+        self, x: Floats, constant: Floats, direction: str | None, slip: float, *, upper: bool, divisor: Floats | None = None
+    ) -> None:
+        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place, there and back through the rows.
+
+        x: float64[n], lower bounds, or upper bounds (`upper`). constant, divisor: per row, not negative. Values are moved
+        outwards by the relative `slip`, which must cover the rounding of a step.
+
+        Ranges of rows are taken in an order in which they use each other's new values. A range that no other waits for
+        is repeated until it stands still; those that use each other take turns, there and back.
+        """
+        groups, present = (None, None) if self.layout is None else (self.layout.groups, self.layout.present)
+        by = np.empty(0) if divisor is None else np.ascontiguousarray(divisor, np.float64)
+        for parts, turns in self._schedule:
+            self.stamps.sweep(x, constant, by, groups, present, direction == "max", upper, slip, parts, turns)
+
+    @cached_property
+    def _schedule(self) -> list[tuple[NDArray[np.int32], int]]:
+        """Groups of row ranges that use each other, users last, and how often a range is repeated in a sweep."""
+        uses = self.stamps.uses()
+        indptr = np.concatenate(([0], np.cumsum(uses.sum(axis=1)))).astype(np.int64)
+        numbers, order, start = components(indptr, np.nonzero(uses)[1].astype(np.int32))
+        schedule = []
+        for first, last in pairwise(start.tolist()):
+            parts = np.sort(order[first:last]).astype(np.int32)
+            if len(parts) == 1:
+                schedule.append((parts, ALONE))
+            else:
+                schedule += [(np.ascontiguousarray(parts[::-1]), TOGETHER), (parts, TOGETHER)]
+        return schedule
 
     def multiply_transposed(self, x: Floats, out: Floats | None = None) -> Floats:
         """The product from the left, x A, per column: float64[columns]."""

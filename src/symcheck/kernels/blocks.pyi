@@ -14,6 +14,20 @@ class Blocks(Cut):
     def optimum(
         self, x: _Floats, constant: _Floats, groups: _Int64s, present: _Bytes, greatest: bool, out: _Floats, first: int = 0, last: int = -1
     ) -> None: ...
+    def sweep(
+        self,
+        x: _Floats,
+        constant: _Floats,
+        divisor: _Floats,
+        groups: _Int64s | None,
+        present: _Bytes | None,
+        greatest: bool,
+        upper: bool,
+        slip: float,
+        order: _Int32s,
+        inner: int,
+    ) -> float: ...
+    def uses(self) -> NDArray[np.bool_]: ...
     def multiply_transposed(self, root: int, x: _Floats, y: _Floats) -> None: ...
     def diagonal(self, root: int, out: _Floats) -> None: ...
     def count_rows(self, root: int, counts: _Int32s) -> None: ...

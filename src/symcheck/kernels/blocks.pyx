@@ -28,6 +28,34 @@ cdef inline int64_t _next(const uint8_t* present, int64_t s, int64_t end) noexce
     return end
 
 
+cdef inline void _better(double value, int64_t row, const double[::1] constant, const double[::1] divisor, bint greatest,
+                         double* best) noexcept nogil:
+    if divisor.shape[0]:
+        value /= divisor[row]
+    value += constant[row]
+    if (value > best[0]) if greatest else (value < best[0]):
+        best[0] = value
+
+
+cdef double _take(double* x, const double* found, int64_t n, bint upper, double slip) noexcept nogil:
+    """Move bounds to new values, rounded outwards, where these are tighter; returns the greatest relative change."""
+    cdef int64_t i
+    cdef double value, most = 0
+    for i in range(n):
+        value = found[i]
+        if upper:
+            value = value * (1 + slip) + 1e-307 if value > 0 else 0
+            if value < x[i]:
+                most = max(most, 1 - value / x[i])
+                x[i] = value
+        else:
+            value = value * (1 - slip)
+            if value > x[i]:
+                most = max(most, 1 - x[i] / value)
+                x[i] = value
+    return most
+
+
 cdef class Blocks(Cut):
     """What can be done with the blocks. Lengths of arrays are checked; products release the interpreter lock."""
 
@@ -135,6 +163,84 @@ cdef class Blocks(Cut):
         free(part)
         free(at)
 
+    def sweep(self, double[::1] x, const double[::1] constant, const double[::1] divisor, groups, present, bint greatest,
+              bint upper, double slip, const int32_t[::1] order, int inner):
+        """x = opt(constant + A x / divisor) in place, part by part, each with what the parts before it made: bounds for bounds.
+
+        Lower bounds only rise, upper bounds (`upper`) only fall; each new value is moved outwards by the relative error
+        `slip`. A part is repeated until it hardly changes, at most `inner` times. divisor: float64 per row, or empty for
+        none. groups, present: as in `optimum`; None where rows are states. order: int32, the parts to do, as they are to be
+        done. Returns the greatest relative change.
+        """
+        cdef int64_t p, i, s, root, begin, end
+        cdef bint choices = groups is not None
+        cdef const int64_t[::1] starts = groups if choices else np.empty(0, np.int64)
+        cdef const uint8_t[:, ::1] bits = present if choices else np.empty((0, 0), np.uint8)
+        cdef double* part
+        cdef double* best
+        cdef int64_t* at
+        cdef double change, most = 0
+        self._check(0, x.shape[0], x.shape[0], 0, -1)
+        part = <double*>malloc(self._longest() * 8)
+        best = <double*>malloc(self._longest() * 8)
+        at = <int64_t*>malloc(self._longest() * 8)
+        if part == NULL or best == NULL or at == NULL:
+            free(part)
+            free(best)
+            free(at)
+            raise MemoryError
+        with nogil:
+            for i in range(order.shape[0] if self.rows else 0):
+                p = order[i]
+                begin, end = self.bounds[p], self.bounds[p + 1]
+                for _ in range(inner):
+                    for s in range(begin, end):
+                        best[s - begin] = -INFINITY if greatest else INFINITY
+                        at[s - begin] = starts[s] if choices else s
+                    for root in range(self.roots):
+                        memset(part, 0, (end - begin) * 8)
+                        self._add(root, p, &x[0], part)
+                        s = _next(&bits[root, 0], begin, end) if choices else begin
+                        while s < end:
+                            _better(part[s - begin], at[s - begin], constant, divisor, greatest, &best[s - begin])
+                            at[s - begin] += 1
+                            s = _next(&bits[root, 0], s + 1, end) if choices else s + 1
+                    change = _take(&x[begin], best, end - begin, upper, slip)
+                    most = max(most, change)
+                    if change <= 4 * slip:
+                        break
+        free(part)
+        free(best)
+        free(at)
+        return most
+
+    def uses(self):
+        """Which parts of x the rows of each part read, at most: bool[parts, parts], for a square matrix."""
+        cdef int64_t p, root, i, low, high, shift
+        cdef Place* place
+        cdef Block* block
+        found = np.zeros((self.parts, self.parts + 1), np.int32)
+        bounds = np.asarray(self.bounds)
+        spans = np.empty((self.places_used, 2), np.int64)
+        cdef int64_t[:, ::1] span = spans
+        owners = np.empty(self.places_used, np.int64)
+        cdef int64_t[::1] owner = owners
+        for root in range(self.roots):
+            for p in range(self.parts):
+                for i in range(self.starts[root, p], self.starts[root, p + 1]):
+                    place = &self.places[i]
+                    block = &self.blocks[place.block]
+                    low, high = place.col, <int64_t>place.col + block.cols
+                    if block.runs == 1:          # a run's columns go with its rows
+                        shift = low - <int64_t>place.row
+                        low = max(low, self.bounds[p] + shift)
+                        high = min(high, self.bounds[p + 1] + shift)
+                    owner[i], span[i, 0], span[i, 1] = p, low, high - 1
+        first, last = np.searchsorted(bounds, spans, side="right").T - 1
+        np.add.at(found, (owners, first), 1)
+        np.add.at(found, (owners, last + 1), -1)
+        return np.cumsum(found, axis=1)[:, : self.parts] > 0
+
     def multiply_transposed(self, int root, const double[::1] x, double[::1] y):
         """y += x A: x float64[rows], y float64[columns]."""
         cdef int64_t i, p
@@ -179,19 +285,22 @@ cdef class Blocks(Cut):
                         diagonal_small(self.small + block.start, block.runs, &self.values[0], shift, &out[0] + place.row)
 
     def count_rows(self, int root, int32_t[::1] counts):
-        """counts[i] += number of entries in row i (blocks made `ordered`)."""
-        cdef int64_t i
+        """counts[i] += number of entries in row i."""
+        cdef int64_t i, p
         cdef Place* place
         cdef Block* block
         self._check(root, counts.shape[0], self.columns, 0, -1)
         with nogil:
-            for i in range(self.starts[root, 0], self.starts[root, self.parts]):
-                place = &self.places[i]
-                block = &self.blocks[place.block]
-                if block.wide:
-                    count_wide(self.wide + block.start, block.runs, &counts[0] + place.row)
-                else:
-                    count_small(self.small + block.start, block.runs, &counts[0] + place.row)
+            for p in range(self.parts):
+                for i in range(self.starts[root, p], self.starts[root, p + 1]):
+                    place = &self.places[i]
+                    if place.row < self.bounds[p]:
+                        continue
+                    block = &self.blocks[place.block]
+                    if block.wide:
+                        count_wide(self.wide + block.start, block.runs, &counts[0] + place.row)
+                    else:
+                        count_small(self.small + block.start, block.runs, &counts[0] + place.row)
 
     def count_choices(self, const int64_t[::1] groups, const uint8_t[:, ::1] present, int64_t[::1] counts):
         """counts[r] = number of entries of row r, numbered as in `multiply_choices`; False if an entry is in no such row."""

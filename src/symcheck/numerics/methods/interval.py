@@ -26,8 +26,7 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     count = 0
     width = before = 1.0
     for count in range(1, settings.max_iterations + 1):
-        lower = np.maximum(lower, stepper.below(lower))
-        upper = np.minimum(upper, stepper.above(upper))
+        lower, upper = stepper.tightened(lower, upper)
         width = widest(lower, upper, settings.relative)
         if observer is not None:
             observer(Step("interval", count, width, problem.n, lower, upper))

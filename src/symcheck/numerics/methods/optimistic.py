@@ -69,7 +69,7 @@ def _finish(stepper: Stepper, settings: Settings, lower: Floats, upper: Floats |
         upper = np.ones(problem.n) if problem.probability else np.full(problem.n, np.inf)
     width = before = widest(lower, upper, settings.relative)
     while np.isfinite(width) and width > settings.epsilon and count < settings.max_iterations:
-        lower, upper = stepper.raised(lower), stepper.lowered(upper)
+        lower, upper = stepper.tightened(lower, upper)
         width = widest(lower, upper, settings.relative)
         count += 1
         if count % 1000 == 0:

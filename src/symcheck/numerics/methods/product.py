@@ -12,6 +12,9 @@ from symcheck.numerics.problem import LinearProblem
 
 __all__ = ["Stepper"]
 
+THREADED = 100_000
+"""States from which a second thread is worth its while."""
+
 
 @dataclass(frozen=True, eq=False)
 class Stepper:
@@ -60,6 +63,34 @@ class Stepper:
         """One step on upper bounds, rounded up."""
         out = self.best(self.product(x) + self.problem.high) * (1.0 + self.slip)
         return np.where(out > 0.0, out + 1e-307, 0.0)
+
+    def raised(self, lower: Floats) -> Floats:
+        """Better lower bounds: a step, or a sweep where the operator offers one (`sweep`, which uses new values at once)."""
+        sweep = getattr(self.problem.operator, "sweep", None)
+        if sweep is None:
+            return np.maximum(lower, self.below(lower))
+        out = lower.copy()
+        sweep(out, self.problem.constant, self.problem.direction, self.slip, upper=False)
+        return out
+
+    def lowered(self, upper: Floats) -> Floats:
+        """Better upper bounds, likewise. `upper` must be known to be bounds: the result proves nothing about it."""
+        sweep = getattr(self.problem.operator, "sweep", None)
+        if sweep is None:
+            return np.minimum(upper, self.above(upper))
+        out = upper.copy()
+        sweep(out, self.problem.high, self.problem.direction, self.slip, upper=True)
+        return out
+
+    def tightened(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+        """Both; large sweeps side by side on two threads (each does the same as alone)."""
+        if len(lower) < THREADED or not hasattr(self.problem.operator, "sweep"):
+            return self.raised(lower), self.lowered(upper)
+        from concurrent.futures import ThreadPoolExecutor
+
+        with ThreadPoolExecutor(1) as pool:
+            other = pool.submit(self.raised, lower)
+            return (self.lowered(upper), other.result())[::-1]
 
     def strategy(self, x: Floats) -> Int64s | None:
         """The first best row of each state, at x."""
