@@ -30,6 +30,7 @@ SMALL = 64  # states without choices that are eliminated in a full matrix
 SPARSE = 250_000  # states beyond which elimination is not tried at length
 OPERATIONS = 4_000_000_000  # of a sparse elimination, before it is given up
 MANY = 5_000_000  # entries beyond which it is not tried at all
+LARGE = 20_000  # states from which on sweeping pays even where it is slow
 SLICE = 32  # sweeps between looks at the rate
 CHEAP = 20_000_000  # entries that sweeps go over in some hundredths of a second
 
@@ -156,7 +157,9 @@ def _probabilities(run: _Run, block: Block, goal: float, eager: bool) -> tuple[b
 def _rewards(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
     """Optimistic value iteration."""
     most = run.settings.max_iterations
-    budget = min(most, max(200, CHEAP // (block.entries + block.n + 1))) if eager else most
+    # Elimination of a large block fills in: sweep for seconds before that is tried.
+    worth = CHEAP if block.n < LARGE else 100 * CHEAP
+    budget = min(most, max(200, worth // (block.entries + block.n + 1))) if eager else most
     done, sweeps, width = block.optimistic(goal, run.settings.relative, budget, eager)
     run.iterations += sweeps
     if run.observer is not None:
