@@ -10,6 +10,7 @@ import pytest
 from engines.twins import ENGINES, MODELS, Pair, explicit, fresh, pairs, pairs_of, symbolic
 from symcheck.check.options import Options
 from symcheck.engines.arrays import ArraySet, ArrayValues
+from symcheck.engines.mtbdd import DiagramOperator, MtbddEngine
 from symcheck.engines.sparse import SparseEngine
 from symcheck.engines.symbolic import SymbolicEngine
 from symcheck.engines.symbolic_sets import SymbolicSet, SymbolicValues
@@ -152,6 +153,27 @@ def test_systems(name: str, kind: type[SymbolicEngine]) -> None:
         lifted = s.lift(x, x + 1, [(r.array, c) for r, c in rest])
         found = t.lift(x, x + 1, [(r.diagram, c) for r, c in rest])
         np.testing.assert_array_equal(found.at(b.all), lifted.at(a.all))
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("direction", ["min", "max"])
+def test_diagrams_multiply_and_sweep_as_blocks_do(name: str, direction: str) -> None:
+    engine = symbolic(name, MtbddEngine)
+    for p in pairs(name, 3, MtbddEngine):
+        system = engine.system(p.diagram)
+        on_diagrams, blocks = DiagramOperator(system), system.blocks
+        rng = np.random.default_rng(2)
+        x = rng.random(system.n)
+        np.testing.assert_allclose(on_diagrams.multiply(x), blocks.multiply(x), rtol=1e-13)
+        assert on_diagrams.longest == np.diff(system.matrix.indptr).max(initial=0)
+        constant, divisor = rng.random(blocks.shape[0]) * 0.1, rng.random(blocks.shape[0]) + 8.0
+        chosen = direction if name == "mdp" else None
+        for upper in (False, True):
+            bounds = np.full(system.n, 9.0 if upper else 0.0), np.full(system.n, 9.0 if upper else 0.0)
+            for operator, x in zip((on_diagrams, blocks), bounds, strict=True):
+                for _ in range(300):
+                    operator.sweep(x, constant, chosen, 1e-14, upper=upper, divisor=divisor)
+            np.testing.assert_allclose(bounds[0], bounds[1], rtol=1e-11)
 
 
 def test_actions_of_rows() -> None:

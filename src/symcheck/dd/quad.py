@@ -264,7 +264,7 @@ class BlockMatrix:
         """Groups of row ranges that use each other, users last, and how often a range is repeated in a sweep."""
         uses = self.stamps.uses()
         indptr = np.concatenate(([0], np.cumsum(uses.sum(axis=1)))).astype(np.int64)
-        numbers, order, start = components(indptr, np.nonzero(uses)[1].astype(np.int32))
+        _, order, start = components(indptr, np.nonzero(uses)[1].astype(np.int32))
         schedule = []
         for first, last in pairwise(start.tolist()):
             parts = np.sort(order[first:last]).astype(np.int32)
