@@ -243,9 +243,7 @@ class BlockMatrix:
             longest = max(longest, int(counts.max(initial=0)))
         return longest
 
-    def sweep(
-        self, x: Floats, constant: Floats, direction: str | None, slip: float, *, upper: bool, divisor: Floats | None = None
-    ) -> None:
+    def sweep(self, x: Floats, constant: Floats, direction: str | None, slip: float, *, upper: bool, divisor: Floats | None = None) -> None:
         """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place, there and back through the rows.
 
         x: float64[n], lower bounds, or upper bounds (`upper`). constant, divisor: per row, not negative. Values are moved

@@ -46,9 +46,7 @@ class DiagramOperator:
         """A x: a value per row."""
         return self.system.per_row(self.apply(self.system.odd.from_vector(x)))
 
-    def sweep(
-        self, x: Floats, constant: Floats, direction: str | None, slip: float, *, upper: bool, divisor: Floats | None = None
-    ) -> None:
+    def sweep(self, x: Floats, constant: Floats, direction: str | None, slip: float, *, upper: bool, divisor: Floats | None = None) -> None:
         """Some steps of x = opt(A x / divisor + constant) on bounds, in place, all on diagrams (see BlockMatrix.sweep)."""
         odd = self.system.odd
         add = self._by_slot(constant)
