@@ -143,9 +143,17 @@ class SymbolicEngine:
         """The singleton of the state with the lowest index."""
         return self._set(self.lowest(states.bdd))
 
+    @cached_property
+    def _last(self) -> dict[Bdd, SymbolicSystem]:
+        """The system asked for last: one question often asks for it several times, and each has made its rows."""
+        return {}
+
     def system(self, states: SymbolicSet) -> SymbolicSystem:
         """The equations over some states."""
-        return SymbolicSystem(self, states)
+        if states.bdd not in self._last:
+            self._last.clear()
+            self._last[states.bdd] = SymbolicSystem(self, states)
+        return self._last[states.bdd]
 
     def valuations(self, states: SymbolicSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
