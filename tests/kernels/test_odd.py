@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.diagrams import Builder, points
-from symcheck.kernels import odd
+from symcheck.kernels import odd, vectors
 
 
 @st.composite
@@ -94,12 +94,12 @@ def test_expand_and_collapse_are_inverse(case: tuple[int, np.ndarray], data: st.
     root = builder.dense(levels.tolist(), sub.astype(float))
     out = np.zeros(member.sum(), np.uint8)
     *table, roots = builder.arrays(root)
-    odd.expand(*o, *table, roots[0], levels, out)
+    vectors.expand(*o, *table, roots[0], levels, out)
     np.testing.assert_array_equal(out, sub[member])
 
     words = np.zeros(len(out) // 64 + 2, np.uint64)
     words.view(np.uint8)[: (len(out) + 7) // 8] = np.packbits(out, bitorder="little")
-    level, low, high, croot = odd.collapse(*o, words, levels, 99)
+    level, low, high, croot = vectors.collapse(*o, words, levels, 99)
     # the same, node by node: the diagram of (sub & member) is unique
     again = Builder()
     again.leaf(0)
@@ -119,12 +119,12 @@ def test_vectors_there_and_back(case: tuple[int, np.ndarray], seed: int, distinc
     if seed % 2:
         rng.shuffle(values)
     ids = np.empty(len(values), np.int32)
-    leaves = odd.number(values, ids)
+    leaves = vectors.number(values, ids)
     np.testing.assert_array_equal(leaves[ids], values)
     assert len(set(leaves.tolist())) == len(leaves)
-    level, low, high, root = odd.vector_table(*o, ids, len(leaves), levels, 99)
+    level, low, high, root = vectors.vector_table(*o, ids, len(leaves), levels, 99)
     out = np.zeros(len(values))
-    odd.expand(*o, level, low, high, leaves, root, levels, out)
+    vectors.expand(*o, level, low, high, leaves, root, levels, out)
     np.testing.assert_array_equal(out, values)
     assert len(set(zip(level[len(leaves) :], low[len(leaves) :], high[len(leaves) :], strict=True))) == len(level) - len(leaves)
     assert (low[len(leaves) :] != high[len(leaves) :]).all()
@@ -132,7 +132,7 @@ def test_vectors_there_and_back(case: tuple[int, np.ndarray], seed: int, distinc
 
 def test_number_joins_signed_zeros_and_keeps_nan_apart() -> None:
     ids = np.empty(5, np.int32)
-    leaves = odd.number(np.array([-0.0, 0.0, np.nan, 1.0, np.inf]), ids)
+    leaves = vectors.number(np.array([-0.0, 0.0, np.nan, 1.0, np.inf]), ids)
     assert ids.tolist() == [0, 0, 1, 2, 3]
     assert np.isnan(leaves[1])
 
@@ -195,7 +195,7 @@ def test_long_blocks_collapse(seed: int) -> None:
         flags[a:b] = 1
     words = np.zeros(n // 64 + 2, np.uint64)
     words.view(np.uint8)[: (n + 7) // 8] = np.packbits(flags, bitorder="little")
-    level, low, high, root = odd.collapse(*o, words, levels, 99)
+    level, low, high, root = vectors.collapse(*o, words, levels, 99)
     out = np.zeros(n, np.uint8)
-    odd.expand(*o, level, low, high, np.array([0.0, 1]), root, levels, out)
+    vectors.expand(*o, level, low, high, np.array([0.0, 1]), root, levels, out)
     np.testing.assert_array_equal(out, flags)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from symcheck.dd.export import BddTable, NodeTable
 from symcheck.kernels import odd as kernel
+from symcheck.kernels import vectors
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
@@ -122,7 +123,7 @@ class Odd:
         """Which members are in another set: bool[count]."""
         t = self.manager.export_bdd(states)
         out = np.zeros(self.count, np.uint8)
-        kernel.expand(*self.table, t.level, t.low, t.high, _TRUTH, t.root, self.levels, out)
+        vectors.expand(*self.table, t.level, t.low, t.high, _TRUTH, t.root, self.levels, out)
         return out.view(np.bool_)
 
     def collapse(self, members: NDArray[np.bool_]) -> Bdd:
@@ -133,14 +134,14 @@ class Odd:
         packed = np.packbits(members, bitorder="little")
         bits.view(np.uint8)[: len(packed)] = packed
         levels, bottom = self.levels, len(self.manager.bdd.vars)
-        level, low, high, root = kernel.collapse(*self.table, bits, levels, bottom)
+        level, low, high, root = vectors.collapse(*self.table, bits, levels, bottom)
         return self.manager.import_bdd(BddTable(bottom, level, low, high, np.array([root], np.int32)))[0]
 
     def to_vector(self, function: Mtbdd) -> NDArray[np.float64]:
         """Values of a function of the bits at the members: float64[count]."""
         t = self.manager.export_mtbdd(function)
         out = np.zeros(self.count)
-        kernel.expand(*self.table, t.level, t.low, t.high, t.values, t.root, self.levels, out)
+        vectors.expand(*self.table, t.level, t.low, t.high, t.values, t.root, self.levels, out)
         return out
 
     def from_vector(self, values: NDArray[np.float64]) -> Mtbdd:
@@ -148,9 +149,9 @@ class Odd:
         if len(values) != self.count:
             raise ValueError(f"{len(values)} values for {self.count} members")
         ids = np.empty(len(values), np.int32)
-        leaves = kernel.number(np.ascontiguousarray(values, np.float64), ids)
+        leaves = vectors.number(np.ascontiguousarray(values, np.float64), ids)
         levels, bottom = self.levels, len(self.manager.bdd.vars)
-        level, low, high, root = kernel.vector_table(*self.table, ids, len(leaves), levels, bottom)
+        level, low, high, root = vectors.vector_table(*self.table, ids, len(leaves), levels, bottom)
         return self.manager.import_mtbdd(NodeTable(bottom, level, low, high, leaves, np.array([root], np.int32)))[0]
 
 
