@@ -242,6 +242,30 @@ def test_arithmetic_on_values(name: str, operator: str) -> None:
         np.testing.assert_array_equal(values[3][1].map("-").at(b.all), values[3][0].map("-").at(a.all))
 
 
+@pytest.mark.parametrize("name", MODELS)
+def test_another_order_of_the_variables_only_numbers_the_states_otherwise(name: str) -> None:
+    a, model = explicit(name), bind(parse_model(MODELS[name]))
+    order = [v.name for v in reversed(model.variables)]
+    b = SparseEngine.of(construct(model, Options(), order=order))
+    states = list(b.valuations(b.all))
+    assert states == sorted(states, key=lambda values: values[::-1])
+    place = {values: i for i, values in enumerate(states)}
+    moved = np.array([place[values] for values in a.valuations(a.all)])
+    for p in pairs(name, 3):
+        members = np.zeros(a.states, bool)
+        members[moved] = p.array.members
+        q = b.from_bools(members)
+        expected = np.zeros(a.states)
+        expected[moved] = np.add.reduceat(a.system(a.all).into(p.array), _starts(a.matrix))
+        whole = b.system(b.all)
+        np.testing.assert_allclose(np.add.reduceat(whole.into(q), _starts(whole.matrix)), expected, rtol=1e-13)
+        assert same(b, b.graph.predecessors(q), ArraySet(a.graph.predecessors(p.array).members[np.argsort(moved)]))
+
+
+def _starts(matrix: SparseMatrix) -> np.ndarray:
+    return np.arange(matrix.rows) if matrix.groups is None else matrix.groups[:-1]
+
+
 def test_a_few_unknowns_among_very_many_states_need_few_numbers() -> None:
     counters = "\n".join(f"module m{i}\n b{i} : [0..1023] init 0;\n [] x=0 -> (b{i}'=mod(b{i}+1, 1024));\nendmodule" for i in range(6))
     text = f"dtmc\nmodule m\n x : [0..3] init 0;\n [] x=0 & b0=5 -> 0.5:(x'=1)+0.5:(x'=2);\nendmodule\n{counters}"
