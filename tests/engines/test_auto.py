@@ -84,6 +84,14 @@ def test_integers_without_bounds_are_searched(monkeypatch):
     assert "without bounds" in choice.reason
 
 
+def test_too_many_possible_initial_states_are_left_to_diagrams(monkeypatch):
+    variables = " ".join(f"x{i} : [0..9];" for i in range(12))
+    text = f"dtmc module m {variables} [] true -> (x0'=0); endmodule init x1=3 endinit"
+    engine, choice = chosen(text, monkeypatch)
+    assert engine.initial.count == engine.states == 10**11
+    assert "initial states" in choice.reason
+
+
 @pytest.mark.parametrize("text", [COUNTER, CHOICES])
 def test_what_is_written_out_is_what_a_search_finds(text):
     model = bind(parse_model(text))

@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import prod
 from typing import TYPE_CHECKING
 
 from symcheck.engines.base import Engine
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["Choice", "choose"]
 
 _SMALL = 50_000  # states that explicit search explores sooner than diagrams are loaded
+_ENUMERATED = 10_000_000  # valuations that a search tries for the initial states of `init … endinit`
 _TURNS = ((1.5, 4_000_000), (10.0, 30_000_000))  # seconds for diagrams, then states for the search; and so on in turn
 _WRITTEN = 10_000_000  # states up to which a model that diagrams hold is written out and checked as arrays
 _SPARSE_NODES = 0.5  # diagram nodes per state above which rows of bits are the better container
@@ -56,6 +58,8 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
     """
     from symcheck.explicit.build import Exploration
 
+    if model.initial is not None and _valuations(model) > _ENUMERATED:
+        return _symbolic(_reach(model, options, None), options, observer, "a search would have to try too many initial states")
     exploration = Exploration(model, options)
     if exploration.run(_SMALL):
         return _explicit(exploration, observer, f"{exploration.progress.states:,} states are few")
@@ -76,6 +80,11 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
             return _explicit(exploration, observer, reason)
     del exploration
     return _symbolic(_reach(model, options, None), options, observer, f"there are more than {states:,} states")
+
+
+def _valuations(model: BoundModel) -> int:
+    """How many valuations the variables have, reachable or not; 0 where an integer has no bounds."""
+    return prod(0 if v.low is None or v.high is None else v.high - v.low + 1 for v in model.variables)
 
 
 def _explicit(exploration: Exploration, observer: Observer | None, reason: str) -> Engine:
