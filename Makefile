@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd')
 STAMP := $(VENV)/.stamp
 
-.PHONY: demo study test check format clean bench
+.PHONY: demo study test check format clean
 
 demo: $(STAMP)-base
 	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from symcheck.semantics.bind import BoundProperty, bind_properties
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import Expression, PropertiesFile
 
-__all__ = ["Question"]
+if TYPE_CHECKING:
+    from symcheck.semantics.reduce import Reduction
+
+__all__ = ["Question", "reduced"]
 
 
 @dataclass(frozen=True)
@@ -28,3 +32,15 @@ class Question:
     def formula(self, model: BoundModel) -> Expression:
         """The formula alone. Raises InputError."""
         return self.bind(model)[0].formula
+
+
+def reduced(model: BoundModel, questions: Sequence[Question]) -> Reduction:
+    """The model with dead variables reset, for these questions; one that is at fault is not answered and needs nothing.
+
+    Not for fair strategies: which strategies are fair depends on the states.
+    """
+    from symcheck.semantics.reduce import observe, reduce
+
+    bound = [q.bind(model) for q in questions]
+    labels = {n: x for _, own in bound for n, x in own.items()}
+    return reduce(model, observe(model, [p.formula for p, _ in bound if p.fault is None], labels))

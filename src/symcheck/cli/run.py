@@ -11,7 +11,7 @@ from time import perf_counter
 
 from symcheck.check.checker import check
 from symcheck.check.options import Options
-from symcheck.check.question import Question
+from symcheck.check.question import Question, reduced
 from symcheck.check.result import Result, Statistical, show_value
 from symcheck.check.resultlines import Verdict, VerdictKind, judge
 from symcheck.cli import exports
@@ -208,16 +208,11 @@ def _asked(
 
 
 def _reduced(job: Job, model: BoundModel, questions: Sequence[Question]) -> BoundModel:
-    """The model with dead variables reset, for these questions; one that is at fault is not answered and needs nothing."""
-    from symcheck.semantics.reduce import observe, reduce
-
-    bound = [q.bind(model) for q in questions]
-    labels = {n: x for _, own in bound for n, x in own.items()}
-    formulas = [p.formula for p, _ in bound if p.fault is None]
+    """The model with dead variables reset, for these questions, unless that is refused with a warning."""
     if job.arguments.fairness:
         job.report.warn("-reduce is not used: which strategies are fair depends on the states")
         return model
-    reduction = reduce(model, observe(model, formulas, labels))
+    reduction = reduced(model, questions)
     job.report.line(f"Reduction:   {reduction}")
     return reduction.model
 

@@ -24,14 +24,13 @@ from time import perf_counter, process_time
 from symcheck import __version__
 from symcheck.check.checker import check
 from symcheck.check.options import Options
-from symcheck.check.question import Question
+from symcheck.check.question import Question, reduced
 from symcheck.check.result import show_value
 from symcheck.engines import registry
 from symcheck.errors import SymcheckError
 from symcheck.experiment.constants import combinations
 from symcheck.experiment.table import Row
 from symcheck.semantics.bind import bind, needed_constants
-from symcheck.semantics.model import BoundModel
 from symcheck.syntax.parse import parse_model, parse_properties
 
 __all__ = ["Finished", "Instance", "check_instance", "read_journal", "sweep"]
@@ -101,7 +100,7 @@ def check_instance(instance: Instance) -> Finished:
             for choice in combinations({n: v for n, v in instance.varying.items() if n in needed[i]})
         ]
         if instance.options.reduce:
-            model = _reduced(model, [q for q, _ in asked])
+            model = reduced(model, [q for q, _ in asked]).model
         engine = registry.build(model, instance.options)
         rows = []
         for question, choice in asked:
@@ -118,14 +117,6 @@ def check_instance(instance: Instance) -> Finished:
         found = replace(found, error=str(error))
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _BYTES
     return replace(found, seconds=perf_counter() - started, cpu_seconds=process_time() - used, memory=memory)
-
-
-def _reduced(model: BoundModel, questions: Sequence[Question]) -> BoundModel:
-    from symcheck.semantics.reduce import observe, reduce
-
-    bound = [q.bind(model) for q in questions]
-    labels = {n: x for _, own in bound for n, x in own.items()}
-    return reduce(model, observe(model, [p.formula for p, _ in bound if p.fault is None], labels)).model
 
 
 def sweep(
