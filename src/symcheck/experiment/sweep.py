@@ -99,7 +99,8 @@ def check_instance(instance: Instance) -> Finished:
             for i in range(len(file.properties))
             for choice in combinations({n: v for n, v in instance.varying.items() if n in needed[i]})
         ]
-        if instance.options.reduce:
+        # Which strategies are fair depends on the states: the reduced model would answer another question.
+        if instance.options.reduce and not instance.options.fairness:
             model = reduced(model, [q for q, _ in asked]).model
         engine = registry.build(model, instance.options)
         rows = []
