@@ -107,10 +107,10 @@ def test_products(case: Case, budget: int, seed: int, range_rows: int) -> None:
         x, z = rng.random(dense.shape[1]), rng.random(dense.shape[0])
         y = np.ones(dense.shape[0])
         blocks.multiply(root, x, y)
-        np.testing.assert_allclose(y, dense @ x, rtol=1e-13)
+        np.testing.assert_allclose(y, dense @ x, rtol=1e-13, atol=1e-15)
         y = np.ones(dense.shape[1])
         blocks.multiply_transposed(root, z, y)
-        np.testing.assert_allclose(y, 1 + z @ dense, rtol=1e-13)
+        np.testing.assert_allclose(y, 1 + z @ dense, rtol=1e-13, atol=1e-15)
         if dense.shape[0] == dense.shape[1]:
             diagonal = np.zeros(len(dense))
             blocks.diagonal(root, diagonal)
