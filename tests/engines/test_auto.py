@@ -73,6 +73,15 @@ def test_diagrams_that_take_too_long_give_way(monkeypatch):
     assert "did not finish" in choice.reason
 
 
+def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatch):
+    wide = " ".join(f"x{i} : [0..255];" for i in range(5))
+    total = "+".join(f"0.{i + 1}*x{i}" for i in range(5))
+    text = f"dtmc module m {wide} [] true -> 0.5 : (x0'=mod(ceil({total})+1, 256)) + 0.5 : (x1'=mod(x0+x1, 256)); endmodule"
+    engine, choice = chosen(text, monkeypatch, _SMALL=100, _reach=None)
+    assert engine.name == "explicit"
+    assert choice.reason == "updates read too much for diagrams"
+
+
 def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
     engine, _ = chosen(COUNTER, monkeypatch, _SMALL=100, _SPARSE_NODES=0.0, _TURNS=((1.0, 1000),))
     assert isinstance(engine, WrittenEngine)

@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 
 from symcheck.engines.base import Engine
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
+from symcheck.syntax.ast import Call
+from symcheck.syntax.walk import names, nodes
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
@@ -34,6 +36,8 @@ _TURNS = ((1.5, 4_000_000), (10.0, 30_000_000))  # seconds for diagrams, then st
 _WRITTEN = 10_000_000  # states up to which a model that diagrams hold is written out and checked as arrays
 _SPARSE_NODES = 0.5  # diagram nodes per state above which rows of bits are the better container
 _ENTRY_BYTES = 12
+_ROUNDED_BITS = 30  # read by the argument of one ceil or floor: no diagram of it will be small
+_TOO_MUCH = "updates read too much for diagrams"
 _ROWS_SHARE = 0.2  # of the machine's memory that compressed rows may take
 
 
@@ -69,6 +73,8 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
     for seconds, states in _TURNS:
         reason = ""
         try:
+            if seconds == _TURNS[0][0] and _rounds_too_much(model):
+                raise UnsupportedError(_TOO_MUCH)
             space = _reach(model, options, seconds)
             nodes = space.states.node_count
             if nodes <= _SPARSE_NODES * space.count:
@@ -85,6 +91,15 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
 def _valuations(model: BoundModel) -> int:
     """How many valuations the variables have, reachable or not; 0 where an integer has no bounds."""
     return prod(0 if v.low is None or v.high is None else v.high - v.low + 1 for v in model.variables)
+
+
+def _rounds_too_much(model: BoundModel) -> bool:
+    """Whether some update rounds a real number that depends on so many bits that encoding it is not worth a first try."""
+    bits = {v.name: 1 if v.low is None or v.high is None else (v.high - v.low).bit_length() for v in model.variables}
+    updates = {id(u): u for e in model.events for p in e.participants for c in p for u in c.updates}
+    parts = (n for u in updates.values() for _, value in u.assignments for n in nodes(value))
+    rounded = (n for n in parts if isinstance(n, Call) and n.function in ("ceil", "floor", "round"))
+    return any(sum(bits[x] for x in names(n)) > _ROUNDED_BITS for n in rounded)
 
 
 def _explicit(exploration: Exploration, observer: Observer | None, reason: str) -> Engine:
@@ -106,7 +121,7 @@ def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateS
     limit = options.time_limit if seconds is None else min(seconds, options.time_limit or seconds)
     symbolic = build(model, replace(options, time_limit=limit))
     if seconds is not None and any(event.learned for event in symbolic.events):
-        raise UnsupportedError("updates read too much for diagrams")
+        raise UnsupportedError(_TOO_MUCH)
     space = reach(symbolic, options)
     symbolic.manager.limit_time(options.time_limit)
     return space
