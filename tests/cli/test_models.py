@@ -13,7 +13,10 @@ MODELS = Path(__file__).parents[2] / "models"
 # What the models leave open, by the model's file.
 CONSTANTS = {
     "crowds.pm": "TotalRuns=3,CrowdSize=5",
+    "kanban.sm": "t=1",
+    "multiplex.pm": "N=4,K=1",
     "retransmission.pm": "N=16,MAX=2",
+    "tandem.sm": "c=5,T=1",
 }
 ENGINES = ["", "-ex", "-s", "-h", "-m", "-exact"]
 # The study has tests of its own: its instances are large.
