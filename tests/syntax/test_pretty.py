@@ -42,12 +42,15 @@ def combined(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expressi
 
 
 EXPRESSIONS = st.recursive(ATOMS, combined, max_leaves=12)
-TIMES = st.one_of(
+PLAIN_TIMES = st.one_of(
     st.builds(lambda e, s: ast.TimeBound(upper=e, upper_strict=s), EXPRESSIONS, st.booleans()),
     st.builds(lambda e, s: ast.TimeBound(lower=e, lower_strict=s), EXPRESSIONS, st.booleans()),
     st.builds(lambda a, b: ast.TimeBound(lower=a, upper=b), EXPRESSIONS, EXPRESSIONS),
-    st.builds(ast.RewardBound, st.one_of(NAMES, LITERALS), st.sampled_from(["<", "<=", ">", ">="]), EXPRESSIONS),
 )
+COUNTS = st.builds(
+    lambda s, t: ast.RewardBound(s, t.lower, t.lower_strict, t.upper, t.upper_strict), st.one_of(st.none(), NAMES, LITERALS), PLAIN_TIMES
+)
+TIMES = st.one_of(PLAIN_TIMES, COUNTS, st.builds(ast.RewardBounds, st.lists(COUNTS, min_size=2, max_size=3).map(tuple)))
 BOUNDS = st.one_of(st.none(), st.builds(ast.Bound, st.sampled_from(["<", "<=", ">", ">="]), EXPRESSIONS))
 DIRECTIONS = st.sampled_from([None, "min", "max", "minmax", "maxmin"])
 

@@ -16,6 +16,7 @@ EVERYTHING = [
     *("filter(max, x, y)", "filter(min, x)", "P=? [ a U<=k b {c}{min} ]", "P<q [ X[1,m] a ]", "P=? [ a W=j (b R>k c) ]"),
     "Pmax=? [ F<n a ]",
     *('R{"a"}=? [ C<=t ]', "R=? [ I=t ]", "R=? [ S ]", "R{i+1}=? [ G a ]", 'P=? [ F^{rew{"a"}<=t} b ]', "P=? [ F^{rew{s}<=t} b ]"),
+    'P=? [ F^{rew{"a"}[m,n], steps<=k} b ]',
 ]
 
 

@@ -20,6 +20,7 @@ from symcheck.syntax.ast import (
     PathFormula,
     Release,
     RewardBound,
+    RewardBounds,
     TimeBound,
     Unary,
     Until,
@@ -99,7 +100,7 @@ def temporal(path: PathFormula, states_of: StatesOf) -> TemporalPath:
     while todo:
         part = todo.pop()
         if not is_state_formula(part):
-            todo.extend(p for p in children(part) if not isinstance(p, TimeBound | RewardBound))  # type: ignore[misc]
+            todo.extend(p for p in children(part) if not isinstance(p, TimeBound | RewardBound | RewardBounds))  # type: ignore[misc]
         elif part not in letters:
             letters[part] = states_of(part)  # type: ignore[index,arg-type]
     return TemporalPath(path, tuple(letters.items()))

@@ -8,7 +8,7 @@ from math import ceil, floor, isfinite
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span, UnsupportedError
 from symcheck.semantics.evaluate import evaluate
-from symcheck.syntax.ast import Expression, PathBound, RewardBound
+from symcheck.syntax.ast import Expression, PathBound, TimeBound
 
 __all__ = ["Steps", "Window", "bound_value", "window"]
 
@@ -64,8 +64,11 @@ def window(bound: PathBound | None) -> Window:
     """
     if bound is None:
         return Window()
-    if isinstance(bound, RewardBound):
-        raise UnsupportedError("a path formula with a bound on a reward is not supported; bounds on steps and time are")
+    if not isinstance(bound, TimeBound):
+        raise UnsupportedError(
+            "a bound on a reward is supported for X, F, G, U, W and R over state formulas, checked numerically; not within formulas "
+            "with several temporal operators, in A and E, or by simulation"
+        )
     lower = Fraction(0) if bound.lower is None else bound_value(bound.lower)
     upper = None if bound.upper is None else bound_value(bound.upper)
     result = Window(lower, upper, bound.lower_strict, bound.upper_strict and upper is not None, bound.span)

@@ -75,9 +75,12 @@ class _Conditions:
                 self._time(node)
             case InstantaneousReward(time):
                 self._moment(time, "the time of I=")
-            case RewardBound(structure, _, limit):
-                self._structure(structure, node)
-                self._constant(limit, "a bound on a reward")
+            case RewardBound(structure, lower, _, upper, _):
+                if structure is not None:
+                    self._structure(structure, node)
+                for limit in (lower, upper):
+                    if limit is not None:
+                        self._constant(limit, "a bound on a reward")
             case _:
                 pass
 

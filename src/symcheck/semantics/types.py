@@ -32,6 +32,7 @@ from symcheck.syntax.ast import (
     ProbabilityOperator,
     Release,
     RewardBound,
+    RewardBounds,
     RewardOperator,
     RewardQuery,
     StateFilter,
@@ -316,9 +317,14 @@ class Typer:
                 for limit in (lower, upper):
                     if limit is not None:
                         self.numeric(limit, "a bound on steps or time")
-            case RewardBound(structure, _, limit):
+            case RewardBound(structure, lower, _, upper, _):
                 self._structure(structure)
-                self.numeric(limit, "a bound on a reward")
+                for limit in (lower, upper):
+                    if limit is not None:
+                        self.numeric(limit, "a bound on a reward")
+            case RewardBounds(parts):
+                for part in parts:
+                    self._limits(part)
             case _:
                 assert_never(bound)
 

@@ -55,6 +55,7 @@ __all__ = [
     "RenamedModule",
     "Renaming",
     "RewardBound",
+    "RewardBounds",
     "RewardItem",
     "RewardOperator",
     "RewardQuery",
@@ -246,14 +247,23 @@ class TimeBound(Node):
 
 @dataclass(frozen=True, slots=True)
 class RewardBound(Node):
-    """`^{rew{"name"}<=k}`: a bound on the reward gathered (one of < <= > >=), not on steps or time."""
+    """`^{rew{"name"}<=k}`: the reward gathered, from `lower` (None: 0) to `upper` (None: no end). structure None: steps."""
 
-    structure: str | Expression
-    operator: str
-    limit: Expression
+    structure: str | Expression | None
+    lower: Expression | None = None
+    lower_strict: bool = False
+    upper: Expression | None = None
+    upper_strict: bool = False
 
 
-PathBound = TimeBound | RewardBound
+@dataclass(frozen=True, slots=True)
+class RewardBounds(Node):
+    """`^{rew{"a"}<=k, steps<=n, …}`: several bounds, all of which must be met."""
+
+    parts: tuple[RewardBound, ...]
+
+
+PathBound = TimeBound | RewardBound | RewardBounds
 
 
 @dataclass(frozen=True, slots=True)

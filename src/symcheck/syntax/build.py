@@ -289,11 +289,21 @@ class PropertiesBuilder(Builder):
     def time_interval(self, values: Values, start: int, end: int) -> ast.TimeBound:
         return ast.TimeBound(lower=values[0], upper=values[1], span=Span(self.source, start, end))
 
-    def reward_bound(self, values: Values, start: int, end: int) -> ast.RewardBound:
-        word, structure, operator, limit = values
-        if word != "rew":
-            self._wrong(f"'{word}' is no kind of bound", start, end, "bound", 'a bound on a reward is written ^{rew{"name"}<=k}')
-        return ast.RewardBound(structure, operator, limit, span=Span(self.source, start, end))
+    def reward_bound(self, values: Values, start: int, end: int) -> ast.RewardBound | ast.RewardBounds:
+        return values[0] if len(values) == 1 else ast.RewardBounds(tuple(values), span=Span(self.source, start, end))
+
+    def count(self, values: Values, start: int, end: int) -> ast.RewardBound:
+        word, structure, extent = values
+        if word != ("steps" if structure is None else "rew"):
+            hint = 'a bound on a reward is written ^{rew{"name"}<=k}, one on steps ^{steps<=k}'
+            self._wrong(f"'{word}' is no kind of bound", start, end, "bound", hint)
+        return self.plain_count([structure, extent], start, end)
+
+    def plain_count(self, values: Values, start: int, end: int) -> ast.RewardBound:
+        structure, extent = values
+        return ast.RewardBound(
+            structure, extent.lower, extent.lower_strict, extent.upper, extent.upper_strict, span=Span(self.source, start, end)
+        )
 
     # -------------------------------------------------------------------------------------------- operators on states
 

@@ -30,7 +30,7 @@ _PHRASES = (
     ("'U', 'W' or 'R'", frozenset({"UNTIL", "WEAK"}), frozenset({"UNTIL", "WEAK", "RELEASE"})),
     ("an operator", frozenset({"AND", "PLUS"}), _OPERATORS),
     ("an operator", frozenset({"AND", "OR"}), _OPERATORS),
-    ("a bound", frozenset({"LT", "EQ", "LSQB"}), frozenset({"LT", "LE", "GT", "GE", "EQ", "LSQB", "POWER"})),
+    ("a bound", frozenset({"LT", "EQ", "LSQB"}), frozenset({"LT", "LE", "GT", "GE", "EQ", "LSQB", "POWER", "LBRACE"})),
     ("a bound such as =? or >=0.5", frozenset({"LT", "EQ"}), frozenset({"LT", "LE", "GT", "GE", "EQ"})),
     ("'min' or 'max'", frozenset({"MINMAX", "MIN"}), frozenset({"MIN", "MAX", "MINMAX", "MAXMIN"})),
     (

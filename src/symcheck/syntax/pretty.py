@@ -105,7 +105,7 @@ def _text(node: Tree) -> tuple[str, int]:
             return _operator(node, ""), _ATOM
         case ast.Next() | ast.Eventually() | ast.Globally() | ast.Until() | ast.WeakUntil() | ast.Release():
             return _path(node)
-        case ast.Bound() | ast.TimeBound() | ast.RewardBound():
+        case ast.Bound() | ast.TimeBound() | ast.RewardBound() | ast.RewardBounds():
             return _limit(node), _ATOM
         case ast.CumulativeReward() | ast.TotalReward() | ast.InstantaneousReward() | ast.SteadyStateReward():
             return _query(node), _PATH
@@ -170,13 +170,15 @@ def _behind(bound: str, operand: Tree) -> str:
     return f"({text})" if bound and text.startswith("-") else text
 
 
-def _limit(bound: ast.Bound | ast.TimeBound | ast.RewardBound) -> str:
+def _limit(bound: ast.Bound | ast.PathBound) -> str:
     """`<=k` and its kin. What is no plain number or name gets parentheses."""
     match bound:
         case ast.Bound(operator=operator, threshold=threshold):
             return _glued(operator, _tree(threshold, _BINARY["+"]))
-        case ast.RewardBound(structure=structure, operator=operator, limit=limit):
-            return f"^{{rew{_structure(structure)}{_glued(operator, _tree(limit, _CONDITIONAL))}}}"
+        case ast.RewardBound():
+            return f"^{{{_count(bound)}}}"
+        case ast.RewardBounds(parts=parts):
+            return "^{" + ", ".join(map(_count, parts)) + "}"
         case ast.TimeBound(lower=lower, upper=None) if lower is not None:
             return (">" if bound.lower_strict else ">=") + _tree(lower, _ATOM)
         case ast.TimeBound(lower=None, upper=upper) if upper is not None:
@@ -189,6 +191,12 @@ def _limit(bound: ast.Bound | ast.TimeBound | ast.RewardBound) -> str:
             return ""
         case _:
             assert_never(bound)
+
+
+def _count(bound: ast.RewardBound) -> str:
+    """`rew{"a"}<=k`, and `steps<=k`."""
+    counted = "steps" if bound.structure is None else f"rew{_structure(bound.structure)}"
+    return counted + _limit(ast.TimeBound(bound.lower, bound.lower_strict, bound.upper, bound.upper_strict))
 
 
 def _structure(structure: str | ast.Expression | None) -> str:

@@ -28,6 +28,7 @@ from symcheck.syntax.ast import (
     ProbabilityOperator,
     Release,
     RewardBound,
+    RewardBounds,
     RewardOperator,
     RewardQuery,
     StateFilter,
@@ -77,8 +78,10 @@ def children(node: Tree) -> tuple[Tree, ...]:
             return (threshold,)
         case TimeBound(lower=lower, upper=upper):
             return _present(lower, upper)
-        case RewardBound(structure=structure, limit=value):
-            return _present(None if isinstance(structure, str) else structure, value)
+        case RewardBound(structure=structure, lower=lower, upper=upper):
+            return _present(None if isinstance(structure, str) else structure, lower, upper)
+        case RewardBounds(parts=parts):
+            return parts
         case CumulativeReward(bound=time):
             return (time,)
         case InstantaneousReward(time=moment):
@@ -132,8 +135,11 @@ def with_children(node: Tree, parts: tuple[Tree, ...]) -> Tree:
             return replace(node, threshold=next(new))
         case TimeBound(lower=lower, upper=upper):
             return replace(node, lower=some(lower), upper=some(upper))
-        case RewardBound(structure=structure):
-            return replace(node, structure=structure if isinstance(structure, str) else next(new), limit=next(new))
+        case RewardBound(structure=structure, lower=lower, upper=upper):
+            which = structure if isinstance(structure, str) else some(structure)
+            return replace(node, structure=which, lower=some(lower), upper=some(upper))
+        case RewardBounds():
+            return replace(node, parts=tuple(new))
         case CumulativeReward():
             return replace(node, bound=next(new))
         case InstantaneousReward():
