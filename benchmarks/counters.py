@@ -1,0 +1,141 @@
+"""Work done, in counters instead of seconds: the guard against regressions that a busy machine cannot disturb.
+
+    python benchmarks/counters.py             print the table, and what has grown beyond counters.json
+    python benchmarks/counters.py --update    record what is counted now as the new reference
+
+Each case is one property of one model of models/ on one engine. The default engine is not among them: it decides by the clock.
+
+- states, entries: of the model, and its matrix
+- set_nodes, matrix_nodes, peak_nodes: diagram nodes of the reachable set, of the matrix, and the most that lived at once
+- lookups: of CUDD's operation cache, about one per recursive call: the work done on diagrams
+- unknowns, iterations, work: of the numerical methods; work is their product, summed over the runs
+- allocated: the most memory that numpy and Python held at once, in units of 64 kB
+
+The test that CI runs (tests/benchmarks) fails where a counter passes its reference by more than a tenth, or 64 units.
+Better counters pass: record them, so that they are not lost again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tracemalloc
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import symcheck
+from symcheck.engines.symbolic import SymbolicEngine
+
+HERE = Path(__file__).resolve().parent
+REFERENCE = HERE / "counters.json"
+SLACK, FEW = 1.1, 64
+
+Counters = Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Case:
+    """model: below models/; constants as on the command line; engines: where it is run."""
+
+    model: str
+    constants: str
+    query: str
+    engines: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{Path(self.model).stem} {self.constants} {self.query}".replace("  ", " ")
+
+
+ALL = ("hybrid", "sparse", "mtbdd", "explicit")
+SOME = ("hybrid", "sparse", "explicit")
+CASES = (
+    Case("crowds/crowds.pm", "TotalRuns=4,CrowdSize=8", 'P=? [ F "exposed" ]', ALL),
+    Case("multiplex/multiplex.pm", "N=12,K=2", "P=? [ F phase=3 & outputs/N<=0.1 ]", SOME),
+    Case("herman/herman9.pm", "", 'filter(max, R{"steps"}=? [ F "stable" ], true)', SOME),
+    Case("retransmission/retransmission.pm", "N=16,MAX=3", 'P=? [ F "gave_up" ]', ALL),
+    Case("kanban/kanban.sm", "t=2", 'R{"delivered"}=? [ S ]', SOME),
+    Case("tandem/tandem.sm", "c=31", "P=? [ true U<=1 waiting=c & served=c ]", SOME),
+    Case("polling/polling.sm", "", "P=? [ !(busy & at=2) U busy & at=1 ]", ALL),
+    Case("dining/dining.nm", "", 'R{"acts"}min=? [ F "eating" ]', ALL),
+    Case("dining/dining.nm", "", 'Pmin=? [ G F "eating" ]', ALL),
+    Case("queue/queue.sm", "", "S=? [ n=capacity ]", ALL),
+)
+
+
+def count(case: Case, engine: str) -> dict[str, int]:
+    """Run one case, and count."""
+    tracemalloc.start()
+    try:
+        given = dict(pair.split("=") for pair in case.constants.split(",")) if case.constants else {}
+        model = symcheck.load(HERE.parent / "models" / case.model, constants=given, engine=engine)
+        result = model.check(case.query)
+        allocated = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    built = model.engine
+    counters = {"states": built.states, "entries": built.transitions}
+    if isinstance(built, SymbolicEngine):
+        diagrams = built.diagrams
+        work = diagrams.manager.statistics()
+        counters |= {
+            "set_nodes": diagrams.states.node_count,
+            "matrix_nodes": diagrams.manager.shared_size(diagrams.roots),
+            "peak_nodes": work.peak_live_nodes,
+            "lookups": int(work.cache_lookups),
+        }
+    runs = [run for run in result.runs if run.kind != "graph"]
+    return counters | {
+        "unknowns": sum(run.unknowns for run in runs),
+        "iterations": sum(run.iterations for run in runs),
+        "work": sum(run.unknowns * run.iterations for run in runs),
+        "allocated": allocated >> 16,
+    }
+
+
+def measure() -> dict[str, dict[str, int]]:
+    """All cases: 'model constants, query, engine' to its counters."""
+    for engine in ALL:  # what is imported on first use is not to be counted
+        count(CASES[-1], engine)
+    return {f"{case}, {engine}": count(case, engine) for case in CASES for engine in case.engines}
+
+
+def grown(now: Mapping[str, Counters], reference: Mapping[str, Counters]) -> list[str]:
+    """What has grown, one line each; a case or counter that only one side knows is an error of the reference."""
+    lines = []
+    for name in sorted(now.keys() | reference.keys()):
+        here, there = now.get(name, {}), reference.get(name, {})
+        if here.keys() != there.keys():
+            lines.append(f"{name}: the counters are not those of the reference; record them with --update")
+            continue
+        for counter, value in here.items():
+            exact = counter in ("states", "entries")
+            if (value != there[counter]) if exact else (value > SLACK * there[counter] + FEW):
+                lines.append(f"{name}: {counter} was {there[counter]:,} and is {value:,}")
+    return lines
+
+
+def show(now: Mapping[str, Counters]) -> str:
+    names = list(dict.fromkeys(counter for counters in now.values() for counter in counters))
+    rows = [["", *names]] + [[case, *(f"{c[n]:,}" if n in c else "" for n in names)] for case, c in now.items()]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(names) + 1)]
+    return "\n".join("  ".join([row[0].ljust(widths[0]), *(x.rjust(w) for x, w in zip(row[1:], widths[1:], strict=True))]) for row in rows)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--update", action="store_true", help="record what is counted now as the reference")
+    arguments = parser.parse_args()
+    now = measure()
+    print(show(now))
+    if arguments.update:
+        REFERENCE.write_text(json.dumps(now, indent=1) + "\n")
+        return 0
+    lines = grown(now, json.loads(REFERENCE.read_text()))
+    print("\n".join(lines) or "nothing has grown")
+    return 1 if lines else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,145 @@
+"""Pictures and exponents of what growth.py measured. See there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from growth import Run
+    from matplotlib.axes import Axes
+
+# symcheck in strong colours, Storm in greys; one marker an engine.
+LOOKS = {
+    "symcheck": {"color": "#c0392b", "marker": "o", "linewidth": 2.4, "zorder": 5},
+    "symcheck -h": {"color": "#e67e22", "marker": "s"},
+    "symcheck -s": {"color": "#2980b9", "marker": "^"},
+    "symcheck -m": {"color": "#8e44ad", "marker": "D"},
+    "symcheck -ex": {"color": "#27ae60", "marker": "v"},
+    "Storm sparse": {"color": "#222222", "marker": "o", "linestyle": "--"},
+    "Storm hybrid": {"color": "#666666", "marker": "s", "linestyle": "--"},
+    "Storm dd": {"color": "#999999", "marker": "D", "linestyle": "--"},
+}
+
+
+def states_of(runs: Sequence[Run]) -> dict[tuple[str, int], int]:
+    """The number of states of each instance, as symcheck counts them: Storm leaves out what a property does not need."""
+    return {(r.family, r.size): r.states for r in runs if r.states and r.engine.startswith("symcheck")}
+
+
+def right(runs: Sequence[Run]) -> list[Run]:
+    """The runs that ended, with the value that most others of the instance found too."""
+    kept = []
+    for run in runs:
+        if run.ended != "done" or run.value is None:
+            continue
+        others = [r.value for r in runs if (r.family, r.size) == (run.family, run.size) and r.value is not None]
+        near = sum(abs(v - run.value) <= 1e-3 * abs(run.value) + 1e-12 for v in others)
+        if 2 * near >= len(others):
+            kept.append(run)
+    return kept
+
+
+def slope(points: Sequence[tuple[float, float]]) -> float | None:
+    """Least squares through the logarithms; None for fewer than three points."""
+    if len(points) < 3:
+        return None
+    xs, ys = [math.log(x) for x, _ in points], [math.log(y) for _, y in points]
+    mx, my = sum(xs) / len(xs), sum(ys) / len(ys)
+    return sum((x - mx) * (y - my) for x, y in zip(xs, ys, strict=True)) / sum((x - mx) ** 2 for x in xs)
+
+
+def exponents(runs: Sequence[Run], states: dict[tuple[str, int], int]) -> tuple[float | None, float | None]:
+    """Of time and memory, without what every run of the engine costs: its smallest run's start-up would flatten both."""
+    least = min((r.megabytes for r in runs), default=0)
+    times = [(states[r.family, r.size], r.seconds) for r in runs if r.seconds >= 1]
+    memory = [(states[r.family, r.size], r.megabytes) for r in runs if r.megabytes >= least + 200]
+    return slope(times), slope(memory)
+
+
+def curves(axes: Axes, runs: Sequence[Run], states: dict[tuple[str, int], int], value: Callable[[Run], float]) -> None:
+    for engine, look in LOOKS.items():
+        points = sorted((states[r.family, r.size], value(r)) for r in runs if r.engine == engine)
+        if points:
+            axes.plot(*zip(*points, strict=True), label=engine, markersize=4.5, **({"linewidth": 1.3} | look))
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.grid(True, which="major", alpha=0.3)
+
+
+def family_picture(family: str, runs: Sequence[Run], states: dict[tuple[str, int], int], path: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    figure, (left, middle) = plt.subplots(1, 2, figsize=(9.6, 4), layout="constrained")
+    curves(left, runs, states, lambda r: r.seconds)
+    curves(middle, runs, states, lambda r: r.megabytes)
+    left.set(title=f"{family}: time of a whole run", xlabel="states", ylabel="seconds")
+    middle.set(title="memory", xlabel="states", ylabel="largest resident set, MB")
+    middle.legend(fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def overview(runs: Sequence[Run], states: dict[tuple[str, int], int], path: Path) -> None:
+    """symcheck's default beside the fastest of Storm's engines, all families in one picture."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
+    palette = ["#c0392b", "#2980b9", "#27ae60", "#8e44ad", "#e67e22"]
+    for family, color in zip(dict.fromkeys(r.family for r in runs), palette, strict=False):
+        own = [r for r in runs if r.family == family]
+        ours = sorted((states[r.family, r.size], r.seconds) for r in own if r.engine == "symcheck")
+        best: dict[int, float] = {}
+        for r in own:
+            if r.engine.startswith("Storm"):
+                n = states[r.family, r.size]
+                best[n] = min(best.get(n, math.inf), r.seconds)
+        if ours:
+            axes.plot(*zip(*ours, strict=True), color=color, marker="o", linewidth=2, markersize=4.5, label=family)
+        if best:
+            axes.plot(*zip(*sorted(best.items()), strict=True), color=color, marker="x", linewidth=1.2, markersize=4.5, linestyle="--")
+    axes.plot([], [], color="#444444", marker="o", linewidth=2, label="symcheck, default")
+    axes.plot([], [], color="#444444", marker="x", linestyle="--", label="Storm, its fastest engine")
+    axes.set(xscale="log", yscale="log", xlabel="states", ylabel="seconds, whole run")
+    axes.grid(True, which="major", alpha=0.3)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def cell(run: Run | None, tried: Run | None) -> str:
+    if run is not None:
+        return f"{run.seconds:.1f} / {run.megabytes:,}"
+    return "" if tried is None else {"done": "wrong", "time": "time", "failed": "fails"}[tried.ended]
+
+
+def tables(runs: Sequence[Run], good: Sequence[Run], states: dict[tuple[str, int], int]) -> str:
+    """Markdown: seconds / MB per instance and engine, and the exponents below."""
+    engines = [e for e in LOOKS if any(r.engine == e for r in runs)]
+    found = {(r.family, r.size, r.engine): r for r in good}
+    tried = {(r.family, r.size, r.engine): r for r in runs}
+    lines = ["# Growth", "Seconds / MB of whole runs, from `python benchmarks/growth.py`. Exponents: of time, of memory, over states.", ""]
+    lines += ["| instance | states | " + " | ".join(engines) + " |", "|---" * (len(engines) + 2) + "|"]
+    for family in dict.fromkeys(r.family for r in runs):
+        for size in sorted({r.size for r in runs if r.family == family}):
+            keys = [(family, size, e) for e in engines]
+            count = states.get((family, size))
+            cells = [cell(found.get(k), tried.get(k)) for k in keys]
+            lines.append(f"| {family} {size} | {count:,} | " + " | ".join(cells) + " |" if count else "")
+        fits = [exponents([r for r in good if r.family == family and r.engine == e], states) for e in engines]
+        cells = [", ".join("-" if x is None else f"{x:.2f}" for x in fit) for fit in fits]
+        lines.append(f"| **{family}: exponents** | | " + " | ".join(cells) + " |")
+    return "\n".join(line for line in lines if line is not None) + "\n"
+
+
+def draw(runs: Sequence[Run], folder: Path) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    good, states = right(runs), states_of(runs)
+    for family in dict.fromkeys(r.family for r in good):
+        family_picture(family, [r for r in good if r.family == family], states, folder / f"growth_{family}.png")
+    overview(good, states, folder / "growth.png")
+    (folder / "growth.md").write_text(tables(runs, good, states))
