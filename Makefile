@@ -1,4 +1,4 @@
-# make demo: check two real models; make study: the cell-injection study, into study-output/; make test: the test suite; make check: everything that CI runs.
+# make demo: check two real models; make study: the cell-injection study, into study-output/; make growth: time and memory against states, into benchmarks/results/; make test: the test suite; make check: everything that CI runs.
 # Each sets up its own virtual environment in .venv first; python3, make, gcc and a package index are all it needs.
 PYTHON ?= python3
 VENV := .venv
@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd')
 STAMP := $(VENV)/.stamp
 
-.PHONY: demo study test check format clean
+.PHONY: demo study growth test check format clean
 
 demo: $(STAMP)-base
 	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10
@@ -16,6 +16,9 @@ demo: $(STAMP)-base
 
 study: $(STAMP)-study
 	$(BIN)/python models/cell_injection/study.py --out study-output
+
+growth: $(STAMP)-test
+	$(BIN)/python benchmarks/growth.py
 
 test: $(STAMP)-test
 	$(BIN)/python -m pytest -n auto -q
