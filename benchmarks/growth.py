@@ -28,6 +28,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from growth_plots import Run, draw
+
 HERE = Path(__file__).resolve().parent
 MODELS = HERE.parent / "models"
 RESULTS = HERE / "results"
@@ -57,21 +59,6 @@ FAMILIES = (
     Family("polling", "polling/polling.sm", "P=? [ !(busy & at=2) U busy & at=1 ]", "N", (10, 12, 14, 16, 18, 20)),
 )
 ENGINES = ("symcheck", "symcheck -h", "symcheck -s", "symcheck -m", "symcheck -ex", "Storm sparse", "Storm hybrid", "Storm dd")
-
-
-@dataclass(frozen=True)
-class Run:
-    """One process. seconds: wall; processor: user and system; megabytes: largest resident set; value: None where it did not end."""
-
-    family: str
-    size: int
-    engine: str
-    states: int | None
-    seconds: float
-    processor: float
-    megabytes: int
-    value: float | None
-    ended: str
 
 
 STORM = """
@@ -195,8 +182,6 @@ def main() -> None:
     parser.add_argument("--memory", type=int, default=16_000, help="megabytes per run")
     parser.add_argument("--draw", action="store_true", help="measure nothing, draw what was measured")
     arguments = parser.parse_args()
-    from growth_plots import draw
-
     table = RESULTS / "growth.csv"
     RESULTS.mkdir(exist_ok=True)
     kept = load(table) if table.exists() else []

@@ -4,12 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from growth import Run
     from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class Run:
+    """One process. seconds: wall; processor: user and system; megabytes: largest resident set; value: None where it did not end."""
+
+    family: str
+    size: int
+    engine: str
+    states: int | None
+    seconds: float
+    processor: float
+    megabytes: int
+    value: float | None
+    ended: str
+
 
 # symcheck in strong colours, Storm in greys; one marker an engine.
 LOOKS = {
