@@ -188,3 +188,24 @@ def test_time_in_a_ctmc_is_refused_within_such_formulas():
     with pytest.raises(UnsupportedError, match="bounds on time"):
         model.check("P=? [ (F<=2 s=1) & (F s=2) ]")
     assert model.check("P=? [ F (s=1 & P>=1/2 [ F<=2 s=2 ]) ]").value == 1
+
+
+@pytest.mark.parametrize("kind", ["dtmc", "mdp"])
+@pytest.mark.parametrize("formula", ["F (a U b)", "(b U a) U a", "!(F (a U b))", "a U (a U b)"])
+def test_what_is_only_an_until_needs_no_automaton(kind, formula, monkeypatch):
+    text = f"""{kind} module m s : [0..3];
+    [] s=0 -> 0.5 : (s'=1) + 0.5 : (s'=3); [] s=1 -> 0.5 : (s'=2) + 0.5 : (s'=3); [] s>1 -> true;
+    {"[] s=0 -> (s'=3);" if kind == "mdp" else ""} endmodule"""
+    sets = {"a": "s<2", "b": "s=2"}
+    spelled = formula
+    for name, states in sets.items():
+        spelled = spelled.replace(name, f"({states})")
+    model = symcheck.loads(text, engine="explicit")
+    operators = ["Pmin=?", "Pmax=?"] if kind == "mdp" else ["P=?"]
+    questions = [f"{o} [ {spelled} ]" for o in operators]
+    short = [model.check(q).value for q in questions]
+    with monkeypatch.context() as patched:
+        patched.setattr("symcheck.check.ltl._as_until", lambda *_: None)
+        assert short == [model.check(q).value for q in questions]
+    monkeypatch.setattr("symcheck.check.ltl.linear_product", None)
+    assert short == [model.check(q).value for q in questions]

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from symcheck.automata.automaton import Automaton
-from symcheck.automata.formula import Formula
+from symcheck.automata.formula import Formula, Kind
 from symcheck.automata.ltl import Formulas
 from symcheck.check.context import Context
 from symcheck.check.linear_time import read
 from symcheck.check.measures import measures
-from symcheck.check.paths import TemporalPath
+from symcheck.check.paths import TemporalPath, UntilPath
 from symcheck.engines.base import StateSet, Values
 from symcheck.engines.product import Product
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
@@ -34,6 +34,11 @@ def path_probability_ltl(context: Context, path: TemporalPath, direction: str | 
 
     Raises UnsupportedError where the automaton would be too large, and for bounds on time within such formulas.
     """
+    simple = _as_until(context, path)
+    if simple is not None:
+        from symcheck.check.probabilities import probability
+
+        return probability(context, simple, direction)
     if direction == "min":
         greatest = path_probability_ltl(context, replace(path, negative=not path.negative), "max")
         return context.engine.constant(1).map("-", greatest)
@@ -41,6 +46,28 @@ def path_probability_ltl(context: Context, path: TemporalPath, direction: str | 
     inner = replace(context, engine=product.engine)
     good = _accepted(inner, context, product, pairs)
     return product.project(measures(inner).until(inner, inner.engine.all, good, direction))
+
+
+def _as_until(context: Context, path: TemporalPath) -> UntilPath | None:
+    """The path formula as `left U right` over sets of states, if it is found to be no more: F (a U b) is F b."""
+    formulas = Formulas()
+    alphabet, formula = _read(context, formulas, path)
+    if formula.kind is not Kind.UNTIL or formula.bound is not None:
+        return None
+    left, right = (_literal_states(context, alphabet, part) for part in formula.parts)
+    return None if left is None or right is None else UntilPath(left, right, negative=path.negative)
+
+
+def _literal_states(context: Context, alphabet: _Alphabet, formula: Formula) -> StateSet | None:
+    """The states of a literal; None for any other formula, and where letters are only numbers."""
+    match formula.kind:
+        case Kind.TRUE:
+            return context.engine.all
+        case Kind.POSITIVE | Kind.NEGATIVE if alphabet.letters == alphabet.columns:
+            states = alphabet.sets[formula.atom]
+            return states if formula.kind is Kind.POSITIVE else ~states
+        case _:
+            return None
 
 
 def linear_product(context: Context, path: TemporalPath) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:

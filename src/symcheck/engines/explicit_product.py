@@ -1,4 +1,4 @@
-"""The product of an explicitly stored model with an automaton, found level by level with whole-array operations."""
+"""The product of an explicitly stored model with an automaton: the pairs that may be reached, and their rows."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from symcheck.engines.arrays import ArraySet, ArrayValues, spans
 from symcheck.errors import MemoryLimitError
 from symcheck.explicit.states import StateTable
+from symcheck.kernels import pairs
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
@@ -104,8 +105,13 @@ class ExplicitProduct:
         if not edges:
             return self.engine.none
         width = int(self.letter.max(initial=0)) + 1
-        keys = np.array([q * width + letter for q, letter in edges if letter < width], dtype=np.int64)
-        return ArraySet(np.isin(self.pairs.automaton * np.int64(width) + self.letter[self.pairs.state], keys))
+        wanted = np.zeros((int(self.pairs.automaton.max(initial=0)) + 1, width), np.uint8)
+        for q, letter in edges:
+            if q < len(wanted) and letter < width:
+                wanted[q, letter] = 1
+        members = np.empty(len(self.pairs.state), np.uint8)
+        pairs.matching(self.pairs.state, self.pairs.automaton, self.letter, wanted, members)
+        return ArraySet(members.view(np.bool_))
 
     def project(self, values: ArrayValues) -> ArrayValues:
         """For each base state, the value at its pair with the automaton's initial state."""
@@ -133,14 +139,16 @@ def product(base: ExplicitEngine, letters: Sequence[ArraySet], automaton: Automa
     if base.states * size > _PAIRS_LIMIT:
         raise MemoryLimitError(f"the product with an automaton of {size} states is too large for the explicit engine")
     found = reachable_pairs(base.matrix, table, letter, automaton.initial)
-    keys = np.flatnonzero(found)
-    state, second = (keys // size).astype(np.int32), (keys % size).astype(np.int32)
-    number = np.full(len(found), -1, np.int32)
-    number[keys] = np.arange(len(keys), dtype=np.int32)
+    count = int(np.count_nonzero(found))
+    if count >= 2**31:
+        raise MemoryLimitError(f"the product with an automaton of {size} states has {count:,} states: too many for the explicit engine")
+    state, second, number = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(len(found), np.int32)
+    pairs.split(found.view(np.uint8), size, state, second, number)
+    del found
     matrix, rows = pair_matrix(base.matrix, table[second, letter[state]], state, number, size)
-    pairs = ProductModel(base, state, second, matrix, rows, automaton.initial)
-    entry = number[np.arange(base.states, dtype=np.int64) * size + automaton.initial].astype(np.int64)
-    return ExplicitProduct(ExplicitEngine(pairs, f"{base.name} product"), pairs, entry, letter)  # type: ignore[arg-type]
+    model = ProductModel(base, state, second, matrix, rows, automaton.initial)
+    entry = number[automaton.initial :: size].astype(np.int64)
+    return ExplicitProduct(ExplicitEngine(model, f"{base.name} product"), model, entry, letter)  # type: ignore[arg-type]
 
 
 def _entries(matrix: SparseMatrix) -> Int64s:
@@ -150,31 +158,21 @@ def _entries(matrix: SparseMatrix) -> Int64s:
 
 def reachable_pairs(matrix: SparseMatrix, table: Int64s, letter: Int64s, initial: int) -> NDArray[np.bool_]:
     """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for some s."""
-    size = table.shape[0]
-    edges = _entries(matrix)
-    found = np.zeros(matrix.states * size, bool)
-    frontier = np.arange(matrix.states, dtype=np.int64) * size + initial
-    while len(frontier):
-        found[frontier] = True
-        state, q = frontier // size, frontier % size
-        targets = matrix.indices[spans(edges[state], edges[state + 1])].astype(np.int64)
-        following = np.repeat(table[q, letter[state]], edges[state + 1] - edges[state])
-        candidates = targets * size + following
-        frontier = np.unique(candidates[~found[candidates]])
-    return found
+    found = np.zeros(matrix.states * table.shape[0], np.uint8)
+    pairs.reach(_entries(matrix), matrix.indices, np.ascontiguousarray(table), letter, initial, found)
+    return found.view(np.bool_)
 
 
 def pair_matrix(matrix: SparseMatrix, following: Int64s, state: Int32s, number: Int32s, size: int) -> tuple[SparseMatrix, Int64s]:
     """The rows of the pairs, in their order, and the base row of each."""
     if matrix.groups is None:
-        rows, groups, per_state = state.astype(np.int64), None, np.ones(len(state), np.int64)
+        rows, groups, after = state.astype(np.int64), None, following.astype(np.int32)
     else:
         per_state = np.diff(matrix.groups)[state]
         rows = spans(matrix.groups[:-1][state], matrix.groups[1:][state])
         groups = np.concatenate(([0], np.cumsum(per_state)))
-    lengths = np.diff(matrix.indptr)[rows]
-    entries = spans(matrix.indptr[:-1][rows], matrix.indptr[1:][rows])
-    after = np.repeat(np.repeat(following, per_state), lengths)
-    indptr = np.concatenate(([0], np.cumsum(lengths)))
-    columns = number[matrix.indices[entries].astype(np.int64) * size + after]
-    return SparseMatrix(indptr, columns, matrix.data[entries], len(state), groups), rows
+        after = np.repeat(following, per_state).astype(np.int32)
+    indptr = np.concatenate(([0], np.cumsum(np.diff(matrix.indptr)[rows])))
+    indices, data = np.empty(int(indptr[-1]), np.int32), np.empty(int(indptr[-1]))
+    pairs.rows(matrix.indptr, matrix.indices, matrix.data, rows, after, number, size, indptr, indices, data)
+    return SparseMatrix(indptr, indices, data, len(state), groups), rows
