@@ -91,3 +91,43 @@ def poisson_sweep(const int64_t[::1] indptr, const int32_t[::1] indices, const d
                     if idx[k] != i:
                         total = total + v[k] * y[idx[k]]
                 y[i] = total / leave[i]
+
+
+def symmetric_sweeps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, const double[::1] right,
+                     double[::1] x, int count):
+    """x = about (I - A)^-1 right: Gauss-Seidel from 0, `count` times backwards and forwards. A has nothing on its diagonal."""
+    cdef int64_t n = x.shape[0], i, k, t
+    cdef double total
+    cdef const double* v = &data[0] if data.shape[0] else NULL
+    cdef const int32_t* idx = &indices[0] if indices.shape[0] else NULL
+    cdef double* y = &x[0]
+    with nogil:
+        for i in range(n):
+            y[i] = 0.0
+        for t in range(count):
+            for i in range(n - 1, -1, -1):
+                total = right[i]
+                for k in range(indptr[i], indptr[i + 1]):
+                    total = total + v[k] * y[idx[k]]
+                y[i] = total
+            for i in range(n):
+                total = right[i]
+                for k in range(indptr[i], indptr[i + 1]):
+                    total = total + v[k] * y[idx[k]]
+                y[i] = total
+
+
+def less_product(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, const double[::1] x,
+                 double[::1] out):
+    """out = x - A x."""
+    cdef int64_t n = x.shape[0], i, k
+    cdef double total
+    cdef const double* v = &data[0] if data.shape[0] else NULL
+    cdef const int32_t* idx = &indices[0] if indices.shape[0] else NULL
+    cdef const double* y = &x[0]
+    with nogil:
+        for i in range(n):
+            total = y[i]
+            for k in range(indptr[i], indptr[i + 1]):
+                total = total - v[k] * y[idx[k]]
+            out[i] = total

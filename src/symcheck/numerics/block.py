@@ -12,16 +12,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symcheck.kernels import sparse
+from symcheck.kernels import sparse, stationary
 from symcheck.kernels.checks import certify
 from symcheck.kernels.eliminate import Elimination
 from symcheck.kernels.solve import Block, System
 from symcheck.numerics import graph
+from symcheck.numerics.krylov import bicgstab
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy, Settings
 
-__all__ = ["Bounds", "LocalSystem", "policy_iteration", "solve_direct"]
+__all__ = ["Bounds", "LocalSystem", "policy_iteration", "solve_direct", "solve_krylov"]
+
+SWEEPS = 3  # Gauss-Seidel sweeps, to and fro, in a preconditioner
+PATIENCE = 25  # steps within which the residual must have become a tenth
+WEIGHT = 0.3  # what the weight of a certificate may be off by
 
 
 @dataclass
@@ -121,6 +126,72 @@ def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
     upper = factors.solve(local.high)
     upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + 1e-307, 0.0)
     return Bounds(lower, upper)
+
+
+def solve_krylov(local: LocalSystem, goal: float, scale: Floats) -> Bounds | None:
+    """BiCGStab over Gauss-Seidel sweeps, for a block without choices: bounds that are `goal` apart, relative to them, or None.
+
+    scale: positive, about as large as the solution, to within some orders of magnitude.
+    The weight of the certificate solves (I - A) w = x, roughly. Constants known between bounds only are solved from both sides.
+    """
+    solver = _Krylov(local)
+    x = solver.solve(local.low, scale, goal)
+    if x is None or x.min() <= 0.0:
+        return None
+    weight = solver.solve(x, x, WEIGHT)
+    if weight is None:
+        return None
+    # An error of h x in the residual is one of at most h weight / (1 - WEIGHT) in the solution.
+    share = 0.1 * goal / max(float((weight / x).max()), 1.0)
+    sides = []
+    for right in (local.low, local.high):
+        rest = right - solver.times(x)
+        if np.any(np.abs(rest) > share * x):
+            change = solver.solve(rest, x, share)
+            if change is None or np.any(x + change <= 0.0):
+                return None
+            x = x + change
+        sides.append(x)
+    below = _around(sides[0], weight, *local.certify(sides[0], weight, None))
+    above = below if sides[1] is sides[0] else _around(sides[1], weight, *local.certify(sides[1], weight, None))
+    if below is None or above is None:
+        return None
+    found = Bounds(np.maximum(below.lower, 0.0), above.upper, None, solver.steps)
+    return found if np.all(found.upper - found.lower <= goal * found.upper) else None
+
+
+@dataclass
+class _Krylov:
+    """(I - A)^-1, approximately; `steps` counts those made."""
+
+    local: LocalSystem
+    steps: int = 0
+
+    def times(self, v: Floats) -> Floats:
+        """(I - A) v."""
+        m, out = self.local.matrix, np.empty(self.local.n)
+        stationary.less_product(m.indptr, m.indices, m.data, v, out)
+        return out
+
+    def precondition(self, v: Floats) -> Floats:
+        """About (I - A)^-1 v."""
+        m, out = self.local.matrix, np.empty(self.local.n)
+        stationary.symmetric_sweeps(m.indptr, m.indices, m.data, v, out, SWEEPS)
+        return out
+
+    def solve(self, right: Floats, scale: Floats, goal: float) -> Floats | None:
+        """(I - A)^-1 right up to a residual of goal · scale everywhere; None where that is not reached soon."""
+        best, last = np.inf, 0
+        for count, (x, rest) in enumerate(bicgstab(self.times, self.precondition, right, scale)):
+            self.steps += 1
+            size = float(np.max(np.abs(rest) / scale))
+            if size <= goal:
+                return x
+            if size < 0.1 * best:
+                best, last = size, count
+            if not np.isfinite(size) or count - last > PATIENCE:
+                break
+        return None
 
 
 Evaluate = Callable[[LinearProblem, Settings], Solution]

@@ -1,9 +1,9 @@
 """The default: strong components in reverse topological order, each by the cheapest means that certify it.
 
 A state that is a component of its own takes one pass over its rows. A component without choices is eliminated without
-subtraction, if that takes no more than some sweeps would. Others are swept from both sides (interval iteration for
-probabilities, optimistic value iteration for rewards) as long as that converges, and handed to a longer elimination or to
-policy iteration where it does not.
+subtraction, if that takes no more than some sweeps would, or solved by BiCGStab, with a proof. Others are swept from both
+sides (interval iteration for probabilities, optimistic value iteration for rewards) as long as that converges, and handed
+to a longer elimination or to policy iteration where it does not.
 Sources: Dai, Mausam, Weld & Goldsmith (2011); Baier, Klein, Leuschner, Parker & Wunderlich (2017).
 """
 
@@ -18,7 +18,7 @@ from symcheck.kernels import sparse
 from symcheck.kernels.checks import levels
 from symcheck.kernels.solve import Block, System
 from symcheck.numerics import graph
-from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct
+from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct, solve_krylov
 from symcheck.numerics.collapse import collapse, unit
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
 from symcheck.numerics.problem import LinearProblem, Observer, Solution, Step
@@ -106,13 +106,13 @@ def _hard(run: _Run, states: Int32s, goal: float) -> None:
     block.principle()
     if not block.open_:
         _closed(block)
-    elif not _eliminate(run, block, goal, 200 * block.entries if block.n <= SPARSE else 20 * block.entries):
+    elif not (_eliminate(run, block, goal, _little(block)) or _krylov(run, block, goal, np.ones(block.n))):
         if run.quick:
             raise _TooSlow
         done, ahead = _sweep(run, block, goal, True)
         if not done and block.n <= SPARSE:
             limit = int(min(OPERATIONS, max(10 * CHEAP, 0.5 * ahead * block.entries)))
-            done = _eliminate(run, block, goal, limit) or _improve(run, block, goal)
+            done = _again(run, block, goal) or _eliminate(run, block, goal, limit) or _improve(run, block, goal)
         if not done:
             done, _ = _sweep(run, block, goal, False)
             run.failed += not done
@@ -175,6 +175,30 @@ def _eliminate(run: _Run, block: Block, goal: float, limit: int) -> bool:
     fits = block.mode == 0 and block.entries <= MANY
     answer = solve_direct(LocalSystem.of(block), limit) if fits else None
     return answer is not None and _accept(run, block, goal, answer, "elimination")
+
+
+def _little(block: Block) -> int:
+    """Operations of an elimination that costs no more than some sweeps."""
+    return (200 if block.n <= LARGE else 20) * block.entries
+
+
+def _krylov(run: _Run, block: Block, goal: float, scale: Floats) -> bool:
+    """BiCGStab, for blocks without choices, with a proof: sweeps that converge slowly are good at preconditioning it."""
+    if block.mode != 0:
+        return False
+    answer = solve_krylov(LocalSystem.of(block), goal, scale)
+    if answer is None:
+        return False
+    run.iterations += answer.iterations
+    return _accept(run, block, goal, answer, "BiCGStab")
+
+
+def _again(run: _Run, block: Block, goal: float) -> bool:
+    """BiCGStab once more, where sweeps have shown how large the values are, if these are of different orders of magnitude."""
+    lower = np.asarray(block.x)[: block.n, 0]
+    if not lower.min(initial=np.inf) > 0.0 or lower.min() > 1e-3 * lower.max():
+        return False
+    return _krylov(run, block, goal, lower.copy())
 
 
 def _improve(run: _Run, block: Block, goal: float) -> bool:
