@@ -53,7 +53,7 @@ class Diagrams:
     deadlocks: Bdd = field(repr=False)
     loops: Bdd = field(repr=False)
     steps: tuple[Step, ...] = field(repr=False)
-    roots: tuple[Mtbdd, ...] = field(repr=False)
+    roots: Sequence[Mtbdd] = field(repr=False)
     guards: tuple[Bdd, ...] | None = field(repr=False)
     actions: Mapping[tuple[int, str | None], Bdd] = field(repr=False)
     state_rewards: Sequence[Mtbdd] = field(repr=False)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel
+
+if TYPE_CHECKING:
+    from symcheck.engines.symbolic import SymbolicEngine
 
 __all__ = ["BUILDERS", "BuildOptions", "build"]
 
@@ -71,16 +74,24 @@ def _exact(model: BoundModel, options: Any, _: Observer | None) -> Engine:
 
 def _sparse(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
     from symcheck.engines.sparse import SparseEngine
-    from symcheck.symbolic.build import construct
 
-    return SparseEngine.of(construct(model, options, observer))
+    return _compressed(SparseEngine, model, options, observer)
 
 
 def _hybrid(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
     from symcheck.engines.hybrid import HybridEngine
-    from symcheck.symbolic.build import construct
 
-    return HybridEngine.of(construct(model, options, observer))
+    return _compressed(HybridEngine, model, options, observer)
+
+
+def _compressed(kind: type[SymbolicEngine], model: BoundModel, options: Any, observer: Observer | None) -> Engine:
+    """The engine, unless diagrams hold the states but do not compress them: then the rows are listed."""
+    from symcheck.engines.listed import listed
+    from symcheck.symbolic.build import explored
+    from symcheck.symbolic.transitions import transitions
+
+    space = explored(model, options, observer)
+    return listed(space, options, kind.name) or kind.of(transitions(space, options, observer))
 
 
 def _mtbdd(model: BoundModel, options: Any, observer: Observer | None) -> Engine:

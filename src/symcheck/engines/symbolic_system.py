@@ -73,7 +73,7 @@ class SymbolicSystem:
     def roots(self) -> tuple[Mtbdd, ...]:
         """The matrices on the rows of the states, columns anywhere."""
         if self.states.bdd == self._d.states:
-            return self._d.roots
+            return tuple(self._d.roots)
         return tuple(root.times_bdd(self.states.bdd) for root in self._d.roots)
 
     @cached_property

@@ -24,7 +24,7 @@ from symcheck.syntax.ast import Expression
 if TYPE_CHECKING:
     from symcheck.engines.symbolic import SymbolicEngine
 
-__all__ = ["WrittenEngine", "written_out"]
+__all__ = ["WrittenEngine", "stored_states", "written_out"]
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,11 @@ def written_out(engine: SymbolicEngine) -> WrittenEngine:
         [r[1] for r in rewards],
     )
     return WrittenEngine(model, name="sparse", source=engine)
+
+
+def stored_states(engine: SymbolicEngine) -> StateTable:
+    """The reachable states in the order of their numbers, as a table that is filled when it is first looked into."""
+    return _States(engine)
 
 
 class _States(StateTable):

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.commands import encode_event
 from symcheck.symbolic.encode import Encoding, encode
-from symcheck.symbolic.model import EncodedEvent, Relation, SymbolicModel, Transitions
+from symcheck.symbolic.model import EncodedEvent, Relation, StateSpace, SymbolicModel, Transitions
 from symcheck.symbolic.translate import Limits, Translator
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd, DiagramManager
 
-__all__ = ["Observer", "build", "construct", "group_relations", "initial_states"]
+__all__ = ["Observer", "build", "construct", "explored", "group_relations", "initial_states"]
 
 Observer = Callable[[object], None]
 
@@ -56,14 +56,19 @@ def construct(model: BoundModel, options: Options, observer: Observer | None = N
 
     Raises ModelFault for a model that breaks a rule at a reachable state, and what `build` raises.
     """
-    from symcheck.symbolic.reach import reach
     from symcheck.symbolic.transitions import transitions
 
-    symbolic = build(model, options, observer, order=order)
-    space = reach(symbolic, options, observer)
+    return transitions(explored(model, options, observer, order=order), options, observer)
+
+
+def explored(model: BoundModel, options: Options, observer: Observer | None = None, *, order: Sequence[str] | None = None) -> StateSpace:
+    """Build and explore: what `construct` does before the matrices are made."""
+    from symcheck.symbolic.reach import reach
+
+    space = reach(build(model, options, observer, order=order), options, observer)
     if observer is not None:
         observer(space)
-    return transitions(space, options, observer)
+    return space
 
 
 def initial_states(model: BoundModel, translator: Translator) -> Bdd:

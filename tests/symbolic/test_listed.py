@@ -1,0 +1,88 @@
+"""Rows listed from the diagrams of commands: the matrix that the explicit search finds."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+import symcheck
+from engines.twins import MODELS as TWINS
+from generate import random_model, random_property
+from symbolic.oracle import bound
+from symbolic.test_learn import NOTHING, WIDE
+from symcheck.check.options import Options
+from symcheck.engines import listed
+from symcheck.engines.listed import ListedEngine
+from symcheck.errors import ModelFault, SymcheckError
+from symcheck.explicit.build import explore
+from symcheck.numerics.matrix import SparseMatrix
+from symcheck.symbolic import listed as lister
+from symcheck.symbolic.build import build, explored
+from symcheck.symbolic.listed import listed_rows
+from symcheck.symbolic.reach import reach
+
+
+def dense(matrix: SparseMatrix):
+    out = np.zeros((matrix.states, matrix.states))
+    for row in range(matrix.states):
+        span = slice(matrix.indptr[row], matrix.indptr[row + 1])
+        assert len(set(matrix.indices[span])) == matrix.indptr[row + 1] - matrix.indptr[row]
+        out[row, matrix.indices[span]] = matrix.data[span]
+    return out
+
+
+@pytest.mark.parametrize("limits", [None, NOTHING], ids=["full", "learned"])
+@pytest.mark.parametrize("text", [TWINS["dtmc"], TWINS["ctmc"], WIDE], ids=["dtmc", "ctmc", "wide"])
+def test_listed_rows_are_those_of_the_search(text, limits, monkeypatch):
+    monkeypatch.setattr(lister, "_CHUNK", 7)
+    monkeypatch.setattr(lister, "_SLICE", 2)
+    model = bound(text)
+    found = listed_rows(reach(build(model, Options(), limits=limits), Options()))
+    assert found is not None
+    np.testing.assert_allclose(dense(found), dense(explore(model, Options()).matrix), rtol=1e-15)
+
+
+def test_choices_and_very_many_joint_updates_are_not_listed(monkeypatch):
+    assert listed_rows(explored(bound(TWINS["mdp"]), Options())) is None
+    monkeypatch.setattr(lister, "_MOVES", 1)
+    assert listed_rows(explored(bound(TWINS["dtmc"]), Options())) is None
+
+
+@pytest.mark.parametrize("engine", ["sparse", "hybrid"])
+@pytest.mark.parametrize("seed", range(12))
+def test_models_that_do_not_compress_have_the_same_values(engine, seed, monkeypatch):
+    monkeypatch.setattr(listed, "_MANY", 0)
+    monkeypatch.setattr(listed, "_NODES", 0.0)
+    rng = random.Random(seed)
+    source = random_model(rng, rng.choice(["dtmc", "ctmc"]))
+    try:
+        model, oracle = symcheck.loads(source.text, engine=engine), symcheck.loads(source.text, engine="explicit")
+        assert isinstance(model.engine, ListedEngine)
+        assert (model.engine.states, model.engine.transitions) == (oracle.engine.states, oracle.engine.transitions)
+    except SymcheckError:
+        with pytest.raises(SymcheckError):
+            oracle = symcheck.loads(source.text, engine="explicit").engine
+        return
+    for _ in range(6):
+        question = random_property(rng, source)
+        try:
+            expected = oracle.check(question).value
+        except SymcheckError:
+            with pytest.raises(SymcheckError):
+                model.check(question)
+            continue
+        assert model.check(question).value == pytest.approx(expected, rel=3e-6, nan_ok=True), question
+
+
+def test_faults_are_found_before_rows_are_listed(monkeypatch):
+    monkeypatch.setattr(listed, "_MANY", 0)
+    monkeypatch.setattr(listed, "_NODES", 0.0)
+    model = symcheck.loads("dtmc module m x : [0..3]; [] true -> 0.5 : (x'=x+1) + 0.5 : (x'=0); endmodule", engine="sparse")
+    with pytest.raises(ModelFault, match="x would become 4"):
+        _ = model.engine
+
+
+def test_diagrams_that_compress_stay_diagrams():
+    assert not isinstance(symcheck.loads(TWINS["dtmc"], engine="sparse").engine, ListedEngine)
