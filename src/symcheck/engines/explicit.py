@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 __all__ = ["ExplicitEngine", "ExplicitSystem", "SparseOperator"]
 
 
+_REMEMBERED = 16
+"""Sets of states that are kept."""
+
+
 @dataclass(frozen=True)
 class ExplicitEngine:
     """An explored model as an engine."""
@@ -88,10 +92,19 @@ class ExplicitEngine:
         members[indices] = True
         return ArraySet(members)
 
+    @cached_property
+    def _known(self) -> dict[Expression, ArraySet]:
+        """Sets that were asked for last: several properties speak of the same labels."""
+        return {}
+
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy a boolean expression over the variables."""
-        value = np.asarray(self.explored.evaluate(expression))
-        return ArraySet(np.array(np.broadcast_to(value, (self.states,)), dtype=bool))
+        if expression not in self._known:
+            value = np.asarray(self.explored.evaluate(expression))
+            while len(self._known) >= _REMEMBERED:
+                self._known.pop(next(iter(self._known)))
+            self._known[expression] = ArraySet(np.array(np.broadcast_to(value, (self.states,)), dtype=bool))
+        return self._known[expression]
 
     def values(self, expression: Expression, type: Type) -> ArrayValues:  # noqa: ARG002 (doubles hold all three types)
         """The value of an expression over the variables, at each state (1 and 0 for a bool)."""

@@ -68,7 +68,8 @@ def evaluate_states(model: BoundModel, states: StateTable, expression: Expressio
     code = compile_expression(expression, model)
     n = len(states)
     reals = np.empty(n, np.float64) if code.type is Type.DOUBLE else None
-    integers = np.empty(n, np.int64) if reals is None else None
+    truths = np.empty(n, np.uint8) if code.type is Type.BOOL else None
+    integers = np.empty(n, np.int64) if code.type is Type.INT else None
     layout, support = states.layout, list(code.support)
     fault, status = run_packed(
         code.program,
@@ -79,10 +80,10 @@ def evaluate_states(model: BoundModel, states: StateTable, expression: Expressio
         code.result,
         reals,
         integers,
+        truths,
     )
     if fault >= 0:
         raise_fault(expression, model.variables, dict(enumerate(map(int, states.row(fault)))), status)
-    if reals is not None:
-        return reals
-    assert integers is not None
-    return integers.astype(np.bool_) if code.type is Type.BOOL else integers
+    if truths is not None:
+        return truths.view(np.bool_)
+    return integers if reals is None else reals

@@ -86,4 +86,5 @@ def run_packed(
     result: int,
     reals: NDArray[np.float64] | None,
     integers: NDArray[np.int64] | None,
+    truths: NDArray[np.uint8] | None,
 ) -> tuple[int, int]: ...

@@ -227,31 +227,56 @@ def run_columns(const int[:, ::1] code, const long long[::1] slots, const int[::
     return bad, status if bad >= 0 else 0
 
 
+cdef struct Field:
+    int slot
+    int word
+    int shift
+    unsigned long long mask
+    long long low
+
+
 def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, ::1] fields, const long long[::1] lows,
-               const unsigned long long[:, ::1] states, int result, double[::1] reals, long long[::1] integers):
+               const unsigned long long[:, ::1] states, int result, double[::1] reals, long long[::1] integers,
+               unsigned char[::1] truths):
     """Evaluate a program on packed states (uint64[n, words]).
 
-    `fields` (int32[k, 4]: register, word, shift, bits) and `lows` say what to unpack. Gives (state, status) of the first
-    state that has no value, or (-1, 0).
+    `fields` (int32[k, 4]: register, word, shift, bits) and `lows` say what to unpack. The value of register `result` goes to
+    the one of `reals`, `integers` and `truths` that is not None. Gives (state, status) of the first state that has no value,
+    or (-1, 0).
     """
-    cdef Py_ssize_t n = states.shape[0], k = fields.shape[0], row, j
+    cdef Py_ssize_t n = states.shape[0], words = states.shape[1], row
+    cdef int k = <int> fields.shape[0], j
     cdef const Instruction* program = <const Instruction*> &code[0, 0]
+    cdef const unsigned long long* state
     cdef int status = 0
     cdef Py_ssize_t bad = -1
     cdef Slot* r = <Slot*> malloc(slots.shape[0] * sizeof(Slot) + 8)
-    if r == NULL:
+    cdef Field* read = <Field*> malloc(k * sizeof(Field) + 8)
+    if r == NULL or read == NULL:
+        free(r)
+        free(read)
         raise MemoryError
     with nogil:
         if slots.shape[0]:
             memcpy(r, &slots[0], slots.shape[0] * sizeof(Slot))
+        for j in range(k):
+            read[j].slot = fields[j, 0]
+            read[j].word = fields[j, 1]
+            read[j].shift = fields[j, 2]
+            read[j].mask = (<unsigned long long> 1 << fields[j, 3]) - 1
+            read[j].low = lows[j]
         for row in range(n):
+            state = &states[0, 0] + row * words
             for j in range(k):
-                r[fields[j, 0]].i = <long long> ((states[row, fields[j, 1]] >> fields[j, 2])
-                                                 & ((<unsigned long long> 1 << fields[j, 3]) - 1)) + lows[j]
+                r[read[j].slot].i = <long long> ((state[read[j].word] >> read[j].shift) & read[j].mask) + read[j].low
             status = execute(program, program, r)
             if status:
                 bad = row
                 break
-            give(r, result, reals, integers, row)
+            if truths is not None:
+                truths[row] = <unsigned char> r[result].i
+            else:
+                give(r, result, reals, integers, row)
     free(r)
+    free(read)
     return bad, status
