@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import assert_never
 
 from symcheck.check.context import Context
-from symcheck.check.paths import NextPath, Path, StatePath, TemporalPath, UntilPath, negated
+from symcheck.check.paths import NextPath, Path, RewardPath, StatePath, TemporalPath, UntilPath, negated
 from symcheck.engines.base import StateSet
 from symcheck.errors import UnsupportedError
 
@@ -24,6 +24,8 @@ def exists(context: Context, path: Path) -> StateSet:
     match path:
         case StatePath(states, negative):
             return ~states if negative else states
+        case RewardPath():
+            raise UnsupportedError("A and E with a bound on a reward are not supported; P>0 and P>=1 are")
         case TemporalPath():
             raise UnsupportedError("A and E take one temporal operator (X, F, G, U, W, R) over state formulas; nest A and E instead")
         case NextPath(window=window) | UntilPath(window=window) if not window.trivial:

@@ -15,6 +15,7 @@ from symcheck.check.context import Context
 from symcheck.check.long_run import steady_probability, steady_reward
 from symcheck.check.reach import equations, reach_reward, until
 from symcheck.check.result import Run
+from symcheck.check.reward_bound import counted_next, counted_until
 from symcheck.check.total import total_reward
 from symcheck.check.window import Window
 from symcheck.engines.base import StateSet, System, Values
@@ -22,6 +23,8 @@ from symcheck.numerics.matrix import Floats
 
 __all__ = [
     "bounded_until",
+    "counted_next",
+    "counted_until",
     "cumulative_reward",
     "instantaneous_reward",
     "next_probability",

@@ -6,12 +6,15 @@ from symcheck.check import discrete
 from symcheck.check.context import Context
 from symcheck.check.long_run import steady_probability, steady_reward
 from symcheck.check.reach import reach_reward, until
+from symcheck.check.reward_bound import counted_next, counted_until
 from symcheck.check.total import total_reward
 from symcheck.check.window import Window
 from symcheck.engines.base import StateSet, Values
 
 __all__ = [
     "bounded_until",
+    "counted_next",
+    "counted_until",
     "cumulative_reward",
     "instantaneous_reward",
     "next_probability",

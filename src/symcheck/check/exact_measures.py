@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
@@ -13,7 +13,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.rational import Entries, RationalProblem, exact_matrix, least_solution
 from symcheck.check.result import Run
-from symcheck.check.window import Window
+from symcheck.check.window import Count, Window
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.base import StateSet, Values
 from symcheck.engines.exact import ExactEngine, ExactMatrix
@@ -70,6 +70,32 @@ class ExactMeasures:
         for _ in range(steps.lower):
             x = _pick(_own(left).members, _step(engine, matrix, x, direction), Fraction(0))
         return RationalValues(x)
+
+    def counted_until(self, context: Context, left: StateSet, right: StateSet, counts: Sequence[Count], direction: str | None) -> Values:
+        """Probability of left U right where the rewards gathered until `right` are within bounds."""
+        from symcheck.check.exact_counts import counted_limits, counted_values
+
+        engine = _engine(context)
+        limits = counted_limits(context, engine, [c for c in counts if not c.window.trivial])
+        if not limits:
+            return self.until(context, left, right, direction)
+        bounded = any(limit.upper is not None for limit in limits)
+        if not bounded and len(limits) > 1:
+            raise UnsupportedError("several bounds on rewards, all from below, are not supported in rational arithmetic")
+        unbounded = None if bounded else _array(self.until(context, left, right, direction))
+        sets = (_own(left), _own(right))
+        return RationalValues(counted_values(context, engine, _probabilities(engine), sets, limits, direction, unbounded))
+
+    def counted_next(self, context: Context, target: StateSet, counts: Sequence[Count], direction: str | None) -> Values:
+        """Probability that the next state is in `target`, and the rewards of the step are within bounds."""
+        from symcheck.check.exact_counts import counted_limits
+
+        engine = _engine(context)
+        allowed = np.ones(engine.matrix.rows, bool)
+        for limit in counted_limits(context, engine, counts):
+            allowed &= (limit.rewards >= limit.lower) & (limit.upper is None or limit.rewards <= limit.upper)
+        into = _probabilities(engine).multiply(_array(engine.indicator(_own(target))))
+        return RationalValues(_best(engine, _pick(allowed, into, Fraction(0)), direction))
 
     def positive(self, context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> StateSet | None:
         """Where a bounded until has a positive probability: by its value, but for a CTMC as with doubles."""
@@ -201,8 +227,11 @@ def _any_row(engine: ExactEngine, rows: Bools) -> Bools:
 def _step(engine: ExactEngine, matrix: ExactMatrix, x: Rationals, direction: str | None, add: Rationals | None = None) -> Rationals:
     """One step back: the best expected value of x after a step."""
     y = matrix.multiply(x)
-    if add is not None:
-        y = y + add
+    return _best(engine, y if add is None else y + add, direction)
+
+
+def _best(engine: ExactEngine, y: Rationals, direction: str | None) -> Rationals:
+    """The best row of each state."""
     groups = engine.matrix.groups
     if groups is None:
         return y

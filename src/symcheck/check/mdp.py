@@ -5,6 +5,7 @@ from __future__ import annotations
 from symcheck.check import discrete
 from symcheck.check.context import Context
 from symcheck.check.reach import reach_reward, until
+from symcheck.check.reward_bound import counted_next, counted_until
 from symcheck.check.total import total_reward
 from symcheck.check.window import Window
 from symcheck.engines.base import StateSet, Values
@@ -12,6 +13,8 @@ from symcheck.errors import UnsupportedError
 
 __all__ = [
     "bounded_until",
+    "counted_next",
+    "counted_until",
     "cumulative_reward",
     "instantaneous_reward",
     "next_probability",

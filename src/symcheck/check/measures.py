@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Protocol, assert_never
 
 from symcheck.check.context import Context
-from symcheck.check.window import Window
+from symcheck.check.window import Count, Window
 from symcheck.engines.base import StateSet, Values
 from symcheck.syntax.ast import ModelType
 
@@ -31,6 +32,14 @@ class Measures(Protocol):
 
     def bounded_until(self, context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> Values:
         """Probability of left U right where `right` holds at some time in the window, and `left` before."""
+        ...
+
+    def counted_until(self, context: Context, left: StateSet, right: StateSet, counts: Sequence[Count], direction: str | None) -> Values:
+        """Probability of left U right where the rewards gathered until `right` are within bounds."""
+        ...
+
+    def counted_next(self, context: Context, target: StateSet, counts: Sequence[Count], direction: str | None) -> Values:
+        """Probability that the next state is in `target`, and the rewards of the step are within bounds."""
         ...
 
     def positive(self, context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> StateSet | None:

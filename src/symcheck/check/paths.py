@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from symcheck.check.window import Window, window
+from symcheck.check.window import Count, Window, counts, window
 from symcheck.engines.base import StateSet
 from symcheck.syntax.ast import (
     Binary,
@@ -28,7 +28,19 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.walk import children
 
-__all__ = ["NextPath", "Path", "StatePath", "StatesOf", "TemporalPath", "UntilPath", "is_state_formula", "negated", "resolve", "temporal"]
+__all__ = [
+    "NextPath",
+    "Path",
+    "RewardPath",
+    "StatePath",
+    "StatesOf",
+    "TemporalPath",
+    "UntilPath",
+    "is_state_formula",
+    "negated",
+    "resolve",
+    "temporal",
+]
 
 StatesOf = Callable[[Expression], StateSet]
 
@@ -69,7 +81,16 @@ class TemporalPath:
     negative: bool = False
 
 
-Path = StatePath | NextPath | UntilPath | TemporalPath
+@dataclass(frozen=True, slots=True)
+class RewardPath:
+    """A path without bounds on time, during which the rewards gathered are within bounds: see `symcheck.check.reward_bound`."""
+
+    path: NextPath | UntilPath
+    counts: tuple[Count, ...]
+    negative: bool = False
+
+
+Path = StatePath | NextPath | UntilPath | TemporalPath | RewardPath
 """A path formula over sets of states; `negative` says that its negation is meant."""
 
 
@@ -115,6 +136,11 @@ def resolve(path: PathFormula, states_of: StatesOf, everything: StateSet) -> Pat
         return negated(resolve(path.operand, states_of, everything))
     if isinstance(path, Binary | Conditional) or not all(is_state_formula(p) for p in parts):
         return temporal(path, states_of)
+    bound = getattr(path, "bound", None)
+    if isinstance(bound, RewardBound | RewardBounds):
+        inner = resolve(replace(path, bound=None), states_of, everything)  # type: ignore[arg-type]
+        assert isinstance(inner, NextPath | UntilPath)
+        return RewardPath(replace(inner, negative=False), counts(bound), inner.negative)
     sets = [states_of(p) for p in parts]
     match path:
         case Next(_, bound):

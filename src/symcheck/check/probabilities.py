@@ -7,7 +7,7 @@ from typing import assert_never
 
 from symcheck.check.context import Context
 from symcheck.check.measures import measures
-from symcheck.check.paths import NextPath, Path, StatePath, TemporalPath, UntilPath, negated
+from symcheck.check.paths import NextPath, Path, RewardPath, StatePath, TemporalPath, UntilPath, negated
 from symcheck.engines.base import StateSet, Values
 
 __all__ = ["flipped", "probability", "qualitative"]
@@ -40,6 +40,10 @@ def probability(context: Context, path: Path, direction: str | None) -> Values:
             return _fair_minimum(context, left, right)
         case UntilPath(left, right):
             return measures(context).until(context, left, right, direction)
+        case RewardPath(inner, counts):
+            if isinstance(inner, NextPath):
+                return measures(context).counted_next(context, inner.target, counts, direction)
+            return measures(context).counted_until(context, inner.left, inner.right, counts, direction)
         case TemporalPath():
             from symcheck.check.ltl import path_probability_ltl
 

@@ -8,9 +8,9 @@ from math import ceil, floor, isfinite
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span, UnsupportedError
 from symcheck.semantics.evaluate import evaluate
-from symcheck.syntax.ast import Expression, PathBound, TimeBound
+from symcheck.syntax.ast import Expression, PathBound, RewardBound, RewardBounds, TimeBound
 
-__all__ = ["Steps", "Window", "bound_value", "window"]
+__all__ = ["Count", "Steps", "Window", "bound_value", "counts", "window"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +49,14 @@ class Steps:
     upper: int | None
 
 
+@dataclass(frozen=True, slots=True)
+class Count:
+    """How much of a reward (None: how many steps) there may be."""
+
+    structure: str | Expression | None
+    window: Window
+
+
 def bound_value(expression: Expression) -> Fraction:
     """The value of a bound, exactly. Raises InputError where it is negative or not a finite number."""
     value = evaluate(expression, {}, exact=True)
@@ -69,6 +77,16 @@ def window(bound: PathBound | None) -> Window:
             "a bound on a reward is supported for X, F, G, U, W and R over state formulas, checked numerically; not within formulas "
             "with several temporal operators, in A and E, or by simulation"
         )
+    return _extent(bound)
+
+
+def counts(bound: RewardBound | RewardBounds) -> tuple[Count, ...]:
+    """The rewards that a bound allows. Raises InputError where one is negative or none is left."""
+    parts = bound.parts if isinstance(bound, RewardBounds) else (bound,)
+    return tuple(Count(p.structure, _extent(p)) for p in parts)
+
+
+def _extent(bound: TimeBound | RewardBound) -> Window:
     lower = Fraction(0) if bound.lower is None else bound_value(bound.lower)
     upper = None if bound.upper is None else bound_value(bound.upper)
     result = Window(lower, upper, bound.lower_strict, bound.upper_strict and upper is not None, bound.span)
