@@ -36,6 +36,8 @@ class Model:
     """A model text with the constants and options it is checked with.
 
     program, bound and engine are the stages of the path from text to result; each is made when it is first asked for.
+    With the option `reduce`, properties are checked on a smaller model, which is made for each check (or check_all) anew;
+    `engine` is that of the whole model.
     """
 
     program: Program
@@ -130,7 +132,25 @@ class Model:
         def rebind(model: BoundModel) -> Expression:
             return bind_properties(file, model, constants).properties[index].formula
 
-        return one, check(self.engine, one.formula, self.options, labels=bound.labels, rebind=rebind)
+        return one, check(self._engine_for(file, constants), one.formula, self.options, labels=bound.labels, rebind=rebind)
+
+    @cached_property
+    def _reduced(self) -> dict[Any, Engine]:
+        """The engine built last of a reduced model, by the questions that it was reduced for."""
+        return {}
+
+    def _engine_for(self, file: PropertiesFile, constants: Given | None) -> Engine:
+        """The engine on which the properties of a file are checked: with `reduce`, that of a model made for them."""
+        if not self.options.reduce or self.options.fairness:
+            return self.engine
+        from symcheck.check.question import Question, reduced
+
+        asked = file, tuple((constants or {}).items())
+        if asked not in self._reduced:
+            questions = [Question(file, i, constants or {}) for i in range(len(file.properties))]
+            self._reduced.clear()
+            self._reduced[asked] = registry.build(reduced(self.bound, questions).model, self.options)
+        return self._reduced[asked]
 
 
 def load(path: str | Path, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:

@@ -209,3 +209,37 @@ def test_random_models_keep_their_exact_values(seed: int, kind: str, with_phases
     one = bind_properties(parse_properties(asked), plain).properties[0].formula
     found = check(ExplicitEngine(explicit), one, Options(epsilon=1e-9)).value
     assert found == expected if isinstance(expected, bool) else found == pytest.approx(float(expected), abs=1e-8, rel=1e-8)  # type: ignore[arg-type]
+
+
+_STALE = """dtmc
+module m
+  pc : [0..2]; x : [0..9]; y : [0..9];
+  [] pc=0 -> 0.5 : (x'=mod(x+1,10)) & (pc'=1) + 0.5 : (x'=mod(x+3,10)) & (pc'=1);
+  [] pc=1 -> (y'=x) & (x'=0) & (pc'=2);
+  [] pc=2 & y<5 -> (pc'=0);
+  [] pc=2 & y>=5 -> true;
+endmodule
+"""
+
+
+def test_the_programming_interface_reduces_for_what_is_checked():
+    import symcheck
+
+    whole, smaller = (symcheck.loads(_STALE, engine="explicit", reduce=r) for r in (False, True))
+    for question in ("P=? [ F pc=2&y=3 ]", "P=? [ F pc=1&x=1 ]", "E [ F pc=2&y=1 ]"):
+        assert smaller.check(question).value == whole.check(question).value
+    # Each check is on a model for its own question, and the whole one is still there.
+    assert smaller.check("filter(count, true)").value == whole.engine.states == smaller.engine.states
+    assert len(smaller.check("P=? [ F pc=2&y=3 ]").values.lower) < whole.engine.states
+    both = "P=? [ F pc=2&y=3 ]; P=? [ F pc=1&x=1 ]"
+    assert [r.value for _, r in smaller.check_all(both)] == [r.value for _, r in whole.check_all(both)]
+
+
+@pytest.mark.parametrize("bisim", [False, True])
+def test_bisimulation_follows_reduction(bisim):
+    import symcheck
+
+    questions = "P=? [ F pc=2&y=3 ]; P=? [ F pc=1&x=1 ]"
+    expected = [r.value for _, r in symcheck.loads(_STALE, engine="explicit").check_all(questions)]
+    model = symcheck.loads(_STALE, engine="explicit", reduce=True, bisim=bisim)
+    assert [r.value for _, r in model.check_all(questions)] == pytest.approx(expected, rel=1e-12)
