@@ -188,10 +188,11 @@ class Exploration:
         e, words = self._explorer, self.layout.words
         n = len(e.states)
         e.states.drop_table()
-        rows, order, rank = self.rows(), np.empty(n, np.int32), np.empty(n, np.int32)
-        order_rows(rows, order, rank)
-        states = StateTable(self.layout, rows[order].reshape(-1, words))
-        del rows
+        order, rank = np.empty(n, np.int32), np.empty(n, np.int32)
+        # Not copied: this is where the memory of a large model is at its peak.
+        order_rows(e.states.view_rows(), order, rank)
+        states = StateTable(self.layout, e.states.view_rows()[order].reshape(-1, words))
+        e.states.drop_rows()
         deadlocks = np.empty(e.deadlock_count, np.int64)
         e.copy_deadlocks(deadlocks)
         deadlocks = np.sort(rank[deadlocks].astype(np.int64))

@@ -6,6 +6,8 @@ vain. Rows are inserted in chunks whose table places, and then rows, are prefetc
 what the speed depends on.
 """
 
+import numpy as np
+
 from libc.stdint cimport int32_t, uint64_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
@@ -86,6 +88,17 @@ cdef class StateSet:
         """Give the table's memory back: nothing can be inserted any more."""
         free(self.table)
         self.table = NULL
+
+    def view_rows(self):
+        """All rows as they are stored, not copied (uint64[count, words]): valid until the next `add`, or `drop_rows`."""
+        if self.count == 0:
+            return np.empty((0, self.words), np.uint64)
+        return np.asarray(<uint64_t[:self.count, :self.words]> <uint64_t*> self.rows.data)
+
+    def drop_rows(self):
+        """Give the rows' memory back, and the table's: the set is at its end, and only its length is still known."""
+        self.drop_table()
+        release(&self.rows)
 
     cdef int _enlarge(self, uint64_t size) noexcept nogil:
         cdef uint64_t* table = <uint64_t*> calloc(size, 8)
