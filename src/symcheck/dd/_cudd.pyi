@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "Bdd",
+    "Closure",
     "Core",
     "Cube",
     "Mtbdd",
@@ -131,6 +132,21 @@ class Bdd:
     @overload
     def evaluate(self, bits: ArrayLike) -> Any: ...
     def to_dd(self) -> Any: ...
+
+class Closure:
+    """Relations prepared for closing sets under them, node by node (saturation). `forward`: by images, else by preimages.
+
+    ValueError unless each column variable is right below its row variable. `families` so many at most: of relations as
+    they are for some values of the variables above.
+    """
+
+    core: Core
+    relations: tuple[tuple[Bdd, Transition], ...]
+    forward: bool
+    def __init__(self, core: Core, relations: Iterable[tuple[Bdd, Transition]], forward: bool = True, families: int = 200_000) -> None: ...
+    @property
+    def families(self) -> int: ...
+    def close(self, states: Bdd, within: Bdd | None = None, nodes: int | None = None, deadline: float | None = None) -> Bdd | None: ...
 
 class Mtbdd:
     """A float64 per assignment: immutable, hashable, equal exactly when the functions are.

@@ -22,7 +22,7 @@ from symcheck.dd.library import REQUIRED_VERSION, cudd
 from symcheck.errors import Interrupted, MemoryLimitError, NumericalError, TimeLimitError
 
 __all__ = [
-    "Bdd", "Core", "Cube", "Mtbdd", "Renaming", "Transition", "count", "export_nodes", "export_sets", "from_bits", "from_rows",
+    "Bdd", "Closure", "Core", "Cube", "Mtbdd", "Renaming", "Transition", "count", "export_nodes", "export_sets", "from_bits", "from_rows",
     "from_table", "import_nodes", "import_sets", "pick", "shared_size", "total", "unite",
 ]
 
@@ -34,6 +34,7 @@ include "_cudd_recursions.pxi"
 include "_cudd_steps.pxi"
 include "_cudd_prepared.pxi"
 include "_cudd_sets.pxi"
+include "_cudd_closure.pxi"
 include "_cudd_numbers.pxi"
 include "_cudd_export.pxi"
 include "_cudd_tables.pxi"

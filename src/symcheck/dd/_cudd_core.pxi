@@ -28,6 +28,7 @@ cdef struct Env:
     int* perm                    # level by variable index
     int size
     bint stale                   # perm must be read again
+    unsigned long readings       # how often it was
     DdNode* one                  # BDD true, and the number 1
     DdNode* no                   # BDD false
     DdNode* zero                 # the number 0
@@ -193,6 +194,7 @@ cdef class Core:
                 raise MemoryError
             e.perm = perm
             e.size = size
+            e.readings += 1
             for i in range(size):
                 perm[i] = Cudd_ReadPerm(e.dd, i)
             e.stale = False

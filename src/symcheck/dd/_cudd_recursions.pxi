@@ -22,6 +22,7 @@ cdef enum:
     TAG_SUM_PRODUCT = 0xAA
     TAG_IMAGE = 0xAE
     TAG_PREIMAGE = 0xC2
+    TAG_CLOSED = 0xC6
 
 
 cdef inline DdNode* regular(DdNode* n) noexcept nogil:

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symcheck.dd import _cudd, _layout
-from symcheck.dd._cudd import Bdd, Core, Cube, Mtbdd, Renaming, Transition
+from symcheck.dd._cudd import Bdd, Closure, Core, Cube, Mtbdd, Renaming, Transition
 from symcheck.dd.export import BddTable, NodeTable
 from symcheck.dd.library import cudd
 
-__all__ = ["Bdd", "Cube", "DiagramManager", "Mtbdd", "Renaming", "Statistics", "Transition", "Variables"]
+__all__ = ["Bdd", "Closure", "Cube", "DiagramManager", "Mtbdd", "Renaming", "Statistics", "Transition", "Variables"]
 
 Variables = Sequence[str] | Cube
 """Variables by name, or prepared."""
@@ -148,6 +148,10 @@ class DiagramManager:
     def transition(self, rows: Sequence[str], columns: Sequence[str]) -> Transition:
         """Prepare `image` and `preimage` of relations over these row and column variables (pairwise)."""
         return Transition(self.core, list(zip(map(self.index_of, rows), map(self.index_of, columns), strict=True)))
+
+    def closure(self, relations: Iterable[tuple[Bdd, Transition]], *, forward: bool = True) -> Closure:
+        """Prepare closing sets under relations, by images or (`forward` off) by preimages."""
+        return Closure(self.core, relations, forward)
 
     # Making diagrams
 
