@@ -50,7 +50,7 @@ def test_choices_and_very_many_joint_updates_are_not_listed(monkeypatch):
     assert listed_rows(explored(bound(TWINS["dtmc"]), Options())) is None
 
 
-@pytest.mark.parametrize("engine", ["sparse", "hybrid"])
+@pytest.mark.parametrize("engine", ["sparse", "hybrid", "mtbdd"])
 @pytest.mark.parametrize("seed", range(12))
 def test_models_that_do_not_compress_have_the_same_values(engine, seed, monkeypatch):
     monkeypatch.setattr(listed, "_MANY", 0)

@@ -96,9 +96,8 @@ def _compressed(kind: type[SymbolicEngine], model: BoundModel, options: Any, obs
 
 def _mtbdd(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
     from symcheck.engines.mtbdd import MtbddEngine
-    from symcheck.symbolic.build import construct
 
-    return MtbddEngine.of(construct(model, options, observer))
+    return _compressed(MtbddEngine, model, options, observer)
 
 
 BUILDERS: Mapping[str, Builder] = {
