@@ -1,9 +1,8 @@
-"""BiCGStab and GMRES give candidates; the bounds made from them hold the true values, whatever the candidate was."""
+"""BiCGStab gives candidates; the bounds made from them hold the true values, whatever the candidate was."""
 
 from __future__ import annotations
 
 from fractions import Fraction
-from itertools import islice
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 from numerics.oracle import Row, leaves, problem_of, solve_chain
 from symcheck.numerics import block
 from symcheck.numerics.block import LocalSystem, solve_krylov
-from symcheck.numerics.krylov import bicgstab, gmres
+from symcheck.numerics.krylov import bicgstab
 from symcheck.numerics.matrix import Floats
 
 
@@ -60,7 +59,7 @@ def test_a_wrong_candidate_is_never_certified(wrong: float, monkeypatch: pytest.
     assert found is None or np.all((found.lower <= 1.0) & (found.upper >= 1.0))
 
 
-def test_both_methods_solve_a_walk() -> None:
+def test_a_walk_is_solved() -> None:
     n = 200
     matrix = np.eye(n) - 0.5 * np.eye(n, k=1) - 0.45 * np.eye(n, k=-1)
     right = np.linspace(1.0, 2.0, n)
@@ -68,5 +67,3 @@ def test_both_methods_solve_a_walk() -> None:
     steps = bicgstab(lambda v: matrix @ v, lambda v: v / 1.0, right, np.ones(n))
     x = next(x for x, rest in steps if np.max(np.abs(rest)) < 1e-11)
     assert np.allclose(x, solution, rtol=1e-9)
-    *_, x = islice(gmres(lambda v: matrix @ v, lambda v: v / 1.0, right, 20), 40)
-    assert np.allclose(x, solution, rtol=1e-6)

@@ -112,3 +112,19 @@ def test_elimination_has_the_relative_accuracy_that_it_claims(n: int, seed: int)
     for s in range(n):
         exact = augmented[s][n]
         assert abs(Fraction(float(found[s])) - exact) <= Fraction(factors.error) * exact
+
+
+@pytest.mark.parametrize("n", [50, 300])
+def test_a_queue_that_no_elimination_is_tried_on(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chain that drifts to one end mixes slowly from the other: the Poisson equation is solved all the same."""
+    monkeypatch.setattr(steady, "QUICK", 0)
+    monkeypatch.setattr(steady, "OPERATIONS", 0)
+    k = np.arange(n)
+    indptr = np.concatenate(([0], np.cumsum(2 - ((k == 0) | (k == n - 1))))).astype(np.int64)
+    pairs = [(a, r) for s in range(n) for a, r in ((s - 1, 1.0), (s + 1, 1.5)) if 0 <= a < n]
+    matrix = SparseMatrix(indptr, np.array([a for a, _ in pairs], np.int32), np.array([r for _, r in pairs]), n)
+    found = steady.long_run_average(matrix, (n - 1.0) - k, Accuracy())
+    assert "BiCGStab" in found.explanation
+    weights = (1.0 / 1.5) ** np.arange(n)  # of the queue with arrivals at rate 1 and service at 1.5
+    assert found.lower <= weights @ np.arange(n) / weights.sum() <= found.upper
+    assert found.upper - found.lower <= 1e-6 * found.upper

@@ -43,6 +43,25 @@ def flow_sweep(const int64_t[::1] start, const int32_t[::1] sources, const doubl
     return change
 
 
+def push_sweep(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, const double[::1] leave,
+               double[::1] mass, double[::1] time):
+    """Let the mass of each state in turn spend its time there and move on, forwards and backwards: no columns are needed."""
+    cdef int64_t n = mass.shape[0], i, j, k, t
+    cdef double share
+    with nogil:
+        for t in range(2):
+            for j in range(n):
+                i = j if t == 0 else n - 1 - j
+                share = mass[i] / leave[i]
+                if share == 0.0:
+                    continue
+                mass[i] = 0.0
+                time[i] += share
+                for k in range(indptr[i], indptr[i + 1]):
+                    if indices[k] != i:
+                        mass[indices[k]] += share * data[k]
+
+
 def generator_times(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, const double[::1] x,
                     double[::1] out):
     """out = Q x, as sums of differences: rate * (x_j - x_i), so that constants in x leave nothing behind."""
