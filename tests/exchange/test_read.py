@@ -62,6 +62,21 @@ def test_actions_labels_and_rewards(tmp_path):
     assert model.check('Pmin=? [ X "goal" ]').value == 0.5
 
 
+def test_a_chain_may_have_actions_and_comments_anywhere(tmp_path):
+    text = "# a comment\n3 5\n# before\n0 1 0.25 go # behind\n0 1 0.25 jump\n0 2 0.5 go\n\n1 1 1\n2 2 1\n# after\n"
+    model = load(tmp_path, tra=text)
+    assert model.bound.type is ModelType.DTMC
+    assert model.engine.transitions == 4  # what two actions do between the same states adds up
+    assert model.check("P=? [ X x=1 ]").value == 0.5
+
+
+def test_comments_in_every_file(tmp_path):
+    files = {"tra": DTMC, "sta": "# s\n(s)\n# t\n0:(5) # first\n1:(6)\n2:(7)\n", "srew": '# Reward structure "r"\n3 1\n# here\n0 2\n'}
+    model = load(tmp_path, **files, lab='# l\n0="init" 1="a"\n# m\n0: 0\n1: 1\n')
+    assert model.check('P=? [ F "a" ]').value == model.check("P=? [ F s=6 ]").value
+    assert model.check('R{"r"}=? [ C<=1 ]').value == 2
+
+
 def test_several_reward_structures(tmp_path):
     model = load(tmp_path, tra=DTMC, srew="3 0\n")
     (tmp_path / "m.srew").unlink()

@@ -15,7 +15,7 @@ from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UnsupportedError
 from symcheck.exchange import targets
 from symcheck.exchange.imported import Given, imported_engine
-from symcheck.exchange.read import model_files, read_model
+from symcheck.exchange.read import read_files
 from symcheck.exchange.snapshot import snapshot
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import LabelReference, ModelType
@@ -68,12 +68,12 @@ def export(model: Model, target: str) -> list[str]:
 
 
 def load_explicit(files: str, *, type: ModelType | None = None, **options: Any) -> Model:
-    """Read a model that is given state by state in PRISM's explicit files, such as `die.all` or `die.tra,lab`.
+    """Read a model that is given state by state in PRISM's explicit files, such as `die.all` or `die.tra,lab`, or as `die.umb`.
 
     `options` are the fields of `symcheck.Options`. Raises SyntaxFault at the place of what is wrong, and UsageError for
     files that cannot be read.
     """
     chosen = Options(**options)
-    given = read_model(model_files(files), type, check_sums=chosen.check_sums)
+    given = read_files(files, type, check_sums=chosen.check_sums)
     program = imported_engine(given).model.program
     return ReadModel(program, {}, chosen, given.type, given)

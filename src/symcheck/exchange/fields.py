@@ -41,8 +41,8 @@ class Fields:
         gc.disable()
         try:
             for i, line in enumerate(self.source.text.split("\n")):
-                words = line.split()
-                if words and not words[0].startswith("#"):
+                words = (line.partition("#")[0] if "#" in line else line).split()
+                if words:
                     numbers.append(i)
                     rows.append(words)
         finally:

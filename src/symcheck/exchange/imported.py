@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,10 +30,19 @@ from symcheck.syntax.ast import (
     VariableDeclaration,
 )
 
-__all__ = ["Given", "ImportedEngine", "imported_engine"]
+__all__ = ["Given", "GivenRewards", "ImportedEngine", "imported_engine"]
 
 _LARGEST_DENOMINATOR = 10**6
 _TRUE = Literal(True, Type.BOOL)
+
+
+class GivenRewards(NamedTuple):
+    """A reward structure: a reward per state, per row the weighted sum over its transitions, and per transition (None: a row's own)."""
+
+    name: str | None
+    states: Any
+    rows: Any
+    entries: Any = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +50,7 @@ class Given:
     """A model of n states as it was read: see `Snapshot`; `labels` may hold "init" and "deadlock".
 
     columns: per variable its name, type, and int64[n]. matrix: rows of states without transitions are missing where it
-    is a chain's (then the row is empty) or an MDP's (then the group is empty). state_rewards, row_rewards: per structure.
+    is a chain's (then the row is empty) or an MDP's (then the group is empty).
     """
 
     type: ModelType
@@ -50,7 +59,7 @@ class Given:
     actions: tuple[str, ...]
     row_actions: Int32s
     labels: Mapping[str, Bools]
-    rewards: Sequence[tuple[str | None, Any, Any]]
+    rewards: Sequence[GivenRewards]
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,9 +76,13 @@ class _ImportedModel(BoundModel):
 
 @dataclass(frozen=True)
 class ImportedEngine(ExplicitEngine):
-    """The explicit engine on a model that was read: labels are sets of states, not expressions."""
+    """The explicit engine on a model that was read: labels are sets of states, not expressions.
+
+    entry_rewards: per reward structure the reward of each transition (None: those of its row are all the row's).
+    """
 
     members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
+    entry_rewards: Sequence[Any] = field(default=(), repr=False)
 
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy an expression over the variables, or have a label."""
@@ -98,6 +111,7 @@ class ImportedEngine(ExplicitEngine):
             tuple(map(_rationals, explored.choice_rewards)),
             members=self.members,
             row_actions=explored.choice_actions,
+            entry_rewards=tuple(None if r is None else _rationals(r) for r in self.entry_rewards),
         )
 
 
@@ -108,6 +122,7 @@ def _rational_engine() -> Any:
     class ImportedExactEngine(ExactEngine):
         members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
         row_actions: Int32s | None = field(default=None, repr=False)
+        entry_rewards: Sequence[Any] = field(default=(), repr=False)
 
         def where(self, expression: Expression) -> ArraySet:
             known = self.members.get(expression)
@@ -146,10 +161,12 @@ def imported_engine(given: Given, *, fix_deadlocks: bool = True) -> ImportedEngi
         row_actions,
         np.flatnonzero(initial) if initial is not None else np.zeros(1, np.int64),
         np.flatnonzero(deadlock),
-        [np.asarray(s, np.float64) for s, _ in rewards],
-        [np.asarray(r, np.float64) for _, r in rewards],
+        [np.asarray(r.states, np.float64) for r in rewards],
+        [np.asarray(r.rows, np.float64) for r in rewards],
     )
-    return ImportedEngine(explored, members={marks[name]: found for name, found in members.items()})
+    return ImportedEngine(
+        explored, members={marks[name]: found for name, found in members.items()}, entry_rewards=[r.entries for r in rewards]
+    )
 
 
 def _model(given: Given, marks: Mapping[str, Expression]) -> BoundModel:
@@ -162,28 +179,28 @@ def _model(given: Given, marks: Mapping[str, Expression]) -> BoundModel:
         given.type,
         labels=tuple(Label(name, _TRUE) for name in marks),
         modules=(Module("imported", tuple(declared), ()),),
-        rewards=tuple(RewardStructure(name, ()) for name, _, _ in given.rewards),
+        rewards=tuple(RewardStructure(r.name, ()) for r in given.rewards),
     )
     bound = bind(program)
     values = {f.name: getattr(bound, f.name) for f in fields(bound)}
     return _ImportedModel(**{**values, "labels": dict(marks)}, names=given.actions)
 
 
-def _fixed(given: Given, fix_deadlocks: bool) -> tuple[SparseMatrix, Int32s, list[tuple[Any, Any]], Bools]:
+def _fixed(given: Given, fix_deadlocks: bool) -> tuple[SparseMatrix, Int32s, list[GivenRewards], Bools]:
     """The matrix, actions and rewards with a self-loop where there was no transition, and where that is."""
     m = given.matrix
     n = m.states
     counts = np.diff(m.indptr) if m.groups is None else np.diff(m.groups)
     dead = counts == 0
-    rewards = [(s, r) for _, s, r in given.rewards]
     if not dead.any():
-        return m, given.row_actions, rewards, dead
+        return m, given.row_actions, list(given.rewards), dead
     if not fix_deadlocks:
         raise ModelFault(Diagnostic(f"the model has {int(dead.sum())} deadlock states, such as {int(np.argmax(dead))}", code="deadlock"))
     states = np.flatnonzero(dead)
     at = m.indptr[:-1][states] if m.groups is None else m.indptr[m.groups[:-1][states]]
     indices = np.insert(m.indices, at, states.astype(np.int32))
     data = np.insert(m.data, at, 1.0)
+    rewards = [r._replace(entries=None if r.entries is None else np.insert(r.entries, at, 0.0)) for r in given.rewards]
     if m.groups is None:
         lengths = np.where(dead, 1, np.diff(m.indptr))
         return SparseMatrix(_offsets(lengths), indices, data, n), given.row_actions, rewards, dead
@@ -191,7 +208,8 @@ def _fixed(given: Given, fix_deadlocks: bool) -> tuple[SparseMatrix, Int32s, lis
     lengths = np.insert(np.diff(m.indptr), rows, 1)
     groups = _offsets(np.where(dead, 1, counts))
     actions = np.insert(given.row_actions, rows, -1).astype(np.int32)
-    return SparseMatrix(_offsets(lengths), indices, data, n, groups), actions, [(s, np.insert(r, rows, 0.0)) for s, r in rewards], dead
+    rewards = [r._replace(rows=np.insert(r.rows, rows, 0.0)) for r in rewards]
+    return SparseMatrix(_offsets(lengths), indices, data, n, groups), actions, rewards, dead
 
 
 def _offsets(counts: Any) -> Int64s:

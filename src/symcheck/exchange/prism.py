@@ -5,7 +5,7 @@ The formats are those of the appendix 'Explicit Model Files' of the PRISM manual
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,10 +45,11 @@ def transitions_file(model: Snapshot, *, precision: int = FULL_PRECISION, action
     yield from lines("%d %d %d %s%s", m.entries, source, choice, m.indices, model.values, action, precision=precision)
 
 
-def labels_file(model: Snapshot) -> Iterator[str]:
-    """`.lab`: the numbers of the labels, then the states that have some."""
-    yield " ".join(f'{i}="{name}"' for i, name in enumerate(model.labels)) + "\n"
-    table = np.array(list(model.labels.values()))
+def labels_file(model: Snapshot, names: Sequence[str] | None = None) -> Iterator[str]:
+    """`.lab`: the numbers of the labels (all, or those named), then the states that have some."""
+    names = list(model.labels) if names is None else names
+    yield " ".join(f'{i}="{name}"' for i, name in enumerate(names)) + "\n"
+    table = np.array([model.labels[name] for name in names]).reshape(len(names), model.n)
     having = np.flatnonzero(table.any(axis=0))
 
     def numbers(start: int, stop: int) -> list[str]:
@@ -66,16 +67,13 @@ def state_rewards_file(model: Snapshot, structure: Rewards, *, precision: int = 
 
 
 def transition_rewards_file(
-    model: Snapshot, structure: Rewards, *, precision: int = FULL_PRECISION, headers: bool = True, rows: bool = False
+    model: Snapshot, number: int, *, precision: int = FULL_PRECISION, headers: bool = True, rows: bool = False
 ) -> Iterator[str]:
-    """`.trew`: like `.tra`, for the transitions whose reward is not 0.
-
-    All transitions of a row have the same reward, its expected value: that is what every measure depends on.
-    """
+    """`.trew`: like `.tra`, for the transitions whose reward in structure `number` is not 0."""
     m = model.matrix
-    rewards = model.transition_rewards(structure)[model.row_of_entry]
+    rewards = model.entry_rewards(number)
     some = np.flatnonzero(rewards != 0)
-    yield _heading(structure, "Transition rewards") if headers else ""
+    yield _heading(model.rewards[number], "Transition rewards") if headers else ""
     yield f"{_size(model)} {len(some)}\n"
     if rows:
         yield from _row_lines(model, rewards, rewards != 0, precision, actions=False)

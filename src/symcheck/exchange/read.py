@@ -13,12 +13,12 @@ import numpy as np
 
 from symcheck.errors import UsageError
 from symcheck.exchange.fields import Fields, number_table, read_fields
-from symcheck.exchange.imported import Given
+from symcheck.exchange.imported import Given, GivenRewards
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
 
-__all__ = ["ModelFiles", "model_files", "read_model"]
+__all__ = ["ModelFiles", "expected", "model_files", "read_files", "read_model"]
 
 _INT_LIMIT = 1 << 62
 _KINDS = ("tra", "sta", "lab", "srew", "trew")
@@ -53,7 +53,7 @@ def model_files(argument: str) -> ModelFiles:
     base, dot, listed = argument.rpartition(".")
     kinds = listed.split(",")
     if not dot or any(k not in (*_KINDS, "rew", "all") for k in kinds):
-        raise UsageError(f"-importmodel: '{argument}' does not end in .all, or in some of .{',.'.join(_KINDS)}")
+        raise UsageError(f"-importmodel: '{argument}' does not end in .all, .umb, or some of .{',.'.join(_KINDS)}")
     everything = "all" in kinds
     asked = {*kinds, *(("srew", "trew") if "rew" in kinds else ())}
 
@@ -76,6 +76,20 @@ def _pair(base: str, number: str | int, wanted: Sequence[bool]) -> tuple[Path | 
     paths = [Path(f"{base}{number}.{kind}") for kind in ("srew", "trew")]
     states, transitions = (p if want and p.is_file() else None for p, want in zip(paths, wanted, strict=True))
     return (states, transitions) if states or transitions else None
+
+
+def read_files(argument: str, kind: ModelType | None = None, *, check_sums: bool = True) -> Given:
+    """The model that -importmodel names: `base.all` and the like (see `model_files`), or `file.umb`.
+
+    Raises UsageError, SyntaxFault, UnsupportedError.
+    """
+    names, _, options = argument.rpartition(":")
+    if options == "format=umb" or argument.endswith(".umb"):
+        from symcheck.exchange.umb_read import read_umb
+
+        return read_umb(Path(names if options == "format=umb" else argument), kind, check_sums=check_sums)
+    files = model_files(names if options == "format=explicit" else argument)
+    return read_model(files, kind, check_sums=check_sums)
 
 
 def read_model(files: ModelFiles, kind: ModelType | None = None, *, check_sums: bool = True) -> Given:
@@ -112,7 +126,8 @@ def _chain(file: Fields, n: int, kind: ModelType | None, check_sums: bool) -> _T
     file.widths((3, 4), "source, target, probability or rate, and perhaps an action")
     source, target, values = file.integers(0, n, "state"), file.integers(1, n, "state"), _weights(file, 2)
     order = np.lexsort((target, source))
-    _unique(file, order, source, target)
+    if file.table is not None or all(len(row) == 3 for row in file.rows[1:]):
+        _unique(file, order, source, target)
     sums: Floats = np.bincount(source, values, n).astype(np.float64)
     told = kind or _told(file)
     if told is None:
@@ -120,8 +135,11 @@ def _chain(file: Fields, n: int, kind: ModelType | None, check_sums: bool) -> _T
     if told is ModelType.DTMC and check_sums:
         _check_sums(file, sums, source, "probabilities out of state {}")
     keep = order[values[order] > 0]
-    indptr = _offsets(np.bincount(source[keep], minlength=n))
-    matrix = SparseMatrix(indptr, target[keep].astype(np.int32), values[keep], n)
+    # With actions, a pair of states may have several lines: what commands of different actions do adds up.
+    distinct, place = np.unique(source[keep] * n + target[keep], return_inverse=True)
+    indptr = _offsets(np.bincount(distinct // n, minlength=n))
+    total: Floats = np.bincount(place, values[keep], len(distinct)).astype(np.float64)
+    matrix = SparseMatrix(indptr, (distinct % n).astype(np.int32), total, n)
     return _Transitions(told, matrix, (), np.full(n, -1, np.int32), sums)
 
 
@@ -292,22 +310,22 @@ def _is_number(text: str) -> bool:
 # ---------------------------------------------------------------------------------------------------------------- rewards
 
 
-def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) -> tuple[str | None, Floats, Floats]:
+def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) -> GivenRewards:
     m = model.matrix
-    states, rows, name = np.zeros(m.states), np.zeros(m.rows), None
+    found = GivenRewards(None, np.zeros(m.states), np.zeros(m.rows))
     if pair[0] is not None:
         file = read_fields(pair[0])
         size = file.header((2,), "the numbers of states and of rewards")
         _same_size(file, size[:1], (m.states,))
         file.expect(size[1], "rewards")
         file.widths((2,), "a state and a reward")
-        states[file.integers(0, m.states, "state")] = file.reals(1)
-        name = _reward_name(file)
+        found.states[file.integers(0, m.states, "state")] = file.reals(1)
+        found = found._replace(name=_reward_name(file))
     if pair[1] is not None:
         file = read_fields(pair[1])
-        rows = _transition_rewards(file, model)
-        name = name or _reward_name(file)
-    return name, states, rows
+        entries = _transition_rewards(file, model)
+        found = found._replace(name=found.name or _reward_name(file), rows=expected(model.type, m, entries), entries=entries)
+    return found
 
 
 def _reward_name(file: Fields) -> str | None:
@@ -324,7 +342,7 @@ def _same_size(file: Fields, found: Sequence[int], wanted: Sequence[int]) -> Non
 
 
 def _transition_rewards(file: Fields, model: _Transitions) -> Floats:
-    """Per row: the sum of probability (rate) times reward."""
+    """The reward of each transition of the model."""
     m = model.matrix
     chain = m.groups is None
     size = file.header((2,) if chain else (2, 3), "the numbers of states" + ("" if chain else ", of choices") + " and of rewards")
@@ -344,21 +362,21 @@ def _transition_rewards(file: Fields, model: _Transitions) -> Floats:
     place = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
     for i in np.flatnonzero(keys[place] != wanted)[:1].tolist():
         file.fault(i + 1, "there is no such transition", "index")
-    return _expected(model, place, rewards, row)
+    found = np.zeros(m.entries)
+    found[place] = rewards
+    return found
 
 
-def _expected(model: _Transitions, place: Int64s, rewards: Floats, row: Int64s) -> Floats:
-    m = model.matrix
-    spread = np.zeros(m.entries)
-    spread[place] = rewards
-    total: Floats = np.bincount(row, m.data[place] * rewards, m.rows).astype(np.float64)
-    if model.type is ModelType.CTMC:
+def expected(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Floats:
+    """Per row: the sum of probability (rate) times reward, of rewards per transition."""
+    of = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
+    total: Floats = np.bincount(of, matrix.data * rewards, matrix.rows).astype(np.float64)
+    if kind is ModelType.CTMC:
         return total
     # Where all transitions of a row have the same reward, it is the expected one: rounding must not blur it.
-    of = np.repeat(np.arange(m.rows), np.diff(m.indptr))
-    least, most = np.full(m.rows, np.inf), np.full(m.rows, -np.inf)
-    np.minimum.at(least, of, spread)
-    np.maximum.at(most, of, spread)
+    least, most = np.full(matrix.rows, np.inf), np.full(matrix.rows, -np.inf)
+    np.minimum.at(least, of, rewards)
+    np.maximum.at(most, of, rewards)
     return np.where(least == most, least, total)
 
 

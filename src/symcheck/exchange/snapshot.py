@@ -22,11 +22,15 @@ SetOf = Callable[[str], StateSet]
 
 @dataclass(frozen=True, eq=False)
 class Rewards:
-    """A reward structure: a reward per state [n], and per row the probability-(rate-)weighted sum of transition rewards."""
+    """A reward structure: a reward per state [n], and per row the probability-(rate-)weighted sum of transition rewards.
+
+    entries: the reward of each transition, where a model that was read tells it.
+    """
 
     name: str | None
     states: NDArray[Any] = field(repr=False)
     rows: NDArray[Any] = field(repr=False)
+    entries: NDArray[Any] | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +39,8 @@ class Snapshot:
 
     columns: int64[n] per variable. values: probabilities (rates) of the entries: the matrix's doubles, or rationals.
     row_actions: per row a number among `actions`, -1 for none; None unless the model is an MDP. labels: bool[n] each,
-    "init" and "deadlock" (states that had no transition) first.
+    "init" and "deadlock" (states that had no transition) first; `property_labels`: those of them that a properties file has.
+    apart: gives the rewards of the transitions of a chain, per structure; None where a row has one reward.
     """
 
     type: ModelType
@@ -47,6 +52,8 @@ class Snapshot:
     row_actions: Int32s | None = field(repr=False)
     labels: Mapping[str, Bools] = field(repr=False)
     rewards: Sequence[Rewards] = field(repr=False)
+    property_labels: frozenset[str] = frozenset()
+    apart: Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None = field(default=None, repr=False)
 
     @property
     def n(self) -> int:
@@ -86,6 +93,20 @@ class Snapshot:
         parts = [_texts(c[start:stop], v.type) for c, v in zip(self.columns, self.variables, strict=True)]
         return [f"({','.join(row)})" for row in zip(*parts, strict=True)] if parts else ["()"] * (stop - start)
 
+    @cached_property
+    def _apart(self) -> Sequence[NDArray[Any]]:
+        assert self.apart is not None
+        return self.apart(self.matrix)
+
+    def entry_rewards(self, number: int) -> NDArray[Any]:
+        """The reward of each transition in structure `number`."""
+        structure = self.rewards[number]
+        if structure.entries is not None:
+            return structure.entries
+        if self.apart is not None and bool(np.any(structure.rows != 0)):
+            return self._apart[number]
+        return self.transition_rewards(structure)[self.row_of_entry]
+
     def transition_rewards(self, structure: Rewards) -> NDArray[Any]:
         """A reward per row that every transition of the row may carry, so that its expected value is the row's."""
         if self.type is not ModelType.CTMC:
@@ -97,13 +118,16 @@ def _texts(column: Int64s, type: Type) -> list[str]:
     return np.where(column != 0, "true", "false").tolist() if type is Type.BOOL else list(map(str, column.tolist()))
 
 
-def snapshot(engine: Engine, labels: Sequence[str] = (), states: SetOf | None = None) -> Snapshot:
-    """The arrays of a built model. `states` gives the states of the labels that are named; the built-in ones come by themselves."""
+def snapshot(engine: Engine, labels: Sequence[str] = (), states: SetOf | None = None, *, property_labels: Sequence[str] = ()) -> Snapshot:
+    """The arrays of a built model. `states` gives the states of the labels that are named, and of those of the properties.
+
+    The built-in labels come by themselves.
+    """
     model = engine.model
     columns = _columns(engine)
     members = {"init": engine.to_bools(engine.initial), "deadlock": engine.to_bools(engine.deadlocks)}
     if states is not None:
-        members |= {name: engine.to_bools(states(name)) for name in labels}
+        members |= {name: engine.to_bools(states(name)) for name in (*labels, *property_labels)}
     rationals: Any = engine
     system = None if engine.exact else engine.system(engine.all)
     matrix: SparseMatrix = rationals.matrix if system is None else system.matrix
@@ -116,9 +140,31 @@ def snapshot(engine: Engine, labels: Sequence[str] = (), states: SetOf | None = 
         model.actions,
         _row_actions(engine, system, matrix) if model.type is ModelType.MDP else None,
         members,
-        [Rewards(r.name, *_rewards(engine, system, i)) for i, r in enumerate(model.rewards)],
+        [Rewards(r.name, *_rewards(engine, system, i), _told(engine, i)) for i, r in enumerate(model.rewards)],
+        frozenset(property_labels),
+        _apart(engine),
     )
     return _sorted(found, state_order(engine, columns))
+
+
+def _told(engine: Any, structure: int) -> NDArray[Any] | None:
+    """The rewards of single transitions, of a model that was read."""
+    told = getattr(engine, "entry_rewards", ())
+    return told[structure] if told else None
+
+
+def _apart(engine: Engine) -> Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None:
+    """How the transitions of a chain get their own rewards; only commands tell."""
+    model = engine.model
+    if model.type is ModelType.MDP or not model.events or all(i.on_states for r in model.rewards for i in r.items):
+        return None
+
+    def find(matrix: SparseMatrix) -> Sequence[NDArray[Any]]:
+        from symcheck.exchange.transitions import transition_rewards
+
+        return transition_rewards(engine, matrix)
+
+    return find
 
 
 def state_order(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int64s | None:
@@ -187,7 +233,8 @@ def _sorted(found: Snapshot, order: Int64s | None) -> Snapshot:
         return found
     by = np.lexsort((m.indices, found.row_of_entry))
     matrix = SparseMatrix(m.indptr, m.indices[by], m.data[by], m.columns, m.groups)
-    return replace(found, matrix=matrix, values=found.values[by])
+    rewards = [replace(r, entries=None if r.entries is None else r.entries[by]) for r in found.rewards]
+    return replace(found, matrix=matrix, values=found.values[by], rewards=rewards)
 
 
 def _permuted(found: Snapshot, order: Int64s) -> Snapshot:
@@ -206,16 +253,14 @@ def _permuted(found: Snapshot, order: Int64s) -> Snapshot:
         m.columns,
         None if m.groups is None else _offsets(counts[order]),
     )
-    return Snapshot(
-        found.type,
-        found.variables,
-        [c[order] for c in found.columns],
-        matrix,
-        found.values[entries],
-        found.actions,
-        None if found.row_actions is None else found.row_actions[rows],
-        {name: members[order] for name, members in found.labels.items()},
-        [Rewards(r.name, r.states[order], r.rows[rows]) for r in found.rewards],
+    return replace(
+        found,
+        columns=[c[order] for c in found.columns],
+        matrix=matrix,
+        values=found.values[entries],
+        row_actions=None if found.row_actions is None else found.row_actions[rows],
+        labels={name: members[order] for name, members in found.labels.items()},
+        rewards=[Rewards(r.name, r.states[order], r.rows[rows], None if r.entries is None else r.entries[entries]) for r in found.rewards],
     )
 
 

@@ -11,7 +11,7 @@ from symcheck.check.strategy import Strategy
 from symcheck.errors import UsageError
 from symcheck.numerics.matrix import Bools
 
-__all__ = ["KINDS", "strategy_target", "write_strategy"]
+__all__ = ["KINDS", "strategy_target", "strategy_texts", "write_strategy"]
 
 KINDS = ("actions", "indices", "induced", "dot")
 
@@ -25,6 +25,9 @@ def strategy_target(argument: str) -> tuple[str, str, bool]:
     if not colon or "=" not in text:
         path, text = argument, ""
     options = dict(part.partition("=")[::2] for part in text.split(",") if part)
+    # Of PRISM's further options: chains are always the restricted ones, and states are shown by their values.
+    for known in ("mode", "states", "obs"):
+        options.pop(known, None)
     kind = options.pop("type", "dot" if path.endswith(".dot") else "induced" if path.endswith(".tra") else "actions")
     reach = options.pop("reach", "true")
     if kind not in KINDS or reach not in ("true", "false") or options:
@@ -32,26 +35,29 @@ def strategy_target(argument: str) -> tuple[str, str, bool]:
     return path, kind, reach == "true"
 
 
-def write_strategy(strategy: Strategy, out: TextIO, kind: str = "actions", *, reach: bool = True) -> None:
-    """Write a strategy; with `reach` only in the states that it reaches.
+def strategy_texts(strategy: Strategy, kind: str = "actions", *, reach: bool = True) -> Iterator[str]:
+    """The lines of a strategy's file; with `reach` only for the states that it reaches.
 
     actions: `(values):action` per state; indices: `state:choice` with the choice's number within the state; induced: the
-    Markov chain as `states transitions`, then `from to probability [action]`; dot: a drawing of it.
+    Markov chain as `states transitions`, then `from to probability [action]`; dot: a drawing of it. Raises UsageError.
     """
     shown = strategy.reachable if reach else np.ones(strategy.engine.states, dtype=np.bool_)
     match kind:
         case "actions":
-            out.writelines(_actions(strategy, shown))
+            return _actions(strategy, shown)
         case "indices":
-            assert strategy.engine.matrix.groups is not None
-            numbers = strategy.rows - strategy.engine.matrix.groups[:-1]
-            out.writelines(f"{s}:{numbers[s]}\n" for s in np.flatnonzero(shown).tolist())
+            return _indices(strategy, shown)
         case "induced":
-            out.writelines(_induced(strategy, shown))
+            return _induced(strategy, shown)
         case "dot":
-            out.writelines(_dot(strategy, shown))
+            return _dot(strategy, shown)
         case _:
             raise UsageError(f"there is no strategy file of type '{kind}'; there are {', '.join(KINDS)}")
+
+
+def write_strategy(strategy: Strategy, out: TextIO, kind: str = "actions", *, reach: bool = True) -> None:
+    """Write `strategy_texts` to a stream."""
+    out.writelines(strategy_texts(strategy, kind, reach=reach))
 
 
 def _label(state: tuple[bool | int, ...]) -> str:
@@ -62,6 +68,12 @@ def _actions(strategy: Strategy, shown: Bools) -> Iterator[str]:
     for state, action, there in zip(strategy.states(), strategy.actions, shown.tolist(), strict=True):
         if there:
             yield f"{_label(state)}:{action}\n"
+
+
+def _indices(strategy: Strategy, shown: Bools) -> Iterator[str]:
+    assert strategy.engine.matrix.groups is not None
+    numbers = strategy.rows - strategy.engine.matrix.groups[:-1]
+    yield from (f"{s}:{numbers[s]}\n" for s in np.flatnonzero(shown).tolist())
 
 
 def _entries(strategy: Strategy, shown: Bools) -> Iterator[tuple[int, int, float]]:

@@ -1,0 +1,60 @@
+"""Strong components and end components of a model, as lists of states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from symcheck.errors import UnsupportedError
+from symcheck.exchange.snapshot import Snapshot
+from symcheck.numerics import graph
+from symcheck.numerics.matrix import Int32s, Int64s
+
+__all__ = ["KINDS", "components_file"]
+
+KINDS = ("sccs", "bsccs", "mecs")
+_TITLES = {"sccs": "SCC", "bsccs": "BSCC", "mecs": "MEC"}
+
+
+def components_file(model: Snapshot, kind: str) -> Iterator[str]:
+    """The variables, then each component: a title such as `BSCC 1/6:`, and its states as in a `.sta` file.
+
+    kind: 'sccs' (strong components with a transition inside), 'bsccs' (those that nothing leaves), or 'mecs' (maximal end
+    components of an MDP). They come in the order of their first states. Raises UnsupportedError for 'mecs' of a chain.
+    """
+    found = sorted(_components(model, kind), key=lambda states: int(states[0]))
+    yield f"({','.join(v.name for v in model.variables)})\n"
+    for i, states in enumerate(found):
+        yield f"\n{_TITLES[kind]} {i + 1}/{len(found)}:\n"
+        for state in states.tolist():
+            yield f"{state}:{model.state_texts(state, state + 1)[0]}\n"
+
+
+def _components(model: Snapshot, kind: str) -> list[Int64s]:
+    match kind:
+        case "sccs":
+            return _inner(model)
+        case "bsccs":
+            return [b.astype(np.int64) for b in graph.bsccs(model.matrix)]
+        case "mecs":
+            if model.matrix.groups is None:
+                raise UnsupportedError("end components are those of an MDP\n  hint: -exportbsccs lists the bottom components of a chain")
+            return _grouped(graph.maximal_end_components(model.matrix, np.ones(model.n, np.bool_)).of)
+        case _:
+            raise AssertionError(f"no kind of components: {kind}")
+
+
+def _inner(model: Snapshot) -> list[Int64s]:
+    """Strong components, without single states that have no loop."""
+    source = model.state_of_row[model.row_of_entry]
+    looping = np.zeros(model.n, np.bool_)
+    looping[source[source == model.matrix.indices]] = True
+    return [g for g in _grouped(graph.sccs(model.matrix).of) if len(g) > 1 or looping[g[0]]]
+
+
+def _grouped(of: Int32s) -> list[Int64s]:
+    """The states of each component (`of`: its number, -1 for none), in ascending order."""
+    order = np.argsort(of, kind="stable")
+    order = order[of[order] >= 0]
+    return np.split(order, np.flatnonzero(np.diff(of[order])) + 1) if len(order) else []

@@ -1,0 +1,65 @@
+"""A chain as a program for Matlab or Octave: sparse matrices and vectors, numbered from 1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from symcheck.errors import UnsupportedError
+from symcheck.exchange.snapshot import Snapshot
+from symcheck.exchange.text import FULL_PRECISION, lines
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["labels", "state_rewards", "states", "transition_rewards", "transitions"]
+
+
+def transitions(model: Snapshot, *, precision: int = FULL_PRECISION) -> Iterator[str]:
+    """The matrix `P` (of rates: `R`). Raises UnsupportedError for an MDP, which is no single matrix."""
+    name = "R" if model.type is ModelType.CTMC else "P"
+    yield from _matrix(model, name, np.ones(model.matrix.entries, np.bool_), model.values, precision)
+
+
+def transition_rewards(model: Snapshot, number: int, *, precision: int = FULL_PRECISION) -> Iterator[str]:
+    """The matrix `C` (`C2` and so on for further structures). Raises UnsupportedError for an MDP."""
+    rewards = model.entry_rewards(number)
+    yield from _matrix(model, _numbered("C", number), rewards != 0, rewards, precision)
+
+
+def state_rewards(model: Snapshot, number: int, *, precision: int = FULL_PRECISION) -> Iterator[str]:
+    """The column `c` (`c2` and so on)."""
+    name, values = _numbered("c", number), model.rewards[number].states
+    some = np.flatnonzero(values != 0)
+    yield f"{name} = sparse({model.n},1);\n"
+    yield from lines(f"{name}(%d) = %s;", len(some), some + 1, values[some], precision=precision)
+
+
+def states(model: Snapshot) -> Iterator[str]:
+    """The matrix `states`: a row per state, a column per variable (true is 1)."""
+    yield f"% ({','.join(v.name for v in model.variables)})\nstates = [\n"
+    yield from lines(
+        "%s", model.n, lambda a, b: [" ".join(map(str, row)) for row in zip(*(c[a:b].tolist() for c in model.columns), strict=True)]
+    )
+    yield "];\n"
+
+
+def labels(model: Snapshot, names: Sequence[str]) -> Iterator[str]:
+    """A column `l_NAME` for each label, 1 where it holds."""
+    for name in names:
+        members = np.flatnonzero(model.labels[name])
+        column = "l_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in name)
+        yield f"{column} = sparse({model.n},1);\n"
+        yield from lines(f"{column}(%d) = 1;", len(members), members + 1)
+
+
+def _numbered(name: str, number: int) -> str:
+    return name if number == 0 else f"{name}{number + 1}"
+
+
+def _matrix(model: Snapshot, name: str, some: np.ndarray[tuple[int], np.dtype[np.bool_]], values: object, precision: int) -> Iterator[str]:
+    if model.matrix.groups is not None:
+        raise UnsupportedError("an MDP is no single matrix, and is not written for Matlab\n  hint: the formats .tra, .drn and .umb hold it")
+    chosen, numbers = np.flatnonzero(some), np.asarray(values)
+    yield f"{name} = sparse({model.n},{model.n});\n"
+    row, column = model.row_of_entry[chosen] + 1, model.matrix.indices[chosen] + 1
+    yield from lines(f"{name}(%d,%d) = %s;", len(chosen), row, column, numbers[chosen], precision=precision)
