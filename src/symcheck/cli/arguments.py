@@ -6,8 +6,10 @@ import argparse
 import os
 import re
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import Any, NoReturn
 
+from symcheck.cli.compatible import adapt
 from symcheck.errors import UsageError
 
 __all__ = ["HELP_EPILOGUE", "parse_arguments"]
@@ -18,6 +20,9 @@ Examples:
   symcheck die.pm die.pctl                         check every property of the file
   symcheck die.pm -pf 'P=? [ F d=6 ]'              check one property
   symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv:csv
+
+Switches of PRISM that have no meaning here (-javamaxmem, -nopre, -gs and others) are accepted, and named in the output.
+Every switch may be written with two dashes as well.
 
 Exit status: 0 all answered (and all tests passed); 1 something was not: an error in the input, an unsupported
 property, a failed test; 2 the command line is wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C.
@@ -34,6 +39,12 @@ class _Formatter(argparse.RawDescriptionHelpFormatter):
             width = 120
         super().__init__(prog, width=max(width - 2, 60))
 
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        """With one dash only: that two are the same is said once."""
+        shown = copy(action)
+        shown.option_strings = [name for name in action.option_strings if not name.startswith("--")] or action.option_strings
+        return super()._format_action_invocation(shown)
+
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
@@ -44,6 +55,14 @@ class _Parser(argparse.ArgumentParser):
         names = [f"-{n}" for n in (name, *aliases)]
         names += [f"--{n}" for n in (name, *aliases) if len(n) > 1]
         self.add_argument(*names, **keywords)
+
+    def counts(self) -> dict[str, int]:
+        """For each switch, how many words follow it; -1 for one that may be missing."""
+        return {
+            name: action.nargs if isinstance(action.nargs, int) else -1 if action.nargs == "?" else 1
+            for action in self._actions
+            for name in action.option_strings
+        }
 
 
 def _number(text: str) -> float:
@@ -186,13 +205,26 @@ def _exchange(parser: _Parser) -> None:
         ("transrewards", "transition rewards"),
         ("transdot", "graph, in DOT"),
         ("transdotstates", "graph with the values of the variables, in DOT"),
+        ("dot", "matrix as a decision diagram, in DOT (engines -m, -h, -s)"),
+        ("sccs", "strong components"),
+        ("bsccs", "bottom strong components"),
+        ("mecs", "maximal end components of an MDP"),
+        ("prism", "model as a text again"),
+        ("prismconst", "model as a text, with the values of its constants"),
     ):
         parser.add(f"export{name}", metavar="FILE", help=f"write the {what}")
     parser.add("exportrewards", metavar="FILE", nargs=2, help="write state and transition rewards")
     parser.add("exportprecision", "exportmodelprecision", metavar="N", type=_digits, default=17, help="digits of written numbers (17: all)")
     parser.add("exportrows", action="store_true", help="write transitions with a line per row")
     parser.add("noexportheaders", action="store_true", help="no comments at the top of reward files")
-    parser.add("exportproplabels", action="store_true", help="write the labels of the properties file as well")
+    parser.add(
+        "exportproplabels",
+        metavar="FILE",
+        nargs="?",
+        const="",
+        help="write the labels of the properties (without FILE: to the other labels)",
+    )
+    parser.add("exportmatlab", action="store_true", help="write matrices, rewards, states and labels for Matlab")
     parser.add("transient", "tr", metavar="T", help="distribution over the states at a time (DTMC: a step), or at times low:step:high")
     parser.add("steadystate", "ss", action="store_true", help="distribution over the states in the long run")
     parser.add("exporttransient", "exporttr", metavar="FILE", help="write the probabilities of -transient, a line per state")
@@ -209,6 +241,8 @@ def _output(parser: _Parser) -> None:
     parser.add(
         "exportstrat", metavar="FILE[:type=KIND]", help="write a strategy of each mdp property: actions (default), indices, induced, dot"
     )
+    parser.add("exportvector", metavar="FILE", help="write the value of each property in every state, a line per state")
+    parser.add("nobuild", action="store_true", help="only read the model")
     parser.add("test", action="store_true", help="compare with the RESULT lines; stop at the first that fails")
     parser.add("testall", action="store_true", help="compare with the RESULT lines; go on after a failure")
     parser.add("help", "?", action="help", help="this text")
@@ -231,5 +265,12 @@ def _parser() -> _Parser:
 
 
 def parse_arguments(words: Sequence[str]) -> argparse.Namespace:
-    """The command line as a namespace. Raises UsageError; `--help` prints and exits with 0."""
-    return _parser().parse_args(words)
+    """The command line as a namespace. Raises UsageError; `--help` prints and exits with 0.
+
+    Beside the switches: `without_effect` (switches of PRISM that were left out, with reasons) and `folder` (of -dir).
+    """
+    parser = _parser()
+    adapted = adapt(words, parser.counts())
+    found = parser.parse_args(adapted.words)
+    found.without_effect, found.folder = adapted.without_effect, adapted.folder
+    return found

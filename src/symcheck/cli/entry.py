@@ -7,43 +7,52 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
 
 from symcheck import __version__
+from symcheck.cli.answers import internal
 from symcheck.cli.arguments import parse_arguments
+from symcheck.cli.job import Job, results_file, sorted_rows
 from symcheck.cli.report import Report
-from symcheck.cli.run import Job, internal, results_file, run, sorted_rows
+from symcheck.cli.run import run
 from symcheck.errors import Interrupted, MemoryLimitError, ResourceError, SymcheckError, TimeLimitError, UsageError
 from symcheck.experiment.table import render
 
 __all__ = ["run_safely"]
 
 _GRACE = 5.0  # seconds that compiled code has to notice that time is up
+_PATIENCE = 1.0  # seconds until a Ctrl-C that has had no effect is repeated
 
 
 def run_safely(words: list[str] | None = None) -> int:
     """Run the command line. Every error ends in a message on standard error and an exit status, never in a traceback."""
+    with ExitStack() as stack:
+        return _guarded(sys.argv[1:] if words is None else words, stack)
+
+
+def _guarded(words: list[str], stack: ExitStack) -> int:
+    """The exit status of a run, whatever happens in it; `stack` is left when results have been written."""
     job: Job | None = None
     try:
-        arguments = parse_arguments(sys.argv[1:] if words is None else words)
+        arguments = parse_arguments(words)
         if arguments.version:
             print(f"symcheck {__version__}")
             return 0
+        stack.enter_context(_inside(arguments.folder))
         if arguments.exportresults is not None:
             results_file_checked(arguments.exportresults)
         job = Job(arguments, Report(verbose=arguments.verbose))
-        with _limits(arguments.timeout, lambda: _give_up(job)):
+        with _insistent(), _limits(arguments.timeout, lambda: _give_up(job)):
             status = run(job)
         _export(job)
         return status
     except UsageError as error:
-        return _fail(error, 2)
+        return _fail(_kept(job, error), 2)
     except (ResourceError, MemoryError, KeyboardInterrupt) as error:
         return _stopped(job, _as_resource_error(error))
     except SymcheckError as error:
-        _export(job)
-        return _fail(error, 1)
+        return _fail(_kept(job, error), 1)
     except RecursionError:
         return _fail(SymcheckError("the input is nested too deeply"), 1)
     except BrokenPipeError:
@@ -51,7 +60,31 @@ def run_safely(words: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:  # never a traceback: the message says that it is ours, and where
-        return _fail(internal(error), 1)
+        return _fail(_kept(job, internal(error)), 1)
+
+
+@contextmanager
+def _inside(folder: str | None) -> Iterator[None]:
+    """Run in the folder of -dir, from which all names of files count. Raises UsageError where there is none."""
+    if folder is None:
+        yield
+        return
+    before = os.getcwd()
+    try:
+        os.chdir(folder)
+    except OSError as error:
+        raise UsageError(f"-dir: '{folder}': {error.strerror}") from None
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+def _kept(job: Job | None, error: SymcheckError) -> SymcheckError:
+    """The error that ends a run, after the finished results have been written where that is possible."""
+    with suppress(UsageError):
+        _export(job)
+    return error
 
 
 def results_file_checked(argument: str) -> None:
@@ -116,6 +149,30 @@ def _give_up(job: Job | None) -> None:
     sys.stderr.flush()
     sys.stdout.flush()
     os._exit(3)
+
+
+@contextmanager
+def _insistent() -> Iterator[None]:
+    """Repeat Ctrl-C until it has had an effect: what it interrupts may be code that cannot raise, such as a destructor."""
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    timers: list[threading.Timer] = []
+
+    def interrupted(_: int, __: FrameType | None) -> None:
+        again = threading.Timer(_PATIENCE, os.kill, (os.getpid(), signal.SIGINT))
+        again.daemon = True
+        again.start()
+        timers.append(again)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupted)
+    try:
+        yield
+    finally:
+        for timer in timers:
+            timer.cancel()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @contextmanager

@@ -2,83 +2,38 @@
 
 from __future__ import annotations
 
-import argparse
-import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
 from time import perf_counter
 
-from symcheck.check.checker import check
 from symcheck.check.options import Options
 from symcheck.check.question import Question, reduced
-from symcheck.check.result import Result, Statistical, show_value
-from symcheck.check.resultlines import Verdict, VerdictKind, judge
+from symcheck.check.resultlines import judge
 from symcheck.cli import exports
+from symcheck.cli.answers import Stop, answer, broken, conclude, unbuilt
+from symcheck.cli.job import Job, options_of
+from symcheck.cli.naming import Values
 from symcheck.cli.progress import Progress
-from symcheck.cli.report import Report, property_text
 from symcheck.cli.simulation import Simulation, simulation
+from symcheck.cli.texts import Texts, read_texts
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, NameFault, ResourceError, SymcheckError, UsageError
 from symcheck.experiment.constants import combinations, parse_constants
-from symcheck.experiment.table import Row
 from symcheck.semantics.bind import bind, bind_properties, needed_constants, split_constants
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
-from symcheck.syntax.parse import parse_model_file, parse_properties, parse_properties_file
+from symcheck.syntax.parse import parse_model_file
 
-__all__ = ["Job", "internal", "options_of", "results_file", "run", "sorted_rows"]
+__all__ = ["run"]
 
-Values = Mapping[str, str]
-
-
-@dataclass
-class Job:
-    """A run in progress: what was asked, where it is reported, and what has come out so far."""
-
-    arguments: argparse.Namespace
-    report: Report
-    rows: list[Row] = field(default_factory=list)
-    imported: Engine | None = None
-    failures: int = 0
-
-    @property
-    def testing(self) -> bool:
-        """Whether results are compared with RESULT lines."""
-        return bool(self.arguments.test or self.arguments.testall)
-
-
-class _Stop(Exception):
-    """A test has failed and -test was asked for."""
-
-
-def options_of(arguments: argparse.Namespace) -> Options:
-    """The options of a check that the switches ask for."""
-    return Options(
-        engine=arguments.engine or "auto",
-        method=arguments.method,
-        epsilon=arguments.epsilon,
-        relative=arguments.relative,
-        certify=not arguments.estimate,
-        max_iterations=arguments.maxiters,
-        exact=arguments.exact,
-        max_memory=arguments.cuddmaxmem,
-        time_limit=arguments.timeout,
-        fix_deadlocks=arguments.fix_deadlocks,
-        check_sums=arguments.check_sums,
-        fairness=arguments.fairness,
-        reduce=arguments.reduce,
-        bisim=arguments.bisim,
-        strategy=arguments.exportstrat is not None,
-        ltl2da=arguments.ltl2datool,
-        ltl2da_syntax=arguments.ltl2dasyntax,
-    )
+Given = Mapping[str, Sequence[str]]
 
 
 def run(job: Job) -> int:
     """Carry out a job; gives the exit status. Raises SymcheckError for what concerns the run as a whole."""
     a = job.arguments
+    if a.importmodel is None and a.model is not None and a.model.endswith((".all", ".umb")):
+        a.model, a.properties, a.importmodel = a.properties, None, a.model
     job.imported = exports.imported(a)
     exports.targets(a)
     if job.imported is not None and a.properties is None:
@@ -90,20 +45,47 @@ def run(job: Job) -> int:
     given = parse_constants(a.const)
     source = a.model or a.importmodel or a.importtrans
     job.report.header([f'Reading model file "{source}"', *([f'Reading properties file "{a.properties}"'] if a.properties else [])])
+    _note_unused(job)
     program = parse_model_file(a.model) if job.imported is None else job.imported.model.program
-    files = [*([parse_properties_file(a.properties)] if a.properties else []), *(parse_properties(t, "-pf") for t in a.pf)]
-    file = _joined(files)
-    _warn_unknown(job, program, file, given)
-    chosen = _chosen(file, a.prop)
-    of_model = {n: v for n, v in given.items() if any(c.name == n for c in program.constants)}
-    of_file = {n: v for n, v in given.items() if n not in of_model and any(c.name == n for c in file.constants)}
-    try:
-        for constants in combinations(of_model):
-            _instance(job, program, file, chosen, constants, of_file)
-    except _Stop:
-        pass
+    texts = read_texts(a.properties, a.pf)
+    _warn_unknown(job, program, texts.file, given)
+    chosen = _chosen(texts.file, a.prop)
+    exports.export_program(a, job.report, program)
+    if not a.nobuild:
+        _experiments(job, program, texts, chosen, given)
     job.report.end()
     return 1 if job.failures else 0
+
+
+def _experiments(job: Job, program: Program, texts: Texts, chosen: Sequence[int], given: Given) -> None:
+    """Everything that is asked, for every choice of the model's constants."""
+    of_model = {n: v for n, v in given.items() if any(c.name == n for c in program.constants)}
+    of_file = {n: v for n, v in given.items() if n not in of_model and any(c.name == n for c in texts.file.constants)}
+    for fault in texts.declarations:
+        job.report.error(fault)
+        job.failures += 1
+    for i in chosen:
+        if i in texts.broken:
+            broken(job, texts.broken[i])
+    whole = [i for i in chosen if i not in texts.broken]
+    models = list(combinations(of_model))
+    try:
+        for constants in models:
+            _instance(job, program, texts.file, whole, constants, of_file, alone=len(models) == 1)
+    except Stop:
+        pass
+
+
+def _note_unused(job: Job) -> None:
+    """Tell of switches that change nothing."""
+    a = job.arguments
+    reasons: dict[str, list[str]] = {}
+    for switch, reason in a.without_effect.items():
+        reasons.setdefault(reason, []).append(switch)
+    for reason, switches in reasons.items():
+        job.report.line(f"Note: {', '.join(switches)} {'have' if len(switches) > 1 else 'has'} no effect: {reason}")
+    if a.exact and a.engine is not None:
+        job.report.line(f"Note: -exact has an engine of its own (states one by one, rational numbers); -{a.engine} has no effect")
 
 
 def _check_method(name: str) -> None:
@@ -116,14 +98,7 @@ def _check_method(name: str) -> None:
         raise UsageError(f"-method: there is no method '{name}'\n  hint: known are auto, {', '.join(METHODS)}")
 
 
-def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
-    def all_of(part: str) -> tuple:  # type: ignore[type-arg]
-        return tuple(x for f in files for x in getattr(f, part))
-
-    return PropertiesFile(*(all_of(part) for part in ("constants", "formulas", "labels", "properties")))
-
-
-def _warn_unknown(job: Job, program: Program, file: PropertiesFile, given: Mapping[str, Sequence[str]]) -> None:
+def _warn_unknown(job: Job, program: Program, file: PropertiesFile, given: Given) -> None:
     """Warn of values for constants that do not exist. No error: scripts give one list to many models."""
     for diagnostic in split_constants(program, file, dict.fromkeys(given, "0")).warnings:
         hint = f" ({diagnostic.hint})" if diagnostic.hint else ""
@@ -157,49 +132,76 @@ def _named(file: PropertiesFile, item: str) -> list[int]:
 
 
 def _instance(
-    job: Job, program: Program, file: PropertiesFile, chosen: Sequence[int], constants: Values, others: Mapping[str, Sequence[str]]
+    job: Job, program: Program, file: PropertiesFile, chosen: Sequence[int], constants: Values, others: Given, *, alone: bool
 ) -> None:
-    """Bind and build the model with these constants, and check the chosen properties on it."""
+    """Bind and build the model with these constants, and check the chosen properties on it. alone: there is no other choice."""
     options = options_of(job.arguments)
-    kind = ModelType(job.arguments.model_type) if job.arguments.model_type else None
+    asked = list(_asked(program, file, chosen, others))
+    varying: Values = {} if alone else constants
     try:
-        read = None if job.imported is None else job.imported.model
-        model = read or bind(program, constants, model_type=kind, exact=options.exact)
-        job.report.model(model, constants)
-        asked = list(_asked(program, file, chosen, others))
-        if options.reduce and read is None:
-            model = _reduced(job, model, [question for question, _ in asked])
-        simulated = simulation(job.arguments, job.report, model)
-        if job.arguments.simpath and simulated is None and not asked:
-            return
-        subject = simulated or _build(job, model, options)
+        subject = _subject(job, program, [question for question, _ in asked], constants, options)
     except ResourceError:
         raise
     except SymcheckError as error:
-        if not job.testing:
+        if job.testing:
+            # An error is a result that RESULT lines may expect, of every property.
+            job.report.error(error)
+            for i in chosen:
+                known = {n: _plain(v) for n, v in {**constants, **{n: v[0] for n, v in others.items()}}.items()}
+                conclude(job, judge(file.properties[i].comments, error, known, exact=options.exact))
+        elif alone or isinstance(error, UsageError):
             raise
-        # An error is a result that RESULT lines may expect, of every property.
-        job.report.error(error)
-        for i in chosen:
-            known = {n: _plain(v) for n, v in {**constants, **{n: v[0] for n, v in others.items()}}.items()}
-            _conclude(job, judge(file.properties[i].comments, error, known, exact=options.exact))
+        else:
+            unbuilt(job, [(_title(file, question.index), choice) for question, choice in asked], constants, error)
+        return
+    if subject is None:
         return
     if not isinstance(subject, Simulation):
         engine = subject
-        exports.export_model(job.arguments, job.report, engine, options, lambda: _labels(engine, file, others))
-        exports.report_distributions(job.arguments, job.report, engine, options)
+        exports.export_constants(job.arguments, job.report, engine.model, varying)
+        exports.export_model(job.arguments, job.report, engine, options, lambda: _labels(engine, file, others), varying)
+        exports.report_distributions(job.arguments, job.report, engine, options, varying)
     for question, choice in asked:
-        _check(job, subject, question, options, constants, choice)
+        number = {"property": _file_name(file, question.index)} if len(chosen) > 1 else {}
+        answer(job, subject, question, options, constants, choice, {**varying, **_varied(choice, others), **number})
 
 
-def _labels(engine: Engine, file: PropertiesFile, others: Mapping[str, Sequence[str]]) -> Mapping[str, Expression]:
+def _subject(job: Job, program: Program, questions: Sequence[Question], constants: Values, options: Options) -> Engine | Simulation | None:
+    """What the questions are put to: a built model, or random paths; None where nothing is left to be asked."""
+    kind = ModelType(job.arguments.model_type) if job.arguments.model_type else None
+    read = None if job.imported is None else job.imported.model
+    model = read or bind(program, constants, model_type=kind, exact=options.exact)
+    job.report.model(model, constants)
+    if options.reduce and read is None:
+        model = _reduced(job, model, questions)
+    simulated = simulation(job.arguments, job.report, model)
+    if job.arguments.simpath and simulated is None and not questions and not exports.wanted(job.arguments):
+        return None
+    return simulated or _build(job, model, options)
+
+
+def _title(file: PropertiesFile, number: int) -> str:
+    """The name of a property, or its text on one line."""
+    given = file.properties[number]
+    return given.name or " ".join(given.span.text.strip().rstrip(";").split())
+
+
+def _file_name(file: PropertiesFile, number: int) -> str:
+    """The name of a property, or its number from 1, for the names of files."""
+    return file.properties[number].name or str(number + 1)
+
+
+def _varied(choice: Values, others: Given) -> Values:
+    """The constants of a property that have several values."""
+    return {n: v for n, v in choice.items() if len(others[n]) > 1}
+
+
+def _labels(engine: Engine, file: PropertiesFile, others: Given) -> Mapping[str, Expression]:
     """The labels of the model and of the properties (with the first of the values that a constant has)."""
     return bind_properties(file, engine.model, {n: v[0] for n, v in others.items()}).labels
 
 
-def _asked(
-    program: Program, file: PropertiesFile, chosen: Sequence[int], others: Mapping[str, Sequence[str]]
-) -> Iterator[tuple[Question, Values]]:
+def _asked(program: Program, file: PropertiesFile, chosen: Sequence[int], others: Given) -> Iterator[tuple[Question, Values]]:
     """The chosen properties with every choice of the constants that each needs."""
     needed = needed_constants(program, file)
     for i in chosen:
@@ -212,18 +214,11 @@ def _reduced(job: Job, model: BoundModel, questions: Sequence[Question]) -> Boun
     if job.arguments.fairness:
         job.report.warn("-reduce is not used: which strategies are fair depends on the states")
         return model
-    reduction = reduced(model, questions)
+    a = job.arguments
+    shown = a.transient is not None or a.steadystate or a.simpath or exports.targets(a)
+    reduction = reduced(model, questions, steps=bool(shown))
     job.report.line(f"Reduction:   {reduction}")
     return reduction.model
-
-
-def internal(error: Exception) -> SymcheckError:
-    """A defect of symcheck, as an error that can be reported."""
-    where = traceback.extract_tb(error.__traceback__)[-1]
-    return SymcheckError(
-        f"internal error: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})\n"
-        "  hint: this is a defect of symcheck; please report it with the model"
-    )
 
 
 def _plain(text: str) -> bool | int | float:
@@ -247,66 +242,3 @@ def _build(job: Job, model: BoundModel, options: Options) -> Engine:
     watch.clear()
     job.report.built(engine, watch.choice, perf_counter() - started)
     return engine
-
-
-def _check(job: Job, subject: Engine | Simulation, question: Question, options: Options, constants: Values, choice: Values) -> None:
-    bound, labels = question.bind(subject.model)
-    text = property_text(bound)
-    job.report.property(text, bound.name, constants, choice)
-    outcome: Result | SymcheckError
-    try:
-        if isinstance(subject, Simulation):
-            outcome = subject.check(bound.formula, labels)
-        else:
-            outcome = check(subject, bound.formula, options, labels=labels, rebind=question.formula)
-        job.report.result(outcome)
-        if outcome.strategy is not None:
-            _export_strategy(job, outcome)
-        job.rows.append(Row(bound.name or text, {**constants, **choice}, show_value(outcome.value), str(outcome.accuracy)))
-    except ResourceError:
-        raise
-    except Exception as error:  # a defect in one property must not take the others along
-        outcome = error if isinstance(error, SymcheckError) else internal(error)
-        job.report.error(outcome)
-        job.failures += not job.testing
-        job.rows.append(Row(bound.name or text, {**constants, **choice}, "Error", str(outcome).splitlines()[0]))
-    if job.testing and isinstance(outcome, Result) and isinstance(outcome.accuracy, Statistical):
-        _conclude(job, Verdict(VerdictKind.NOT_TESTED, "the result is an estimate"))
-    elif job.testing:
-        _conclude(job, judge(bound.comments, outcome, bound.constants, exact=options.exact))
-
-
-def _export_strategy(job: Job, outcome: Result) -> None:
-    """Write the strategy; "stdout" is no file. Of several properties the last one's is left in the file."""
-    from symcheck.exchange.strategies import strategy_target, write_strategy
-
-    path, kind, reach = strategy_target(job.arguments.exportstrat)
-    if path == "stdout":
-        write_strategy(outcome.strategy, job.report.out, kind, reach=reach)
-        return
-    with open(path, "w", encoding="utf-8") as file:
-        write_strategy(outcome.strategy, file, kind, reach=reach)
-    job.report.line(f'Strategy written to "{path}" ({kind})')
-
-
-def _conclude(job: Job, verdict: object) -> None:
-    job.report.verdict(verdict)
-    kind = getattr(verdict, "kind", None)
-    if kind in (VerdictKind.FAIL, VerdictKind.UNSUPPORTED):
-        job.failures += 1
-        if job.arguments.test and kind is VerdictKind.FAIL:
-            raise _Stop
-
-
-def results_file(argument: str) -> tuple[Path, list[str]]:
-    """`FILE:KIND,KIND` taken apart; a colon that belongs to the file's name is left in it."""
-    path, colon, kinds = argument.rpartition(":")
-    if not colon:
-        return Path(argument), ["text"]
-    return Path(path), kinds.split(",")
-
-
-def sorted_rows(rows: Sequence[Row]) -> Iterator[Row]:
-    """Rows of the same property together, in the order of its first row."""
-    order = {name: i for i, name in enumerate(dict.fromkeys(r.property for r in rows))}
-    return iter(sorted(rows, key=lambda r: order[r.property]))

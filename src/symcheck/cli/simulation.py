@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path as File
 from typing import TYPE_CHECKING
 
 from symcheck.check.result import Result
+from symcheck.cli.exports import MODEL_EXPORTS
 from symcheck.cli.report import Report
 from symcheck.errors import UsageError
 from symcheck.semantics.model import BoundModel
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do wi
 
 __all__ = ["Simulation", "plan_of", "simulation", "write_path"]
 
-_OF_BUILT_MODELS = ("exportmodel", "exporttrans", "exportstates", "exportlabels", "exportstrat", "transient", "steadystate")
+_OF_BUILT_MODELS = (*MODEL_EXPORTS, "exportstrat", "exportvector", "exportprismconst")
 _ENDS = {
     "loop": "Deterministic loop detected after {n} steps (use the loopcheck=false option to extend the path).",
     "deadlock": "Deadlock state reached after {n} steps.",
@@ -65,12 +65,11 @@ def write_path(arguments: argparse.Namespace, report: Report, model: BoundModel)
     shown = table(path, request.layout)
     if where == "stdout":
         report.line(shown.rstrip("\n"))
-    else:
-        try:
-            File(where).write_text(shown)
-        except OSError as error:
-            raise UsageError(f"-simpath: cannot write '{where}': {error.strerror}") from None
-        report.line(f"Path of {len(path)} steps (seed {path.seed}) written to {where}")
+        return
+    from symcheck.exchange.text import write_text
+
+    write_text(where, [shown], report.out)
+    report.line(f"Path of {len(path)} steps (seed {path.seed}) written to {where}")
 
 
 def _path(arguments: argparse.Namespace, model: BoundModel, request: Request) -> Path:
@@ -120,6 +119,6 @@ def simulation(arguments: argparse.Namespace, report: Report, model: BoundModel)
     if arguments.exact:
         raise UsageError("-sim estimates, and -exact asks for rational arithmetic: one of the two has to go")
     for name in _OF_BUILT_MODELS:
-        if getattr(arguments, name, None):
+        if getattr(arguments, name) not in (None, False, []):
             raise UsageError(f"-{name} needs the whole model, which -sim does not build: run it without -sim")
     return Simulation(model, plan, arguments.fix_deadlocks)
