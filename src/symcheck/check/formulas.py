@@ -38,7 +38,7 @@ from symcheck.syntax.ast import (
     Unary,
 )
 
-__all__ = ["filter_outcome", "is_plain", "numbers", "satisfying"]
+__all__ = ["filter_outcome", "is_plain", "modern_filter", "numbers", "satisfying", "states_of"]
 
 _COMPARISONS = frozenset({"<", "<=", ">", ">=", "=", "!="})
 
@@ -122,18 +122,25 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
             return numbers(context.inside(formula), context.referred(formula), matter)
         case ProbabilityOperator(direction, _, path):
             read = resolve(path, states_of(context), context.engine.all)
-            return probability(context, read, _direction(context, formula, direction, None))
+            return _clipped(context, probability(context, read, _direction(context, formula, direction, None)))
         case RewardOperator(_, direction, _, _):
             structure = structure_number(context, formula)
             return reward_values(context, formula, structure, states_of(context), _direction(context, formula, direction, None))
         case SteadyState(_, inner):
-            return steady_values(context, states_of(context)(inner))
+            return _clipped(context, steady_values(context, states_of(context)(inner)))
         case Filter() | StateFilter():
             return filter_outcome(context, formula, matter).everywhere  # type: ignore[return-value]
         case MultiObjective():
             raise _no_multi()
         case _:
             raise AssertionError(f"not a numeric formula: {type(formula).__name__}")
+
+
+def _clipped(context: Context, values: Values) -> Values:
+    """Probabilities without what rounding, or the width of bounds, has put below 0 or above 1: the true ones are never there."""
+    if values.minimum(context.engine.all)[0] < 0:
+        values = values.map("max", 0)
+    return values.map("min", 1) if values.maximum(context.engine.all)[1] > 1 else values
 
 
 def states_of(context: Context) -> StatesOf:
@@ -143,14 +150,14 @@ def states_of(context: Context) -> StatesOf:
 
 def filter_outcome(context: Context, formula: Filter | StateFilter, matter: StateSet) -> Outcome:  # noqa: ARG001
     """What a filter says, and what it is at each state."""
-    node = formula if isinstance(formula, Filter) else _modern(formula)
+    node = formula if isinstance(formula, Filter) else modern_filter(formula)
     states = context.engine.all if node.states is None else states_of(context)(node.states)
     kind = context.type(node.formula)
     inner = satisfying(context, node.formula, states) if kind is Type.BOOL else numbers(context, node.formula, states)
     return apply_filter(context, node, inner, states, kind)
 
 
-def _modern(formula: StateFilter) -> Filter:
+def modern_filter(formula: StateFilter) -> Filter:
     """The newer form of `P=? [ path {states}{min}{max} ]`."""
     match sorted(formula.operators):
         case []:
