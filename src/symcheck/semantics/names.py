@@ -147,7 +147,7 @@ class Table:
 
     def _read_given(self, constant: Constant, given: Given) -> Value:
         if isinstance(given, str):
-            expression = read_value(given)
+            expression = read_value(given, f"value of {constant.name}")
             bare = self._without_variables(expression)
             given = evaluate(bare, {}, exact=self.exact)
             found = type_of(bare, {})
@@ -166,8 +166,8 @@ def names_in(tree: Tree) -> list[Name]:
     return [n for n in nodes(tree) if isinstance(n, Name)]
 
 
-def read_value(text: str) -> Expression:
-    """The expression that a text such as `5`, `0.25`, `1/3` or `2*N` writes. Raises SyntaxFault."""
+def read_value(text: str, name: str = "<expression>") -> Expression:
+    """The expression that a text such as `5`, `0.25`, `1/3` or `2*N` writes; `name` is what faults call it. Raises SyntaxFault."""
     plain = text.strip()
     if plain.lower() in ("true", "false"):
         return Literal(plain.lower() == "true", Type.BOOL)
@@ -182,7 +182,7 @@ def read_value(text: str) -> Expression:
         return Literal(number, Type.DOUBLE)
     from symcheck.syntax.parse import parse_expression
 
-    return parse_expression(plain)
+    return parse_expression(plain, name)
 
 
 def undefined(constant: Constant) -> Diagnostic:

@@ -39,7 +39,9 @@ class PropertyTexts:
             if p.name is not None and p.name in seen:
                 report.name("duplicate-property", f'there is a property "{p.name}" already', p.span)
             seen.add(p.name or "")
-        for name, expression in (*self._own.items(), *self._properties.items()):
+        # A property that is called as a label is cannot be referred to, so that it is part of no cycle.
+        properties = {name: x for name, x in self._properties.items() if not self.is_label(name)}
+        for name, expression in (*self._own.items(), *properties.items()):
             cycle = self._cycle(name, expression)
             if cycle:
                 report.name("cycle", f'"{name}" refers to itself: {" -> ".join(cycle)}', expression.span)
