@@ -6,6 +6,7 @@ missing word.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,8 +17,12 @@ from symcheck.syntax.lexer import FOREIGN, Words
 
 __all__ = ["MAX_NESTING", "Fault", "Parser"]
 
-MAX_NESTING = 2000
-"""Expressions deeper than this are refused: later stages follow them by recursion."""
+MAX_NESTING = 2000 if sys.version_info[:2] != (3, 12) else 1000 if sys.version_info >= (3, 12, 2) else 300
+"""Expressions deeper than this are refused: later stages follow them by recursion.
+
+CPython 3.12 alone has a fixed limit for recursion that passes through C, as comparing and hashing trees does; its first
+two releases had a third of that of the others.
+"""
 
 _MAX_FAULTS = 20
 _MENDING = ("';'", "')'", "']'", "'}'", "':'", '"\'"', "'endmodule'", "'endrewards'", "'endinit'", "'endsystem'")
