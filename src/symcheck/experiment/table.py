@@ -53,7 +53,8 @@ def _matrix(rows: Sequence[Row], separator: str) -> str:
     parts = []
     groups = _groups(rows)
     for name, group in groups:
-        names = list(group[0].constants)
+        # A constant that does not vary would be a side of length 1.
+        names = [n for n in group[0].constants if len({r.constants[n] for r in group}) > 1] or list(group[0].constants)
         if not names:
             body = _lines([[group[0].value]], separator)
         else:
