@@ -15,6 +15,9 @@ cdef double U = 1.1102230246251568e-16   # a little above 2^-53
 cdef double SLACK = 8.0
 cdef double TINY = 1e-307
 
+cdef int64_t FEW = 20000      # states of a block with choices that is swept a little at once
+cdef int64_t EFFORT = 50000   # entries that such sweeps go over
+
 NONE, MIN, MAX = 0, 1, 2
 
 
@@ -31,7 +34,7 @@ cdef class Block:
     cdef public int32_t[::1] idx
     cdef public double[::1] val, bl, bh, exit
     cdef public double[:, ::1] x
-    cdef public bint open_
+    cdef public bint open_, grouped
 
     def __cinit__(self):
         self.n = self.rows = self.entries = 0
@@ -74,10 +77,25 @@ cdef class Block:
         self.reserve(n, rows, entries)
         self.n = n
         self.mode = system.mode
+        self.grouped = grouped
         with nogil:
             self.copy(system, states, x, grouped)
+            if grouped and self.forced():
+                self.mode = 0
             for i in range(n):
                 place[states[i]] = -1
+
+    cdef bint forced(self) noexcept nogil:
+        """Whether every state has one row: the block is a chain, and the choices are known."""
+        cdef int64_t i
+        if self.rows != self.n:
+            return False
+        for i in range(self.n):
+            if self.group[i + 1] != i + 1:
+                return False
+        for i in range(self.n):
+            self.choice[i] = i
+        return True
 
     cdef void copy(self, System system, const int32_t[::1] states, double[:, ::1] x, bint grouped) noexcept nogil:
         cdef const int32_t[::1] indices = system.indices
@@ -149,7 +167,7 @@ cdef class Block:
         for i in range(self.n):
             x[states[i], 0] = self.x[i, 0]
             x[states[i], 1] = self.x[i, 1]
-            if self.mode != 0 and self.choice[i] >= 0:
+            if self.grouped and self.choice[i] >= 0:
                 strategy[states[i]] = self.row_id[self.choice[i]]
 
     cpdef bint principle(self):
@@ -598,8 +616,8 @@ cdef class System:
                 int64_t[::1] counters):
         """Solve components from number `component` on, as far as cheap means go; returns the first that needs more.
 
-        Single states, blocks without choices of up to `small` states, and blocks with choices that a few hundred sweeps
-        solve. `goals`: width wanted per component.
+        Single states, blocks without choices of up to `small` states, and blocks with choices that a few sweeps (hundreds,
+        where they are small) solve. `goals`: width wanted per component.
         counters: [single, eliminated, swept, sweeps, largest eliminated, largest swept].
         """
         cdef int64_t count = start.shape[0] - 1, size, sweeps
@@ -615,21 +633,22 @@ cdef class System:
                 break
             states = order[start[component]: start[component + 1]]
             size = states.shape[0]
-            if size > (small if self.mode == 0 else 20000):
+            if size > (small if self.mode == 0 else FEW):
                 break
             block.load(self, states, x)
-            if not block.open_:
+            if not block.open_ or (block.mode == 0 and size > small):
                 break
-            if self.mode == 0:
+            if block.mode == 0:
                 done = block.eliminate()
                 counters[1] += 1
                 counters[4] = max(counters[4], size)
             else:
+                sweeps = min(400, max(24, EFFORT // (block.entries + block.n + 1)))
                 if probability:
                     block.principle()
-                    done, sweeps, _ = block.interval(goals[component], relative, 400)
+                    done, sweeps, _ = block.interval(goals[component], relative, sweeps)
                 else:
-                    done, sweeps, _ = block.optimistic(goals[component], relative, 400)
+                    done, sweeps, _ = block.optimistic(goals[component], relative, sweeps)
                 counters[3] += sweeps
                 counters[2] += done
                 counters[5] = max(counters[5], size if done else 0)

@@ -22,7 +22,7 @@ from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy, Settings
 
-__all__ = ["Bounds", "LocalSystem", "policy_iteration", "solve_direct", "solve_krylov"]
+__all__ = ["Bounds", "LocalSystem", "policy_iteration", "proper", "solve_direct", "solve_krylov"]
 
 SWEEPS = 3  # Gauss-Seidel sweeps, to and fro, in a preconditioner
 PATIENCE = 25  # steps within which the residual must have become a tenth
@@ -52,24 +52,25 @@ class LocalSystem:
     row_id: Int64s | None = None
 
     @staticmethod
-    def of(block: Block) -> LocalSystem:
-        """The equations of a block."""
+    def of(block: Block, mode: int | None = None) -> LocalSystem:
+        """The equations of a block; `mode` keeps choices where every state has only one. The arrays are the block's own."""
         n, rows, entries = block.n, block.rows, block.entries
-        groups = np.asarray(block.group)[: n + 1].copy() if block.mode else None
+        mode = block.mode if mode is None else mode
+        groups = np.asarray(block.group)[: n + 1] if mode else None
         matrix = SparseMatrix(
-            np.asarray(block.row_ptr)[: rows + 1].copy(), np.asarray(block.idx)[:entries].copy(),
-            np.asarray(block.val)[:entries].copy(), n, groups,
+            np.asarray(block.row_ptr)[: rows + 1], np.asarray(block.idx)[:entries],
+            np.asarray(block.val)[:entries], n, groups,
         )  # fmt: skip
-        low, high, leave = (np.asarray(a)[:rows].copy() for a in (block.bl, block.bh, block.exit))
-        start = np.asarray(block.choice)[:n].copy() if block.mode else None
-        return LocalSystem(matrix, low, high, leave, block.mode, start, np.asarray(block.row_id)[:rows].copy())
+        low, high, leave = (np.asarray(a)[:rows] for a in (block.bl, block.bh, block.exit))
+        start = np.asarray(block.choice)[:n] if mode else None
+        return LocalSystem(matrix, low, high, leave, mode, start, np.asarray(block.row_id)[:rows])
 
     @staticmethod
     def whole(problem: LinearProblem) -> LocalSystem:
         """All equations of a problem."""
         m = problem.rows
         system = System(m.indptr, m.indices, m.data, m.groups, problem.constant, problem.high, problem.leaving, problem.mode)
-        return LocalSystem.of(system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2))))
+        return LocalSystem.of(system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2))), problem.mode)
 
     @property
     def n(self) -> int:
@@ -205,7 +206,8 @@ def policy_iteration(local: LocalSystem, goal: float, evaluate: Evaluate, rounds
     assert local.matrix.groups is not None
     if np.any(np.diff(local.matrix.groups) == 0):
         return None
-    policy = _proper(local)
+    first = local.matrix.groups[:-1]
+    policy = proper(local, first.copy() if local.start is None else np.where(local.start >= 0, local.start, first))
     if policy is None:
         return None
     fine = Accuracy(epsilon=min(goal * 0.1, 1e-9))
@@ -248,11 +250,10 @@ def _clearly_best(local: LocalSystem, policy: Int64s, own: Solution) -> bool:
     return bool(worse.all())
 
 
-def _proper(local: LocalSystem) -> Int64s | None:
-    """The start policy, mended where it does not leave almost surely; None where no policy does."""
+def proper(local: LocalSystem, policy: Int64s) -> Int64s | None:
+    """The policy, mended where it does not leave almost surely; None where no policy does."""
     groups = local.matrix.groups
     assert groups is not None
-    policy = groups[:-1].copy() if local.start is None else np.where(local.start >= 0, local.start, groups[:-1])
     chain = local.chain(policy)
     everywhere = np.ones(local.n, dtype=np.bool_)
     leaves = graph.backward_reachable(chain.matrix, chain.exit > 0.0)

@@ -18,6 +18,7 @@ from symcheck.kernels import sparse
 from symcheck.kernels.checks import levels
 from symcheck.kernels.solve import Block, System
 from symcheck.numerics import graph
+from symcheck.numerics.accelerate import accelerated
 from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct, solve_krylov
 from symcheck.numerics.collapse import collapse, unit
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
@@ -109,7 +110,9 @@ def _hard(run: _Run, states: Int32s, goal: float) -> None:
     elif not (_eliminate(run, block, goal, _little(block)) or _krylov(run, block, goal, np.ones(block.n))):
         if run.quick:
             raise _TooSlow
-        done, ahead = _sweep(run, block, goal, True)
+        done = _accelerate(run, block, goal)
+        if not done:
+            done, ahead = _sweep(run, block, goal, True)
         if not done and block.n <= SPARSE:
             limit = int(min(OPERATIONS, max(10 * CHEAP, 0.5 * ahead * block.entries)))
             done = _again(run, block, goal) or _eliminate(run, block, goal, limit) or _improve(run, block, goal)
@@ -117,6 +120,13 @@ def _hard(run: _Run, states: Int32s, goal: float) -> None:
             done, _ = _sweep(run, block, goal, False)
             run.failed += not done
     run.system.store(block, states, run.x, run.strategy)
+
+
+def _accelerate(run: _Run, block: Block, goal: float) -> bool:
+    """Policies, evaluated by extrapolated sweeps, and a proof."""
+    answer, sweeps = accelerated(block, goal, run.settings.relative, run.problem.probability, run.observer)
+    run.iterations += sweeps
+    return answer is not None and _accept(run, block, goal, answer, "accelerated sweeps")
 
 
 def _closed(block: Block) -> None:

@@ -1,0 +1,109 @@
+"""Extrapolated sweeps: bounds that hold exactly, policies that attain them, and few sweeps where plain ones need very many."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from numerics.oracle import Row, System, brute_force, problem_of, solve_chain
+from symcheck.kernels import solve
+from symcheck.numerics.accelerate import accelerated
+from symcheck.numerics.block import Bounds
+from symcheck.numerics.problem import LinearProblem
+
+
+def block_of(problem: LinearProblem) -> solve.Block:
+    m = problem.rows
+    system = solve.System(m.indptr, m.indices, m.data, m.groups, problem.constant, problem.high, problem.leaving, problem.mode)
+    return system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2)))
+
+
+@st.composite
+def leaking(draw: st.DrawFn) -> Row:
+    """A row over 4 unknowns that leaves with at least 1/64."""
+    targets = draw(st.lists(st.integers(0, 3), min_size=1, max_size=3, unique=True))
+    weights = draw(st.lists(st.integers(1, 21), min_size=len(targets), max_size=len(targets)))
+    entries = {t: Fraction(w, 64) for t, w in zip(targets, weights, strict=True)}
+    return entries, draw(st.sampled_from([Fraction(1, 64), Fraction(1), Fraction(0)])), 1 - sum(entries.values())
+
+
+systems = st.lists(st.lists(leaking(), min_size=1, max_size=3), min_size=4, max_size=4)
+
+
+@pytest.mark.parametrize("relative", [True, False])
+@pytest.mark.parametrize("direction", ["min", "max"])
+@settings(max_examples=100, deadline=None)
+@given(system=systems)
+def test_bounds_hold_and_policies_attain_them(direction: str, relative: bool, system: System) -> None:
+    exact = brute_force(system, direction, proper_only=False)
+    block = block_of(problem_of(system, direction, probability=False))
+    found, _ = accelerated(block, 1e-6, relative)
+    if not isinstance(found, Bounds):
+        assert min(exact) == 0  # a value of 0 has no relative width, and is found by graph analysis before
+        return
+    for low, value, high in zip(found.lower, exact, found.upper, strict=True):
+        assert Fraction(float(low)) <= value <= Fraction(float(high)) + Fraction(1, 10**300)
+    assert np.all(found.upper - found.lower <= 1e-6 * (found.upper if relative else 1.0))
+    if found.policy is None:
+        return
+    flat = [row for choices in system for row in choices]
+    values = solve_chain([flat[np.asarray(block.row_id)[r]] for r in found.policy])
+    assert values is not None
+    for low, value, high in zip(found.lower, values, found.upper, strict=True):
+        assert Fraction(float(low)) <= value if direction == "max" else value <= Fraction(float(high)) + Fraction(1, 10**300)
+
+
+def walk(n: int, reward: bool) -> LinearProblem:
+    """A symmetric walk on 1..n-1 that ends at 0 and n, with the choice of waiting in a side state (which costs a step)."""
+    half = Fraction(1, 2)
+    gain = Fraction(int(reward))
+    system: System = []
+    for s in range(n - 1):
+        near = {t: half for t in (s - 1, s + 1) if 0 <= t < n - 1}
+        won = half if s == n - 2 and not reward else gain
+        system.append([(near, won, 1 - sum(near.values(), Fraction(0))), ({n - 1 + s: Fraction(1)}, gain, Fraction(0))])
+    system += [[({s: Fraction(1)}, gain, Fraction(0))] for s in range(n - 1)]
+    return problem_of(system, "min", probability=not reward)
+
+
+def test_a_long_walk_takes_few_sweeps() -> None:
+    n = 600
+    found, sweeps = accelerated(block_of(walk(n, reward=True)), 1e-6, relative=True)
+    assert found is not None
+    place = np.arange(1.0, n)
+    exact = place * (n - place)  # expected steps; waiting never helps
+    assert np.all(found.lower[: n - 1] <= exact)
+    assert np.all(exact <= found.upper[: n - 1])
+    assert sweeps < n * n / 20  # plain sweeps need about n² per factor of e
+
+
+def test_a_chain_is_a_policy() -> None:
+    block = block_of(problem_of([[r[0]] for r in _rows_of(walk(50, reward=True))], None, probability=False))
+    found, _ = accelerated(block, 1e-9, relative=True)
+    assert found is not None
+    assert found.policy is None
+    assert np.all(np.abs(found.upper[:49] - np.arange(1.0, 50) * np.arange(49.0, 0, -1)) <= 1e-6)
+
+
+def _rows_of(problem: LinearProblem) -> System:
+    """The walk alone, without the side states."""
+    m = problem.rows
+    assert m.groups is not None
+    out: System = []
+    for s in range(49):
+        r = int(m.groups[s])
+        span = slice(int(m.indptr[r]), int(m.indptr[r + 1]))
+        entries = {int(t): Fraction(float(p)) for t, p in zip(m.indices[span], m.data[span], strict=True)}
+        out.append([(entries, Fraction(1), 1 - sum(entries.values(), Fraction(0)))])
+    return out
+
+
+def test_infinite_constants_are_left_to_others() -> None:
+    problem = walk(10, reward=True)
+    problem.constant[0] = np.inf
+    block = block_of(LinearProblem(problem.constant, problem.matrix, exit=problem.exit, direction="max", probability=False))
+    assert accelerated(block, 1e-6, relative=True) == (None, 0)
