@@ -149,7 +149,7 @@ class Model:
         if asked not in self._reduced:
             questions = [Question(file, i, constants or {}) for i in range(len(file.properties))]
             self._reduced.clear()
-            self._reduced[asked] = registry.build(reduced(self.bound, questions).model, self.options)
+            self._reduced[asked] = registry.build(reduced(self.bound, questions, steps=False).model, self.options)
         return self._reduced[asked]
 
 

@@ -204,7 +204,7 @@ def test_random_models_keep_their_exact_values(seed: int, kind: str, with_phases
     assert value(reduction.model, asked) == expected
     plain = bind(parse_model(text), {})
     again = reduce(plain, observe(plain, [bind_properties(parse_properties(asked), plain).properties[0].formula], plain.labels))
-    explicit = explore(plain, Options(), canonical=again.canonical)
+    explicit = explore(again.liveness.locations.model, Options(), canonical=again.canonical)
     assert explicit.matrix.columns <= count(plain)
     one = bind_properties(parse_properties(asked), plain).properties[0].formula
     found = check(ExplicitEngine(explicit), one, Options(epsilon=1e-9)).value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from symcheck.semantics.bind import BoundProperty, bind_properties
@@ -34,13 +34,15 @@ class Question:
         return self.bind(model)[0].formula
 
 
-def reduced(model: BoundModel, questions: Sequence[Question]) -> Reduction:
+def reduced(model: BoundModel, questions: Sequence[Question], *, steps: bool = True) -> Reduction:
     """The model with dead variables reset, for these questions; one that is at fault is not answered and needs nothing.
 
+    steps: whether runs must keep their length although no question counts steps: distributions and exports do.
     Not for fair strategies: which strategies are fair depends on the states.
     """
     from symcheck.semantics.reduce import observe, reduce
 
     bound = [q.bind(model) for q in questions]
     labels = {n: x for _, own in bound for n, x in own.items()}
-    return reduce(model, observe(model, [p.formula for p, _ in bound if p.fault is None], labels))
+    observed = observe(model, [p.formula for p, _ in bound if p.fault is None], labels)
+    return reduce(model, replace(observed, steps=observed.steps or steps))

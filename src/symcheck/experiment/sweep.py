@@ -101,7 +101,7 @@ def check_instance(instance: Instance) -> Finished:
         ]
         # Which strategies are fair depends on the states: the reduced model would answer another question.
         if instance.options.reduce and not instance.options.fairness:
-            model = reduced(model, [q for q, _ in asked]).model
+            model = reduced(model, [q for q, _ in asked], steps=False).model
         engine = registry.build(model, instance.options)
         rows = []
         for question, choice in asked:

@@ -15,7 +15,7 @@ from symcheck.semantics.model import BoundModel, Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.walk import names, nodes
 
-__all__ = ["Liveness", "harmless", "liveness"]
+__all__ = ["Liveness", "harmless", "liveness", "partial"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,12 @@ class Liveness:
         return variable not in self.live.get(location, frozenset(range(len(self.locations.model.variables))))
 
 
-def liveness(model: BoundModel, observed: Sequence[Expression], *, rewards: bool) -> Liveness:
-    """Analyse a model. observed: state expressions whose values must not change; rewards: whether rewards must not either."""
-    locations = Locations(model, control_variables(model))
+def liveness(model: BoundModel, observed: Sequence[Expression], *, rewards: bool, locations: Locations | None = None) -> Liveness:
+    """Analyse a model. observed: state expressions whose values must not change; rewards: whether rewards must not either.
+
+    locations: those of the model, where they are known already.
+    """
+    locations = locations or Locations(model, control_variables(model))
     return _Analysis(model, locations, tuple(observed), rewards).run()
 
 
@@ -43,7 +46,7 @@ class _Analysis:
         self.observed = observed
         # Rewards are computed for every state, asked for or not: those that may have no value must keep what they read.
         items = (i for r in model.rewards for i in r.items)
-        self.rewards = [i for i in items if rewards or any(_partial(n) for e in (i.guard, i.value) for n in nodes(e))]
+        self.rewards = [i for i in items if rewards or any(partial(n) for e in (i.guard, i.value) for n in nodes(e))]
         self.index = {v.name: i for i, v in enumerate(model.variables)}
         self.harmless: dict[tuple[int, int], bool] = {}
 
@@ -115,10 +118,11 @@ def harmless(value: Expression, variable: Variable, variables: Sequence[Variable
     else:
         low, high = _interval(value, {v.name: v for v in variables})
         within = low is not None and high is not None and variable.low <= low and high <= variable.high
-    return within and not any(_partial(n) for n in nodes(value))
+    return within and not any(partial(n) for n in nodes(value))
 
 
-def _partial(node: object) -> bool:
+def partial(node: object) -> bool:
+    """Whether an operator may have no value (or no finite one) for some operands."""
     match node:
         case Binary("/" | "^", _, _) | Call("pow" | "log" | "mod", _):
             return True
@@ -142,6 +146,10 @@ def _interval(value: Expression, variables: Mapping[str, Variable]) -> Interval:
         case Binary("+" | "-" as operator, left, right):
             a, b = _interval(left, variables), _interval(right if operator == "+" else Unary("-", right), variables)
             return None if a[0] is None or b[0] is None else a[0] + b[0], None if a[1] is None or b[1] is None else a[1] + b[1]
+        case Binary("*", left, right):
+            ends = [_interval(left, variables), _interval(right, variables)]
+            products = [x * y for x in ends[0] for y in ends[1] if x is not None and y is not None]
+            return (min(products), max(products)) if len(products) == 4 else (None, None)
         case Conditional(_, then, otherwise):
             return _hull(_interval(then, variables), _interval(otherwise, variables))
         case Call("min" | "max" as function, arguments):

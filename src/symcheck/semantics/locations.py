@@ -13,7 +13,7 @@ from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Vari
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.walk import names, nodes, substitute
 
-__all__ = ["Effect", "Location", "Locations", "Move", "control_variables"]
+__all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "folded"]
 
 Location = tuple[bool | int, ...]
 """Values of the control variables, in the order of `Locations.control`."""
@@ -140,7 +140,7 @@ class Locations:
             values: dict[str, Expression] = {
                 self.names[p]: Literal(location[p], Type.BOOL if isinstance(location[p], bool) else Type.INT) for p in places
             }
-            self._residuals[key] = _fold(substitute(expression, values), self.model.exact, self._types)
+            self._residuals[key] = folded(substitute(expression, values), self.model.exact, self._types)
         return self._residuals[key]
 
     def _search(self) -> None:
@@ -216,7 +216,7 @@ def _initial_value(variable: Variable) -> bool | int:
     return variable.initial
 
 
-def _fold(expression: Expression, exact: bool, types: dict[str, Type]) -> Expression:
+def folded(expression: Expression, exact: bool, types: dict[str, Type]) -> Expression:
     """Folded; a choice whose condition is constant is resolved whatever its type, as only names and truth matter here."""
     folded = fold(expression, exact=exact, types=types)
     while isinstance(folded, Conditional) and isinstance(folded.condition, Literal):

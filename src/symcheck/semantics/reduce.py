@@ -2,8 +2,9 @@
 
 The states that a model and its reduction give are strongly bisimilar for the formulas in question: they step alike, in
 every number of steps, with the same probabilities, rates, choices, rewards and truth of the observed expressions. So
-every PCTL*, CSL and reward property over those expressions has the same value. Properties that count or list states, or
-speak of "init", observe all variables, and nothing is reduced for them.
+every PCTL*, CSL and reward property over those expressions has the same value. Where no formula counts steps, steps that
+nothing observes are passed over first (see `symcheck.semantics.chains`); then the states are stutter bisimilar.
+Properties that count or list states, or speak of "init", observe all variables, and nothing is reduced for them.
 
 A dead value is still checked against its variable's range, wherever it might leave it: a fault in the model stays one.
 """
@@ -13,8 +14,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from symcheck.semantics.chains import counts_steps, shorten
 from symcheck.semantics.liveness import Liveness, harmless, liveness
-from symcheck.semantics.locations import Location
+from symcheck.semantics.locations import Location, Locations, control_variables
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event, Variable
 from symcheck.syntax.ast import (
     Binary,
@@ -44,23 +46,25 @@ _LONGEST_CONDITION = 40  # locations in a condition on which a variable is reset
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """What properties see of a state: the values of `expressions`, and `rewards` or not."""
+    """What properties see of a state: the values of `expressions`, and `rewards` or not. `steps`: they may count steps."""
 
     expressions: tuple[Expression, ...]
     rewards: bool
+    steps: bool = True
 
 
 def observe(model: BoundModel, formulas: Iterable[Expression], labels: Mapping[str, Expression]) -> Observed:
     """What bound formulas observe. `labels`: those of the properties file and of the model."""
     found: list[Expression] = []
-    rewards = False
+    formulas = tuple(formulas)
+    rewards, steps = False, not formulas or any(map(counts_steps, formulas))
     for formula in formulas:
         own = tuple(_seen(formula, {**model.labels, **labels}))
         if any(e is None for e in own):
             return Observed(tuple(Name(v.name) for v in model.variables), True)
         found += [e for e in own if e is not None]
         rewards = rewards or any(isinstance(n, RewardOperator | RewardBound) for n in nodes(formula))
-    return Observed(tuple(dict.fromkeys(found)), rewards)
+    return Observed(tuple(dict.fromkeys(found)), rewards, steps)
 
 
 def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Expression | None]:
@@ -107,15 +111,20 @@ def _expanded(expression: Expression, labels: Mapping[str, Expression]) -> Expre
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A model that resets dead variables. `resets`: how many assignments were added or replaced, for each variable."""
+    """A model that resets dead variables. `resets`: how many assignments were added or replaced, for each variable.
+
+    passed: how many control locations the model no longer stops at. `liveness` is of the model without resets.
+    """
 
     model: BoundModel
     liveness: Liveness
     resets: Mapping[str, int]
+    passed: int = 0
 
     @property
     def canonical(self) -> tuple[tuple[int, Expression], ...]:
-        """The same as assignments to be applied to every successor (see `symcheck.explicit.build.explore`).
+        """The same as assignments to be applied to every successor (see `symcheck.explicit.build.explore`) of
+        `liveness.locations.model`.
 
         It reads the location that is reached, so it resets at least what `model` does.
         """
@@ -129,12 +138,13 @@ class Reduction:
 
     def __str__(self) -> str:
         where = self.liveness.locations.names
+        passed = f"{self.passed} locations passed over where nothing is seen; " if self.passed else ""
         if not self.resets:
-            return "nothing is ever dead for these properties"
+            return f"{passed}nothing is ever dead for these properties"
         total = len(self.liveness.live)
         index = {v.name: i for i, v in enumerate(self.model.variables)}
         parts = [f"{n} ({sum(self.liveness.dead(x, index[n]) for x in self.liveness.live)})" for n in self.resets]
-        return f"reset where dead: {', '.join(parts)} of {total} locations by {', '.join(where) or 'no variable'}"
+        return f"{passed}reset where dead: {', '.join(parts)} of {total} locations by {', '.join(where) or 'no variable'}"
 
 
 def reduce(model: BoundModel, observed: Observed) -> Reduction:
@@ -142,8 +152,16 @@ def reduce(model: BoundModel, observed: Observed) -> Reduction:
 
     Initial states are left as they are. Variables are reset to their initial value (or least one).
     """
-    found = liveness(model, observed.expressions, rewards=observed.rewards)
-    return _Resets(model, found).run()
+    locations = Locations(model, control_variables(model))
+    passed = 0
+    if not observed.steps:
+        shortened = shorten(model, locations, observed.expressions)
+        passed = len(shortened.passed)
+        if passed:
+            model = shortened.model
+            locations = Locations(model, control_variables(model))
+    found = liveness(model, observed.expressions, rewards=observed.rewards, locations=locations)
+    return replace(_Resets(model, found).run(), passed=passed)
 
 
 class _Resets:
