@@ -219,6 +219,25 @@ def test_interrupt(write) -> None:  # type: ignore[no-untyped-def]
     assert "Traceback" not in errors
 
 
+def test_an_interrupt_that_has_no_effect_is_repeated(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is interrupted may be code that cannot raise, such as a destructor; Python then goes on."""
+
+    def deaf(_: object) -> int:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            time.sleep(20)
+        return 0
+
+    monkeypatch.setattr("symcheck.cli.entry.run", deaf)
+    monkeypatch.setattr("symcheck.cli.entry._PATIENCE", 0.1)
+    started = time.perf_counter()
+    assert main([DIE]) == 130
+    assert time.perf_counter() - started < 10
+    assert "Ctrl-C" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def test_closed_pipe() -> None:
     process = _start(DIE, DIE_PCTL)
     assert process.stdout is not None

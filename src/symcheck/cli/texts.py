@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from symcheck.errors import SyntaxFault
+from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
 from symcheck.syntax.ast import PropertiesFile
 from symcheck.syntax.parse import parse_properties, parse_properties_file
 
@@ -71,30 +71,54 @@ def _parsed(text: str) -> Texts:
 
 
 def _without(fault: SyntaxFault) -> Texts:
-    """What is left of a text without the parts, between semicolons, that have a fault. Raises the fault if that is nothing."""
+    """What is left of a text without the parts, between semicolons, that have a fault. Raises the fault if that is nothing.
+
+    A parser tells of one fault a line: what is left is parsed again until no part is at fault.
+    """
     source = fault.diagnostics[0].span.source
-    text, wrong, declarations = source.text, dict[int, Broken](), list[SyntaxFault]()
-    for start, end in _parts(source.text):
-        own = [d for d in fault.diagnostics if start <= d.span.start < end]
-        if not own:
-            continue
-        blank = re.sub(r"\S", " ", text[start:end])
-        bare = _COMMENT.sub(lambda m: " " * len(m[0]), text[start:end]).removesuffix(";")
-        if _DECLARATION.match(bare) or not bare.strip():
-            declarations.append(SyntaxFault(*own))
-        else:
-            at = len(bare) - len(bare.lstrip())
-            blank = f"{blank[:at]}0{blank[at + 1 : -1]}" + (";" if at + 1 < end - start else "")
-            wrong[start + at] = Broken(" ".join(bare.split()), SyntaxFault(*own))
-        text = text[:start] + blank + text[end:]
-    try:
-        left = parse_properties(text, source.name)
-    except SyntaxFault:
-        raise fault from None
-    found = {i: wrong[p.span.start] for i, p in enumerate(left.properties) if p.span.start in wrong}
-    if len(found) == len(left.properties) or len(found) < len(wrong):
+    parts = list(_parts(source.text))
+    text, wrong, declarations, found = source.text, dict[int, Broken](), list[SyntaxFault](), fault
+    for _ in parts:
+        for start, end in parts:
+            own = [_moved(d, source) for d in found.diagnostics if start <= d.span.start < end]
+            if own:
+                whole = source.text[start:end]
+                blank, place = _blank(whole)
+                text = text[:start] + blank + text[end:]
+                if place is None:
+                    declarations.append(SyntaxFault(*own))
+                else:
+                    wrong[start + place] = Broken(" ".join(_bare(whole).split()), SyntaxFault(*own))
+        try:
+            left = parse_properties(text, source.name)
+            break
+        except SyntaxFault as another:
+            found = another
+    else:
         raise fault
-    return Texts(left, found, declarations)
+    broken = {i: wrong[p.span.start] for i, p in enumerate(left.properties) if p.span.start in wrong}
+    if len(broken) == len(left.properties) or len(broken) < len(wrong):
+        raise fault
+    return Texts(left, broken, declarations)
+
+
+def _moved(diagnostic: Diagnostic, source: Source) -> Diagnostic:
+    """The same, pointing into the text as it was written."""
+    return replace(diagnostic, span=Span(source, diagnostic.span.start, diagnostic.span.end))
+
+
+def _bare(part: str) -> str:
+    """A part without its comments and its semicolon; as long as before, or shorter by that."""
+    return _COMMENT.sub(lambda m: " " * len(m[0]), part).removesuffix(";")
+
+
+def _blank(part: str) -> tuple[str, int | None]:
+    """A part of the same length that says nothing; in the place of a property stands the number 0, and where that is."""
+    blank, bare = re.sub(r"\S", " ", part), _bare(part)
+    if _DECLARATION.match(bare) or not bare.strip():
+        return blank, None
+    at = len(bare) - len(bare.lstrip())
+    return f"{blank[:at]}0{blank[at + 1 : -1]}" + (";" if at + 1 < len(part) else ""), at
 
 
 def _parts(text: str) -> Iterator[tuple[int, int]]:

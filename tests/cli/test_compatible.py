@@ -1,0 +1,186 @@
+"""Command lines that were written for PRISM."""
+
+from __future__ import annotations
+
+import pytest
+
+from symcheck.cli import main
+from symcheck.cli.arguments import parse_arguments
+from symcheck.errors import UsageError
+
+QUEUE = """ctmc
+const double mu;
+module q
+  n : [0..2] init 0;
+  [up] n<2 -> 2 : (n'=n+1);
+  [down] n>0 -> mu : (n'=n-1);
+endmodule
+label "full" = n=2;
+"""
+
+
+@pytest.fixture
+def queue(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "q.sm").write_text(QUEUE)
+    (tmp_path / "q.csl").write_text('label "some" = n>0;\n"f": S=? [ "full" ];\n"g": P=? [ F<=1 "some" ];\n')
+    return tmp_path
+
+
+def run(capsys, *words):
+    status = main([str(w) for w in words])
+    found = capsys.readouterr()
+    return status, found.out, found.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["-power"],
+        ["-gs", "-nopre"],
+        ["--gaussseidel"],
+        ["-sor", "-omega", "0.9"],
+        ["-ii:monotonic,upperbound=2"],
+        ["-javamaxmem", "4g", "-javastack", "100m"],
+        ["-cuddepsilon", "1e-15", "-sbmax", "1024", "-gsl", "3"],
+        ["-transientmethod", "unif", "-nossdetect"],
+    ],
+)
+def test_switches_without_effect_are_taken_and_named(words, queue, capsys):
+    status, out, _ = run(capsys, "q.sm", "q.csl", "-const", "mu=2", "-prop", "f", *words)
+    assert status == 0
+    assert "Result: 0.333333" in out
+    for word in words:
+        if word.startswith("-"):
+            assert word.lstrip("-").partition(":")[0] in out.partition("Type:")[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-param", "p=0:1"], "parametric model checking is not offered"),
+        (["-importpepa"], "PEPA is not read"),
+        (["-exportmrmc"], "-exportmodel writes"),
+        (["-exporttrnas", "x"], "there is no switch -exporttrnas\n  hint: did you mean -exporttrans?"),
+        (["-zzz"], "there is no switch -zzz\n  hint: symcheck --help"),
+        (["-dir", "/not/there"], "-dir: '/not/there'"),
+    ],
+)
+def test_switches_that_cannot_be_served(words, message, queue, capsys):
+    status, out, err = run(capsys, "q.sm", *words)
+    assert status == 2
+    assert message in err
+    assert out == ""
+
+
+def test_files_may_stand_anywhere():
+    found = parse_arguments(["-const", "a=1", "m.pm", "-s", "p.pctl", "-epsilon", "1e-3"])
+    assert (found.model, found.properties, found.const, found.engine) == ("m.pm", "p.pctl", ["a=1"], "sparse")
+
+
+def test_a_value_may_look_like_a_switch():
+    found = parse_arguments(["m.pm", "-pf", "-x>0", "-const", "-", "-transient", "-1"])
+    assert (found.pf, found.const, found.transient) == (["-x>0"], ["-"], "-1")
+    with pytest.raises(UsageError, match="expected one argument"):
+        parse_arguments(["m.pm", "-pf"])
+
+
+def test_a_strategy_is_an_adversary(queue, capsys):
+    (queue / "m.nm").write_text("mdp module m x:[0..2]; [a] x=0 -> (x'=1); [b] x=0 -> (x'=2); endmodule")
+    assert run(capsys, "m.nm", "-pf", "Pmax=? [ F x=2 ]", "-exportadv", "adv.tra")[0] == 0
+    assert (queue / "adv.tra").read_text() == "3 2\n0 2 1.0 b\n2 2 1.0\n"
+
+
+def test_another_folder(queue, capsys, monkeypatch):
+    monkeypatch.chdir("/")
+    words = ["-dir", queue, "q.sm", "-const", "mu=1", "-exportstates", "out.sta", "-exportresults", "r.txt", "-pf", "true"]
+    assert run(capsys, *words)[0] == 0
+    assert (queue / "out.sta").is_file()
+    assert (queue / "r.txt").read_text() == "mu\tResult\n1\ttrue\n"
+
+
+def test_a_model_is_recognised_by_its_ending(queue, capsys):
+    assert run(capsys, "q.sm", "-const", "mu=2", "-exportmodel", "o.all")[0] == 0
+    _, out, _ = run(capsys, "o.all", "-pf", 'S=? [ "full" ]')
+    assert "Result: 0.33333" in out
+
+
+def test_the_model_as_a_text(queue, capsys):
+    status, out, _ = run(capsys, "q.sm", "-exportprism", "stdout", "-nobuild")
+    assert status == 0
+    assert "const double mu;" in out
+    assert "States:" not in out
+    assert run(capsys, "q.sm", "-const", "mu=1:2", "-exportprismconst", "o.prism")[0] == 0
+    assert "const double mu = 2.0;" in (queue / "o_mu=2.prism").read_text()
+    assert run(capsys, "o_mu=2.prism", "-pf", 'S=? [ "full" ]')[0] == 0
+
+
+def test_exact_and_an_engine(queue, capsys):
+    _, out, _ = run(capsys, "q.sm", "-const", "mu=2", "-exact", "-s", "-pf", 'S=? [ "full" ]')
+    assert "Note: -exact has an engine of its own" in out
+    assert "Result: 1/3 (exact)" in out
+
+
+# ------------------------------------------------------------------------------------------------------- several experiments
+
+
+def test_each_experiment_writes_its_own_files(queue, capsys):
+    words = ["-const", "mu=1:2", "-exporttrans", "o.tra", "-ss", "-exportss", "s.txt", "-tr", "1:2", "-exporttr", "t.txt"]
+    assert run(capsys, "q.sm", *words)[0] == 0
+    names = {p.name for p in queue.iterdir()} - {"q.sm", "q.csl"}
+    times = {f"t_{t}_mu={mu}.txt" for t in (1, 2) for mu in (1, 2)}
+    assert names == {"o_mu=1.tra", "o_mu=2.tra", "s_mu=1.txt", "s_mu=2.txt"} | times
+    assert "1 0 2" in (queue / "o_mu=2.tra").read_text()
+
+
+def test_each_property_writes_its_own_vector(queue, capsys):
+    assert run(capsys, "q.sm", "q.csl", "-const", "mu=2", "-exportvector", "v.txt", "-prop", "f")[0] == 0
+    assert [float(x) for x in (queue / "v.txt").read_text().split()] == pytest.approx([1 / 3] * 3)
+    assert run(capsys, "q.sm", "q.csl", "-const", "mu=2", "-exportvector", "v.txt", "-pf", "n>0")[0] == 0
+    assert (queue / "v_property=3.txt").read_text() == "false\ntrue\ntrue\n"
+    assert {"v_property=f.txt", "v_property=g.txt"} <= {p.name for p in queue.iterdir()}
+
+
+def test_one_bad_experiment_leaves_the_others(queue, capsys):
+    status, out, err = run(capsys, "q.sm", "-const", "mu=-1:1", "-pf", 'S=? [ "full" ]', "-exportresults", "stdout:csv")
+    assert status == 1
+    assert err == ""
+    assert "error[update-negative]: rate -1 is negative" in out
+    assert out.endswith("Results:\n\nmu,Result\n-1,Error\n0,1.0\n1,0.5714285714285714\n")
+
+
+def test_random_paths_need_no_model_but_exports_do(queue, capsys):
+    for switch in ("-exporttransdot", "-exportstaterewards", "-exportvector", "-exportbsccs", "-exportdot"):
+        status, _, err = run(capsys, "q.sm", "-const", "mu=1", "-pf", "P=? [ F<=1 n=2 ]", "-sim", switch, "x")
+        assert status == 2
+        assert f"{switch} needs the whole model" in err
+    status, out, _ = run(capsys, "q.sm", "-const", "mu=1", "-simpath", "3", "p.txt", "-exportstates", "stdout", "-seed", "1")
+    assert status == 0
+    assert "0:(0)\n1:(1)\n2:(2)\n" in out
+    assert len((queue / "p.txt").read_text().splitlines()) == 5
+
+
+def test_labels_of_the_properties_in_a_file_of_their_own(queue, capsys):
+    words = ["-const", "mu=1", "-nofixdl", "-exportproplabels", "p.lab", "-exportlabels", "m.lab", "-prop", "f"]
+    assert run(capsys, "q.sm", "q.csl", *words)[0] == 0
+    assert (queue / "p.lab").read_text() == '0="some"\n1: 0\n2: 0\n'
+    assert (queue / "m.lab").read_text() == '0="init" 1="deadlock" 2="full"\n0: 0\n2: 2\n'
+
+
+def test_diagrams_in_dot(queue, capsys):
+    assert run(capsys, "q.sm", "-const", "mu=3", "-m", "-exportdot", "d.dot")[0] == 0
+    assert (queue / "d.dot").read_text().startswith("digraph")
+    status, _, err = run(capsys, "q.sm", "-const", "mu=3", "-ex", "-exportdot", "d.dot")
+    assert status == 1
+    assert "-m, -h or -s build diagrams" in err
+
+
+def test_options_of_model_exports(queue, capsys):
+    _, out, _ = run(capsys, "q.sm", "-const", "mu=3", "-exportmodel", "stdout.all:labels=false,rewards=false,format=matlab")
+    assert "R = sparse(3,3);" in out
+    assert "l_init" not in out
+    status, _, err = run(capsys, "q.sm", "-const", "mu=3", "-exportmodel", "stdout.all:colour=red")
+    assert status == 2
+    assert "unknown option 'colour=red'" in err
+    assert run(capsys, "q.sm", "-const", "mu=3", "-exportmodel", "o.txt:format=drn")[0] == 0
+    assert (queue / "o.txt").read_text().startswith("@type: CTMC")
