@@ -15,6 +15,7 @@ cdef enum:
     CONSTANT = 0x7FFFFFFF        # index (and level) of a terminal node
     TICKS = 0x3FFFF              # own recursions look at the clock and at signals once in so many steps
     CALLS = 0x3FF                # handles look at the clock once in so many calls
+    KEPT = 8_000_000             # nodes up to which dead ones are kept: they come back to life, and so do results about them
 
 cdef enum Reason:
     NONE = 0
@@ -36,6 +37,8 @@ cdef struct Env:
     Reason reason
     unsigned long steps
     unsigned long calls
+    unsigned int kept            # nodes up to which none are collected
+    bint collecting
     double deadline              # on the monotonic clock; 0 is none
 
 
@@ -45,9 +48,21 @@ cdef double now() noexcept nogil:
     return t.tv_sec + 1e-9 * t.tv_nsec
 
 
+cdef void choose_collecting(Env* e) noexcept nogil:
+    """Collect dead nodes when there are many, and not before: on timed models half the work was to find results again."""
+    cdef unsigned int nodes = Cudd_ReadKeys(e.dd)
+    if not e.collecting and nodes > e.kept:
+        Cudd_EnableGarbageCollection(e.dd)
+        e.collecting = True
+    elif e.collecting and nodes < e.kept // 2:
+        Cudd_DisableGarbageCollection(e.dd)
+        e.collecting = False
+
+
 cdef bint interrupted(Env* e) noexcept nogil:
     # All of symcheck calls CUDD with the interpreter lock held, so signals may be looked at here. A signal handler in
     # Python therefore runs in the middle of an operation: it may raise, but must not work on diagrams itself.
+    choose_collecting(e)
     if e.hold:
         return False
     if PyErr_CheckSignals() != 0:
@@ -156,6 +171,7 @@ cdef class Core:
         self.e.no = negate(self.e.one)
         self.e.zero = Cudd_ReadZero(dd)
         self.e.stale = True
+        self.e.collecting = True
         Cudd_AutodynDisable(dd)
         # CUDD's epsilon of 1e-12 merges leaves that differ by less; this one keeps every two numbers apart.
         Cudd_SetEpsilon(dd, 5e-324)
@@ -164,6 +180,7 @@ cdef class Core:
         Cudd_SetApplicationHook(dd, &self.e)
         if not Cudd_AddHook(dd, _on_collection, 0):
             raise MemoryError
+        self.e.kept = KEPT
         if max_memory is not None:
             self.limit_memory(max_memory)
 
@@ -186,6 +203,7 @@ cdef class Core:
     cdef int _refresh(self) except -1:
         cdef Env* e = &self.e
         cdef int i, size = Cudd_ReadSize(e.dd)
+        choose_collecting(e)
         if e.deadline > 0 and now() > e.deadline:
             raise TimeLimitError(_TIME)
         if e.stale or size != e.size:
@@ -228,6 +246,7 @@ cdef class Core:
     def limit_memory(self, limit):
         """Set the memory limit in bytes. CUDD looks at it when it needs fresh memory, so it may be passed by up to half."""
         Cudd_SetMaxMemory(self.e.dd, limit)
+        self.e.kept = <unsigned int>min(KEPT, limit // (8 * sizeof(DdNode)))
         self.max_memory = limit
 
     def limit_time(self, seconds):

@@ -81,6 +81,7 @@ cdef f_get_unsigned Cudd_ReadKeys, Cudd_ReadDead, Cudd_ReadCacheSlots, Cudd_Read
 cdef f_get_long Cudd_ReadPeakNodeCount, Cudd_ReadMemoryInUse, Cudd_ReadGarbageCollectionTime, Cudd_ReadReorderingTime
 cdef f_get_double Cudd_ReadCacheLookUps, Cudd_ReadCacheHits, Cudd_ReadEpsilon
 cdef f_set Cudd_AutodynDisable, Cudd_ClearErrorCode, Cudd_UnregisterTerminationCallback, Cudd_FreeTree
+cdef f_set Cudd_EnableGarbageCollection, Cudd_DisableGarbageCollection
 cdef f_set_double Cudd_SetEpsilon, Cudd_SetMaxGrowth
 cdef f_set_size Cudd_SetMaxMemory
 cdef f_look1 cuddCacheLookup1
@@ -165,6 +166,8 @@ cdef int _resolve_all() except -1:
     _resolve(library, b"Cudd_ClearErrorCode", <void**>&Cudd_ClearErrorCode)
     _resolve(library, b"Cudd_UnregisterTerminationCallback", <void**>&Cudd_UnregisterTerminationCallback)
     _resolve(library, b"Cudd_FreeTree", <void**>&Cudd_FreeTree)
+    _resolve(library, b"Cudd_EnableGarbageCollection", <void**>&Cudd_EnableGarbageCollection)
+    _resolve(library, b"Cudd_DisableGarbageCollection", <void**>&Cudd_DisableGarbageCollection)
     _resolve(library, b"Cudd_SetEpsilon", <void**>&Cudd_SetEpsilon)
     _resolve(library, b"Cudd_SetMaxGrowth", <void**>&Cudd_SetMaxGrowth)
     _resolve(library, b"Cudd_SetMaxMemory", <void**>&Cudd_SetMaxMemory)

@@ -31,6 +31,9 @@ Variables = Sequence[str] | Cube
 INITIAL_CACHE = 2**15
 # CUDD touches a 64th of this in advance: 4 ms per GiB. It limits nothing; what CUDD derives from it is set below.
 ESTIMATE = 2**26
+# Share of lookups (in per cent) that must find something for the cache to grow. CUDD's own 30 is seldom reached by searches
+# of timed models, which then forget what they have done: twice the work in firewire_impl_dl.
+MINIMAL_HITS = 5
 
 
 def default_memory() -> int:
@@ -75,7 +78,7 @@ class DiagramManager:
         limit = default_memory() if max_memory is None else max_memory
         self.bdd: Any = cudd.BDD(memory_estimate=ESTIMATE, initial_cache_size=INITIAL_CACHE)
         # Up to so many slots (a fifth of the memory's nodes) the unique table grows fast; there collecting does not pay.
-        self.bdd.configure(loose_up_to=min(limit // 160, 2**31))
+        self.bdd.configure(loose_up_to=min(limit // 160, 2**31), min_hit=MINIMAL_HITS)
         self.core = Core(self.bdd, limit)
         self.core.limit_time(time_limit)
         self._index: dict[str, int] = {}

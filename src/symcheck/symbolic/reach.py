@@ -5,26 +5,26 @@ Schedules (`schedule` of `search`):
 - `frontier`: breadth first. Each iteration takes the images of the states found last, by every relation.
 - `chaining`: each relation in turn is applied to all states found so far, so one sweep does the work of many steps
   (Roig, Cortadella & Pastor 1995). Few sweeps, but each image is of a larger set.
-- `saturation`: fixpoints from the bottom of the order upwards: a relation that touches only low variables is exhausted
-  before any relation above it is applied again (Ciardo, Lüttgen & Siminiscalco 2001). Best where events are local.
+- `saturation`: node by node: the set under a node is closed under what does not change the variables above it, before
+  anything above is applied again (Ciardo, Lüttgen & Siminiscalco 2001; see `DiagramManager.closure`). One step, best nearly
+  always.
 """
 
 from __future__ import annotations
 
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from symcheck.symbolic.build import group_relations
 from symcheck.symbolic.checks import check_initial
 from symcheck.symbolic.commands import encode_event, knowledge
-from symcheck.symbolic.model import EncodedEvent, Iteration, Relation, StateSpace, SymbolicModel
+from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
-    from symcheck.dd.manager import Bdd
+    from symcheck.dd.manager import Bdd, Closure
 
 __all__ = ["SCHEDULES", "Found", "reach", "search"]
 
@@ -45,24 +45,19 @@ def reach(
     """All reachable states, and those of them that have no transition (deadlocks).
 
     `observer` gets each Iteration; without one, neither states nor nodes are counted on the way (which may cost as much
-    as the search), and of saturation's many small steps only the last is recorded. `schedule`: one of SCHEDULES, by
-    default chosen for the model. Raises ResourceError at a limit (of the manager, set by `build`), and ModelFault where
-    no state is initial.
+    as the search). `schedule`: one of SCHEDULES, by default chosen for the model. Raises ResourceError at a limit (of the
+    manager, set by `build`), and ModelFault where no state is initial.
     """
     del options
     check_initial(symbolic)
     started = time.perf_counter()
     schedule = schedule or choose_schedule(symbolic)
     iterations: list[Iteration] = []
-    if observer is None and schedule == "saturation":
-        complete, states = deque(SCHEDULES[schedule](symbolic), maxlen=1)[0]
-        iterations.append(_measure(complete, 0, states, states - symbolic.initial, started, False))
-    else:
-        for found in search(symbolic, schedule, counting=observer is not None):
-            complete, states = found.symbolic, found.states
-            iterations.append(found.iteration)
-            if observer is not None:
-                observer(found.iteration)
+    for found in search(symbolic, schedule, counting=observer is not None):
+        complete, states = found.symbolic, found.states
+        iterations.append(found.iteration)
+        if observer is not None:
+            observer(found.iteration)
     deadlocks = states - enabled(complete)
     count = symbolic.manager.count(states, symbolic.encoding.rows)
     return StateSpace(complete, states, deadlocks, count, schedule, time.perf_counter() - started, tuple(iterations))
@@ -76,13 +71,10 @@ def enabled(symbolic: SymbolicModel) -> Bdd:
 def choose_schedule(symbolic: SymbolicModel) -> str:
     """A schedule by the model's structure: saturation, unless relations are to be learned on the way.
 
-    Measured on the PRISM benchmark suite: saturation beats frontier by 3 to 100 times where events are local (kanban, fms,
-    mapk, crowds, polling), by 2 to 10 with counters and clocks (tandem, firewire, egl); where a global clock drives
-    everything (csma), it takes up to twice as long.
+    Measured on the PRISM benchmark suite: saturation wins by 3 to 300 times nearly everywhere; where a global clock drives
+    everything and diagrams grow large (csma), frontier takes between half and as much.
     """
-    if learns(symbolic):
-        return "frontier"
-    return "saturation"
+    return "frontier" if learns(symbolic) else "saturation"
 
 
 def search(symbolic: SymbolicModel, schedule: str = "frontier", *, counting: bool = True) -> Iterator[Found]:
@@ -138,45 +130,17 @@ def _by_chaining(symbolic: SymbolicModel) -> Progress:
 
 
 def _by_saturation(symbolic: SymbolicModel) -> Progress:
-    state = _Saturation(symbolic.initial, {})
-    yield symbolic, state.states
-    levels = _levels(symbolic.relations)
-    for _ in _saturate(state, levels, len(levels) - 1):
-        yield symbolic, state.states
+    yield symbolic, symbolic.initial
+    states = closure(symbolic).close(symbolic.initial)
+    if states is None:
+        yield from _by_chaining(symbolic)
+    else:
+        yield symbolic, states
 
 
-@dataclass(slots=True)
-class _Saturation:
-    """`closed`: per relation, a set of states that it leads nowhere out of."""
-
-    states: Bdd
-    closed: dict[Relation, Bdd]
-
-
-def _levels(relations: Sequence[Relation]) -> list[list[Relation]]:
-    """Relations by the topmost variable that they touch, lowest in the order first."""
-    levels: dict[int, list[Relation]] = {}
-    for relation in relations:
-        levels.setdefault(relation.top, []).append(relation)
-    return [levels[top] for top in sorted(levels, reverse=True)]
-
-
-def _saturate(state: _Saturation, levels: Sequence[Sequence[Relation]], level: int) -> Iterator[None]:
-    """Close the states under the relations of this level and of all below it; yields whenever they have grown."""
-    if level < 0:
-        return
-    before = None
-    while state.states != before:
-        before = state.states
-        yield from _saturate(state, levels, level - 1)
-        for relation in levels[level]:
-            start = state.states
-            # To its own fixpoint: up to ten times faster than one image at a time (counters and clocks run through).
-            while state.closed.get(relation) != state.states:
-                state.closed[relation] = state.states
-                state.states = state.states | relation.image(state.states)
-            if state.states != start:
-                yield
+def closure(symbolic: SymbolicModel, *, forward: bool = True) -> Closure:
+    """All relations of a model, prepared for closing sets under them."""
+    return symbolic.manager.closure([(r.relation, r.transition) for r in symbolic.relations], forward=forward)
 
 
 SCHEDULES: dict[str, Callable[[SymbolicModel], Progress]] = {
