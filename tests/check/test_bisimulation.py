@@ -15,17 +15,17 @@ from symcheck.errors import InputError, UnsupportedError
 SLOW = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
 
 
-def random_engine(seed, kind):
+def random_engine(seed, kind, name="explicit"):
     try:
-        return random_model(Random(seed), kind, largest=5), engine_of(random_model(Random(seed), kind, largest=5).text)
+        return random_model(Random(seed), kind, largest=5), engine_of(random_model(Random(seed), kind, largest=5).text, name)
     except InputError:
         assume(False)
 
 
 @SLOW
-@given(seed=st.integers(0, 2**20), kind=st.sampled_from(["dtmc", "ctmc", "mdp"]))
-def test_the_same_values(seed, kind):
-    model, engine = random_engine(seed, kind)
+@given(seed=st.integers(0, 2**20), kind=st.sampled_from(["dtmc", "ctmc", "mdp"]), name=st.sampled_from(["explicit", "sparse", "mtbdd"]))
+def test_the_same_values(seed, kind, name):
+    model, engine = random_engine(seed, kind, name)
     rng = Random(seed + 1)
     for _ in range(3):
         text = random_property(rng, model)
@@ -49,14 +49,38 @@ def test_symmetric_parts_are_lumped():
     assert check_text(engine, 'P=? [ F "init" ]', bisim=True).value == 1
 
 
-@pytest.mark.parametrize("text", ["filter(max, P=? [ F x=1 ])", "E [ F x=1 ]"])
+LINE = "dtmc\nmodule m\n x : [0..4];\n [] x=0 -> 1/3:(x'=1) + 1/3:(x'=2) + 1/3:(x'=3);\n [] x>0 -> true;\nendmodule\n"
+
+
+@pytest.mark.parametrize("text", ["filter(max, filter(min, P=? [ F x=1 ]))", "E [ F x=1 ]"])
 def test_what_is_checked_without(text):
-    engine = engine_of("dtmc\nmodule m\n x : [0..1];\n [] true -> 0.5:(x'=0) + 0.5:(x'=1);\nendmodule\n")
-    assert any("without -bisim" in w for w in check_text(engine, text, bisim=True).warnings)
+    assert any("without -bisim" in w for w in check_text(engine_of(LINE), text, bisim=True).warnings)
+
+
+@pytest.mark.parametrize("name", ["explicit", "sparse", "hybrid"])
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("filter(max, P=? [ F x=1|x=2 ])", 1),
+        ("filter(min, P=? [ F x=1|x=2 ])", 0),
+        ("filter(sum, P=? [ F x=1|x=2 ])", 8 / 3),
+        ("filter(avg, P=? [ F x=1|x=2 ], x=0|x=3)", 1 / 3),
+        ("filter(count, P>=0.6 [ F x=1|x=2 ])", 3),
+        ("filter(count, P>0.5 [ F x=1|x=2 ], P<1 [ F x=1|x=2 ])", 1),
+        ("filter(forall, P>=0 [ X x=1 ])", True),
+        ("filter(state, P=? [ F x=1|x=2 ], x=2)", 1),
+        ('filter(range, P=? [ F x=1|x=2 ], "init"|x=1)', (pytest.approx(2 / 3), 1)),
+    ],
+)
+def test_filters_speak_of_all_states(name, text, value):
+    result = check_text(engine_of(LINE, name), text, bisim=True)
+    assert result.value == (pytest.approx(value) if isinstance(value, float) else value)
+    assert "by bisimulation" in result.explanation
+    assert not result.warnings
 
 
 def test_a_threshold_at_the_value():
-    engine = engine_of("dtmc\nmodule m\n x : [0..4];\n [] x=0 -> 1/3:(x'=1) + 1/3:(x'=2) + 1/3:(x'=3);\n [] x>0 -> true;\nendmodule\n")
+    engine = engine_of(LINE)
     result = check_text(engine, "P>=2/3 [ F x=1|x=2 ]", bisim=True)
     assert result.value is True
     assert result.engine.states == 4
@@ -64,5 +88,35 @@ def test_a_threshold_at_the_value():
 
 @pytest.mark.parametrize("engine", ["auto", "sparse"])
 def test_other_engines_answer(engine):
-    text = "dtmc\nmodule m\n x : [0..4];\n [] x=0 -> 1/3:(x'=1) + 1/3:(x'=2) + 1/3:(x'=3);\n [] x>0 -> true;\nendmodule\n"
-    assert check_text(engine_of(text, engine), "P=? [ F x=1|x=2 ]", bisim=True).value == pytest.approx(2 / 3)
+    assert check_text(engine_of(LINE, engine), "P=? [ F x=1|x=2 ]", bisim=True).value == pytest.approx(2 / 3)
+
+
+def test_diagrams_that_do_not_lump_are_listed():
+    text = "ctmc\nmodule m\n x : [0..99];\n [] x<99 -> 1:(x'=x+1);\n [] x>0 -> 2:(x'=x-1);\nendmodule\n"
+    found = check_text(engine_of(text, "sparse"), "S=? [ x=99 ]", bisim=True)
+    assert "100 states -> 100" in found.explanation
+    assert "on listed states" in found.runs[0].explanation
+
+
+def test_rewards_of_choices_tell_blocks_apart():
+    text = """mdp
+module m
+ x : [0..4];
+ [a] x=0 -> (x'=3);
+ [b] x=1 -> (x'=3);
+ [a] x=2 -> (x'=3);
+ [] x=3 -> (x'=0);
+ [] x=3 -> (x'=1);
+ [] x=3 -> (x'=2);
+ [] x=3 -> 0.5:(x'=4) + 0.5:(x'=0);
+endmodule
+rewards "one" [a] true : 1; [b] true : 2; endrewards
+rewards "none" endrewards
+"""
+    for name in ("explicit", "hybrid"):
+        engine = engine_of(text, name)
+        for direction in ("min", "max"):
+            lumped = check_text(engine, f'R{{"one"}}{direction}=? [ F x=4 ]', bisim=True)
+            assert "5 states -> 4" in lumped.explanation
+            assert lumped.value == pytest.approx(check_text(engine, f'R{{"one"}}{direction}=? [ F x=4 ]').value)
+        assert "5 states -> 3" in check_text(engine, "Pmax=? [ F x=4 ]", bisim=True).explanation

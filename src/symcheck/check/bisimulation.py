@@ -2,178 +2,154 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 from symcheck.check.context import Context
-from symcheck.check.formulas import is_plain
-from symcheck.check.rewards import structure_number
-from symcheck.engines.arrays import ArraySet, ArrayValues
-from symcheck.engines.base import OwnSet, OwnValues
+from symcheck.check.filters import Outcome, apply_filter
+from symcheck.check.formulas import is_plain, modern_filter, numbers, satisfying, states_of
+from symcheck.check.lumped import DiagramQuotient, ListedQuotient, Quotient, WrittenQuotient
+from symcheck.engines.base import StateSet
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import UnsupportedError
-from symcheck.explicit.states import StateTable
-from symcheck.numerics.lump import Lumping, lump
-from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
-from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Filter, LabelReference, MultiObjective, Name, PathQuantifier, RewardOperator, StateFilter, Type
+from symcheck.numerics.lump import lump
+from symcheck.semantics.conditions import reward_index
+from symcheck.syntax.ast import (
+    Expression,
+    Filter,
+    LabelReference,
+    MultiObjective,
+    Name,
+    PathQuantifier,
+    RewardBound,
+    RewardOperator,
+    StateFilter,
+    Type,
+)
 from symcheck.syntax.walk import children
 
-__all__ = ["Quotient", "quotient"]
+if TYPE_CHECKING:
+    from symcheck.engines.symbolic import SymbolicEngine
 
+__all__ = ["filtered", "quotient"]
 
-@dataclass(frozen=True, eq=False)
-class LumpedModel:
-    """The blocks as states: what is asked of a block is asked of its first state, and must hold for all of them."""
-
-    base: ExplicitEngine = field(repr=False)
-    lumping: Lumping = field(repr=False)
-
-    @property
-    def model(self) -> BoundModel:
-        """The base model, whose variables the blocks have."""
-        return self.base.model
-
-    @property
-    def matrix(self) -> SparseMatrix:
-        """The quotient's matrix."""
-        return self.lumping.matrix
-
-    def _blocks(self, states: ArraySet) -> Int64s:
-        return np.unique(self.lumping.block[states.members]).astype(np.int64)
-
-    @cached_property
-    def initial(self) -> Int64s:
-        """Blocks with an initial state."""
-        return self._blocks(self.base.initial)
-
-    @cached_property
-    def deadlocks(self) -> Int64s:
-        """Blocks with a deadlock state."""
-        return self._blocks(self.base.deadlocks)
-
-    @cached_property
-    def states(self) -> StateTable:
-        """The first state of each block."""
-        table = self.base.explored.states
-        return StateTable(table.layout, table.rows[self.lumping.first])
-
-    @property
-    def state_rewards(self) -> list[Floats]:
-        """Per reward structure, the state reward of each block's first state."""
-        return [r[self.lumping.first] for r in self.base.explored.state_rewards]
-
-    @property
-    def choice_rewards(self) -> list[Floats]:
-        """Per reward structure, the transition reward of each row."""
-        return [r[self.lumping.rows] for r in self.base.explored.choice_rewards]
-
-    @property
-    def choice_actions(self) -> Int32s:
-        """The action of each row."""
-        actions: Int32s = self.base.explored.choice_actions
-        return actions[self.lumping.rows]
-
-    def evaluate(self, expression: Expression) -> NDArray[Any]:
-        """The value of an expression in each block; an AssertionError where its states differ in it."""
-        value = np.asarray(self.base.explored.evaluate(expression))
-        if value.ndim == 0:
-            return value
-        own = value[self.lumping.first]
-        assert (own[self.lumping.block] == value).all(), "an expression that the partition does not respect"
-        return own
+_ENTRY_BYTES = 12
+_ROWS_BYTES = 2**30  # of compressed rows that are written out where diagrams do not lump
+_ROWS_STATES = 20_000_000
+_ALIKE = 4  # states per block, on average, below which listing them is cheaper
 
 
 @dataclass(frozen=True)
-class LumpedEngine(ExplicitEngine):
-    """The explicit engine on blocks."""
+class _Observed:
+    """What a formula speaks of: expressions over the variables, sets by name, and reward structures."""
 
-    base: ExplicitEngine | None = field(default=None, repr=False)
-    lumping: Lumping | None = field(default=None, repr=False)
-
-    def where(self, expression: Expression) -> ArraySet:
-        """The blocks whose states satisfy an expression; an AssertionError where they differ in it."""
-        assert self.base is not None
-        assert self.lumping is not None
-        members = self.base.where(expression).members
-        own = members[self.lumping.first]
-        assert (own[self.lumping.block] == members).all(), "an expression that the partition does not respect"
-        return ArraySet(own)
-
-    def rational(self) -> Any:
-        """Not to be had: raises UnsupportedError, so that what only rationals decide is decided on the model itself."""
-        raise UnsupportedError("a quotient is not computed in rational arithmetic")
-
-
-@dataclass(frozen=True, eq=False)
-class Quotient:
-    """The quotient as an engine, and the way back."""
-
-    engine: ExplicitEngine
-    lumping: Lumping = field(repr=False)
-
-    def lift(self, values: OwnValues | None) -> ArrayValues | None:
-        """Values of blocks as values of states."""
-        if values is None:
-            return None
-        block = self.lumping.block
-        lower = values.lower[block]
-        upper = lower if values.upper is values.lower else values.upper[block]
-        return ArrayValues(lower, upper, None if values.computed is None else values.computed[block], values.slack)
-
-    def lift_set(self, states: OwnSet | None) -> ArraySet | None:
-        """Blocks as states."""
-        return None if states is None else ArraySet(states.members[self.lumping.block])
+    expressions: list[Expression] = field(default_factory=list)
+    names: set[str] = field(default_factory=set)
+    structures: set[int] = field(default_factory=set)
 
 
 def quotient(context: Context, formula: Expression) -> Quotient:
-    """The quotient that is good enough for a formula.
+    """The quotient that is good enough for a formula: on diagrams where the engine has them, else of listed states.
 
-    Raises UnsupportedError for formulas that speak of single states (filters), of several objectives, and for engines
-    that do not list states.
+    Of a filter as the outermost operator, the formula within and what is not plain in its condition count. Raises
+    UnsupportedError for formulas with filters, A, E or multi(...) within, and for engines that have neither.
     """
-    engine = context.engine
-    if not isinstance(engine, ExplicitEngine):
-        raise UnsupportedError("-bisim works on listed states; use -ex")
     if context.options.fairness:
         raise UnsupportedError("-bisim is not for fair strategies")
-    colours: list[NDArray[np.generic]] = []
-    structures: set[int] = set()
+    observed = _observed(context, formula)
+    if isinstance(context.engine, ExplicitEngine):
+        return _listed(context, context.engine, observed, ListedQuotient)
+    if getattr(context.engine, "diagrams", None) is None:
+        raise UnsupportedError("-bisim works on listed states (-ex) and on diagrams")
+    engine: Any = context.engine
+    return _on_diagrams(context, engine, observed)
+
+
+def filtered(context: Context, smaller: Quotient, formula: Filter | StateFilter) -> Outcome:
+    """What a filter says of all states, with the values of the formula within computed on a quotient."""
+    node = formula if isinstance(formula, Filter) else modern_filter(formula)
+    inner = replace(context, engine=smaller.engine)
+    kind = context.type(node.formula)
+    states = context.engine.all if node.states is None else _condition(context, smaller, node.states)
+    if kind is Type.BOOL:
+        return apply_filter(context, node, smaller.lift_set(satisfying(inner, node.formula, inner.engine.all)), states, kind)
+    return apply_filter(context, node, smaller.lift(numbers(inner, node.formula, inner.engine.all)), states, kind)
+
+
+def _condition(context: Context, smaller: Quotient, condition: Expression) -> StateSet:
+    if is_plain(condition) or isinstance(condition, LabelReference):
+        return states_of(context)(condition)
+    found: StateSet = smaller.lift_set(states_of(replace(context, engine=smaller.engine))(condition))
+    return found
+
+
+def _listed(
+    context: Context, engine: ExplicitEngine, observed: _Observed, make: Callable[..., ListedQuotient], **more: Any
+) -> ListedQuotient:
+    colours: list[Any] = [engine.initial.members for name in observed.names if name == "init"]
+    colours += [engine.deadlocks.members for name in observed.names if name == "deadlock"]
+    for part in observed.expressions:
+        colours.append(engine.where(part).members if _is_set(context, part) else engine.values(part, context.type(part)).lower)
+    rewards = [engine.rewards(i) for i in sorted(observed.structures)]
+    colours += [states for states, _ in rewards]
+    return make(engine, lump(engine.matrix, colours, [rows for _, rows in rewards]), **more)
+
+
+def _on_diagrams(context: Context, engine: SymbolicEngine, observed: _Observed) -> Quotient:
+    """On diagrams; where few states are alike and their rows fit into memory, these are written out."""
+    from symcheck.engines.symbolic_lump import lump_diagrams
+    from symcheck.engines.written import written_out
+
+    colours: list[Any] = [engine.initial.bdd for name in observed.names if name == "init"]
+    colours += [engine.deadlocks.bdd for name in observed.names if name == "deadlock"]
+    for part in observed.expressions:
+        if _is_set(context, part):
+            colours.append(engine.where(part).bdd)
+        else:
+            colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
+    fits = engine.states <= _ROWS_STATES and engine.transitions * _ENTRY_BYTES <= _ROWS_BYTES
+    most = engine.states // _ALIKE if fits else None
+    try:
+        return DiagramQuotient(engine, lump_diagrams(engine.diagrams, colours, sorted(observed.structures), most=most))
+    except UnsupportedError:
+        if not fits:
+            raise
+    return _listed(context, written_out(engine), observed, WrittenQuotient, source=engine)
+
+
+def _is_set(context: Context, part: Expression) -> bool:
+    # A model that was read has labels that are names of sets of states, which are no variables.
+    return (isinstance(part, Name) and part.name.startswith('"')) or context.type(part) is Type.BOOL
+
+
+def _observed(context: Context, formula: Expression) -> _Observed:
+    found = _Observed()
+    parts: tuple[Expression | None, ...] = (formula,)
+    if isinstance(formula, Filter | StateFilter):
+        condition = formula.states
+        looked_up = condition is None or is_plain(condition) or isinstance(condition, LabelReference)
+        parts = (formula.formula, None if looked_up else condition)
+    for part in parts:
+        if part is not None:
+            _observe(context, part, found)
+    return found
+
+
+def _observe(context: Context, formula: Expression, found: _Observed) -> None:
     for part in _parts(context, formula):
         match part:
             case Filter() | StateFilter() | MultiObjective() | PathQuantifier():
-                raise UnsupportedError("-bisim is not for filters, A and E, and multi(...)")
-            case LabelReference("init"):
-                colours.append(engine.initial.members)
-            case LabelReference("deadlock"):
-                colours.append(engine.deadlocks.members)
-            case RewardOperator():
-                structures.add(structure_number(context, part))
+                raise UnsupportedError("-bisim is not for filters within a formula, A and E, and multi(...)")
+            case LabelReference("init" | "deadlock"):
+                found.names.add(part.name)
+            case RewardOperator() | RewardBound():
+                if not (isinstance(part, RewardBound) and part.structure is None):
+                    found.structures.add(reward_index(part.structure, context.engine.model))
             case _ if is_plain(part):
-                colours.append(_value(context, engine, part))
+                found.expressions.append(part)
             case _:
                 pass
-    rows: list[Floats] = []
-    for i in sorted(structures):
-        states, choices = engine.rewards(i)
-        colours.append(states)
-        rows.append(choices)
-    lumping = lump(engine.matrix, colours, rows)
-    return Quotient(LumpedEngine(LumpedModel(engine, lumping), base=engine, lumping=lumping), lumping)  # type: ignore[arg-type]
-
-
-def _value(context: Context, engine: ExplicitEngine, part: Expression) -> NDArray[np.generic]:
-    """An expression over the variables at each state."""
-    # A model that was read has labels that are names of sets of states, which are no variables.
-    label = isinstance(part, Name) and part.name.startswith('"')
-    if label or context.type(part) is Type.BOOL:
-        return engine.where(part).members
-    return engine.values(part, context.type(part)).lower
 
 
 def _parts(context: Context, formula: Expression) -> Iterator[Expression]:

@@ -81,19 +81,25 @@ def check(
 
 def _lumped(context: Context, formula: Expression, kind: Type) -> Result | None:
     """The result of the quotient, lifted to all states; None, with a warning, where it cannot be had."""
-    from symcheck.check.bisimulation import quotient
+    from symcheck.check.bisimulation import filtered, quotient
 
     try:
         smaller = quotient(context, formula)
         inner = replace(context, engine=smaller.engine)
-        result = _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
+        if isinstance(formula, Filter | StateFilter):
+            result = _filter_result(context, formula, filtered(context, smaller, formula), kind)
+        else:
+            result = _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
+            values = None if result.values is None else smaller.lift(result.values)
+            satisfied = None if result.satisfying is None else smaller.lift_set(result.satisfying)
+            result = replace(result, values=values, satisfying=satisfied)
     except (UnsupportedError, NumericalError) as error:
         context.notes.warn(f"checked without -bisim: {error}")
         return None
     size = f"{context.engine.states} states -> {smaller.engine.states}"
-    context.notes.runs.insert(0, Run("graph", "bisimulation", context.engine.states, smaller.lumping.rounds, 0.0, f"bisimulation: {size}"))
-    values, satisfying = smaller.lift(result.values), smaller.lift_set(result.satisfying)
-    return replace(result, values=values, satisfying=satisfying, explanation=f"{result.explanation}; {size} by bisimulation")
+    text = f"bisimulation: {size}, {smaller.cost}"
+    context.notes.runs.insert(0, Run("graph", "bisimulation", context.engine.states, smaller.rounds, 0.0, text))
+    return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
 
 
 def _strategy(context: Context, formula: Expression) -> Strategy | None:
@@ -134,7 +140,10 @@ def _numeric(context: Context, formula: Expression, type: Type) -> Result:
 
 
 def _filtered(context: Context, formula: Filter | StateFilter, type: Type) -> Result:
-    outcome = filter_outcome(context, formula, context.engine.initial)
+    return _filter_result(context, formula, filter_outcome(context, formula, context.engine.initial), type)
+
+
+def _filter_result(context: Context, formula: Filter | StateFilter, outcome: Outcome, type: Type) -> Result:
     everywhere: dict[str, Any] = {"satisfying" if type is Type.BOOL else "values": outcome.everywhere}
     about = "+".join(formula.operators) if isinstance(formula, StateFilter) else formula.operator
     if isinstance(outcome.value, bool):
