@@ -39,20 +39,21 @@ $(VENV)/bin/python:
 	$(BIN)/python -m pip install --quiet --upgrade pip
 
 # Editable: the Python sources are used in place; only a change of compiled code or of the packaging installs again.
+# What is installed by its name after that is there already: only what its extras want is added, and nothing compiled twice.
 $(STAMP)-base: $(VENV)/bin/python pyproject.toml setup.py $(COMPILED)
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 
 $(STAMP)-study: $(STAMP)-base
-	$(BIN)/python -m pip install --quiet --editable '.[plot]'
+	$(BIN)/python -m pip install --quiet 'symcheck[plot]'
 	touch $@
 
 $(STAMP)-test: $(STAMP)-base
-	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	$(BIN)/python -m pip install --quiet 'symcheck[test]'
 	touch $@
 
 $(STAMP)-check: $(STAMP)-test
-	$(BIN)/python -m pip install --quiet --editable '.[check]'
+	$(BIN)/python -m pip install --quiet 'symcheck[check]'
 	touch $@
 
 clean:
