@@ -165,8 +165,8 @@ def test_results_on_standard_output(capsys: pytest.CaptureFixture[str], tmp_path
     [
         ("text", "a\tk\tResult\n1\t0\t1\n1\t1\t2\n2\t0\t2\n2\t1\t3\n"),
         ("csv", "a,k,Result\n1,0,1\n1,1,2\n2,0,2\n2,1,3\n"),
-        ("matrix", "a \\ k\t0\t1\n1\t1\t2\n2\t2\t3\n"),
-        ("matrix,csv", "a \\ k,0,1\n1,1,2\n2,2,3\n"),
+        ("matrix", "a\\k:\n\t0\t1\n1\t1\t2\n2\t2\t3\n"),
+        ("matrix,csv", "a\\k\n,0,1\n1,1,2\n2,2,3\n"),
         ("dataframe", "Property,a,k,Result,Accuracy\nx + k,1,0,1,exact\nx + k,1,1,2,exact\nx + k,2,0,2,exact\nx + k,2,1,3,exact\n"),
     ],
 )
@@ -175,6 +175,29 @@ def test_formats_of_results(kind: str, expected: str, write, tmp_path: Path) -> 
     out = tmp_path / "out"
     assert main([model, "-pf", "const int k; x + k", "-const", "a={1,2},k=0:1", "-exportresults", f"{out}:{kind}"]) == 0
     assert out.read_text() == expected
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("text", '"first": x + k:\nk\tResult\n0\t1\n1\t2\n\nx:\nResult\n1\n'),
+        ("csv", '"""first"": x + k"\nk,Result\n0,1\n1,2\n\nx\nResult\n1\n'),
+        ("matrix", '"first": x + k:\nk:\n0\t1\n1\t2\n\nx:\n1\n'),
+        ("comment", '// RESULT (a=1,k=0): 1\n// RESULT (a=1,k=1): 2\n"first": x + k\n\n// RESULT (a=1): 1\nx\n'),
+    ],
+)
+def test_several_properties_have_titles_and_fixed_constants_no_column(kind: str, expected: str, write, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    model = write("dtmc const int a; module m x : [0..5] init a; [] true -> true; endmodule")
+    out = tmp_path / "out"
+    assert main([model, "-pf", 'const int k; "first": x + k; x', "-const", "a=1,k=0:1", "-exportresults", f"{out}:{kind}"]) == 0
+    assert out.read_text() == expected
+
+
+def test_one_matrix_for_each_choice_of_further_constants(write, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    model = write("dtmc const int a; const int b; module m x : [0..9] init a; [] true -> true; endmodule")
+    out = tmp_path / "out"
+    assert main([model, "-pf", "const int k; x + k + b", "-const", "a=1:2,b=3:4,k=0:1", "-exportresults", f"{out}:matrix"]) == 0
+    assert out.read_text() == "a=1, b\\k:\n\t0\t1\n3\t4\t5\n4\t5\t6\n\na=2, b\\k:\n\t0\t1\n3\t5\t6\n4\t6\t7\n"
 
 
 @pytest.mark.parametrize(

@@ -48,12 +48,12 @@ def matlab(text, kind):
 def test_a_chain_for_matlab():
     text = """ctmc module q n:[0..1]; b:bool; [] n=0 -> 3:(n'=1)&(b'=true); [] n=1 -> 0.5:(n'=0); endmodule
     label "up" = n=1; rewards true : n; endrewards rewards [] n=0 : 2; endrewards"""
-    assert matlab(text, "tra") == ["R = sparse(3,3);\nR(1,3) = 3;\nR(2,3) = 3;\nR(3,2) = 0.5;\n"]
-    assert matlab(text, "sta") == ["% (n,b)\nstates = [\n0 0\n0 1\n1 1\n];\n"]
+    assert matlab(text, "tra") == ["R = sparse(3,3);\nR(1,3)=3;\nR(2,3)=3;\nR(3,2)=0.5;\n"]
+    assert matlab(text, "sta") == ["% (n,b)\nstates=[\n0,0\n0,1\n1,1\n];\n"]
     (labels,) = matlab(text, "lab")
-    assert labels == "l_init = sparse(3,1);\nl_init(1) = 1;\nl_deadlock = sparse(3,1);\nl_up = sparse(3,1);\nl_up(3) = 1;\n"
-    assert matlab(text, "srew") == ["c = sparse(3,1);\nc(3) = 1;\n", "c2 = sparse(3,1);\n"]
-    assert matlab(text, "trew") == ["C = sparse(3,3);\n", "C2 = sparse(3,3);\nC2(1,3) = 2;\nC2(2,3) = 2;\n"]
+    assert labels == "l_init=sparse(3,1);\nl_deadlock=sparse(3,1);\nl_up=sparse(3,1);\n\nl_init(1)=1;\nl_up(3)=1;\n"
+    assert matlab(text, "srew") == ["c1 = sparse(3,1);\nc1(3)=1;\n", "c2 = sparse(3,1);\n"]
+    assert matlab(text, "trew") == ["C1 = sparse(3,3);\n", "C2 = sparse(3,3);\nC2(1,3)=2;\nC2(2,3)=2;\n"]
 
 
 def test_an_mdp_is_no_matrix():

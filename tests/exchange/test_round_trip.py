@@ -117,6 +117,16 @@ def test_a_model_without_states_file_has_one_variable(kind, tmp_path):
     assert again.check(f"filter(count, x<{model.engine.states})").value == model.engine.states
 
 
+def test_a_ctmc_whose_rates_sum_to_1_stays_one(tmp_path):
+    model = symcheck.loads("ctmc module m x:[0..1]; [] x=0 -> 1:(x'=1); [] x=1 -> 1:(x'=0); endmodule")
+    exported(model, tmp_path / "m.all")
+    again = symcheck.load_explicit(str(tmp_path / "m.all"))
+    assert again.engine.model.type is ModelType.CTMC
+    assert _near(again.check("P=? [ F<=1 x=1 ]").value, model.check("P=? [ F<=1 x=1 ]").value)
+    exported(model, f"{tmp_path / 'n.tra'}:headers=false")
+    assert (tmp_path / "n.tra").read_text().startswith("2 2\n")
+
+
 def test_thresholds_on_rounded_numbers_are_decided_as_before(tmp_path):
     text = "dtmc module m x:[0..3]; [] x=0 -> 1/3:(x'=1)+1/3:(x'=2)+1/3:(x'=3); [] x>0 -> true; endmodule"
     model = symcheck.loads(text)

@@ -38,6 +38,7 @@ def answer(
     """
     bound, labels = question.bind(subject.model)
     text = property_text(bound)
+    name, title = bound.name or text, f'"{bound.name}": {text}' if bound.name else text
     job.report.property(text, bound.name, constants, choice)
     outcome: Result | SymcheckError
     try:
@@ -52,9 +53,9 @@ def answer(
         outcome = error if isinstance(error, SymcheckError) else internal(error)
         job.report.error(outcome)
         job.failures += not job.testing
-        job.rows.append(Row(bound.name or text, {**constants, **choice}, "Error", str(outcome).splitlines()[0]))
+        job.rows.append(Row(name, {**constants, **choice}, "Error", str(outcome).splitlines()[0], title=title))
     else:
-        job.rows.append(Row(bound.name or text, {**constants, **choice}, show_value(outcome.value), str(outcome.accuracy)))
+        job.rows.append(Row(name, {**constants, **choice}, show_value(outcome.value), str(outcome.accuracy), title=title))
         _write(job, outcome, varying)
     if job.testing and isinstance(outcome, Result) and isinstance(outcome.accuracy, Statistical):
         conclude(job, Verdict(VerdictKind.NOT_TESTED, "the result is an estimate"))

@@ -21,39 +21,35 @@ def transitions(model: Snapshot, *, precision: int = FULL_PRECISION) -> Iterator
 
 
 def transition_rewards(model: Snapshot, number: int, *, precision: int = FULL_PRECISION) -> Iterator[str]:
-    """The matrix `C` (`C2` and so on for further structures). Raises UnsupportedError for an MDP."""
+    """The matrix `C1` (`C2` and so on for further structures). Raises UnsupportedError for an MDP."""
     rewards = model.entry_rewards(number)
-    yield from _matrix(model, _numbered("C", number), rewards != 0, rewards, precision)
+    yield from _matrix(model, f"C{number + 1}", rewards != 0, rewards, precision)
 
 
 def state_rewards(model: Snapshot, number: int, *, precision: int = FULL_PRECISION) -> Iterator[str]:
-    """The column `c` (`c2` and so on)."""
-    name, values = _numbered("c", number), model.rewards[number].states
+    """The column `c1` (`c2` and so on)."""
+    name, values = f"c{number + 1}", model.rewards[number].states
     some = np.flatnonzero(values != 0)
     yield f"{name} = sparse({model.n},1);\n"
-    yield from lines(f"{name}(%d) = %s;", len(some), some + 1, values[some], precision=precision)
+    yield from lines(f"{name}(%d)=%s;", len(some), some + 1, values[some], precision=precision)
 
 
 def states(model: Snapshot) -> Iterator[str]:
     """The matrix `states`: a row per state, a column per variable (true is 1)."""
-    yield f"% ({','.join(v.name for v in model.variables)})\nstates = [\n"
+    yield f"% ({','.join(v.name for v in model.variables)})\nstates=[\n"
     yield from lines(
-        "%s", model.n, lambda a, b: [" ".join(map(str, row)) for row in zip(*(c[a:b].tolist() for c in model.columns), strict=True)]
+        "%s", model.n, lambda a, b: [",".join(map(str, row)) for row in zip(*(c[a:b].tolist() for c in model.columns), strict=True)]
     )
     yield "];\n"
 
 
 def labels(model: Snapshot, names: Sequence[str]) -> Iterator[str]:
     """A column `l_NAME` for each label, 1 where it holds."""
-    for name in names:
+    columns = ["l_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in name) for name in names]
+    yield "".join(f"{column}=sparse({model.n},1);\n" for column in columns) + "\n"
+    for name, column in zip(names, columns, strict=True):
         members = np.flatnonzero(model.labels[name])
-        column = "l_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in name)
-        yield f"{column} = sparse({model.n},1);\n"
-        yield from lines(f"{column}(%d) = 1;", len(members), members + 1)
-
-
-def _numbered(name: str, number: int) -> str:
-    return name if number == 0 else f"{name}{number + 1}"
+        yield from lines(f"{column}(%d)=1;", len(members), members + 1)
 
 
 def _matrix(model: Snapshot, name: str, some: np.ndarray[tuple[int], np.dtype[np.bool_]], values: object, precision: int) -> Iterator[str]:
@@ -62,4 +58,4 @@ def _matrix(model: Snapshot, name: str, some: np.ndarray[tuple[int], np.dtype[np
     chosen, numbers = np.flatnonzero(some), np.asarray(values)
     yield f"{name} = sparse({model.n},{model.n});\n"
     row, column = model.row_of_entry[chosen] + 1, model.matrix.indices[chosen] + 1
-    yield from lines(f"{name}(%d,%d) = %s;", len(chosen), row, column, numbers[chosen], precision=precision)
+    yield from lines(f"{name}(%d,%d)=%s;", len(chosen), row, column, numbers[chosen], precision=precision)

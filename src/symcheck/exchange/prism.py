@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from symcheck.exchange.snapshot import Rewards, Snapshot
 from symcheck.exchange.text import CHUNK, FULL_PRECISION, lines, number_texts
 from symcheck.numerics.matrix import Int64s
+from symcheck.semantics.faults import SUM_TOLERANCE
+from symcheck.syntax.ast import ModelType
 
 __all__ = ["labels_file", "state_rewards_file", "states_file", "transition_rewards_file", "transitions_file"]
 
@@ -24,9 +26,13 @@ def states_file(model: Snapshot) -> Iterator[str]:
     yield from lines("%d:%s", model.n, np.arange(model.n), model.state_texts)
 
 
-def transitions_file(model: Snapshot, *, precision: int = FULL_PRECISION, actions: bool = True, rows: bool = False) -> Iterator[str]:
+def transitions_file(
+    model: Snapshot, *, precision: int = FULL_PRECISION, actions: bool = True, rows: bool = False, headers: bool = True
+) -> Iterator[str]:
     """`.tra`: the size, then a line per transition; `rows`: a line per row. An MDP has the number of the choice and its action."""
     m = model.matrix
+    if headers and model.type is ModelType.CTMC and bool(np.all(np.abs(model.row_sums - 1) <= SUM_TOLERANCE)):
+        yield "# Transitions (CTMC)\n"  # else a reader takes it for a DTMC
     yield f"{_size(model)} {m.entries}\n"
     if rows:
         yield from _row_lines(model, model.values, np.ones(m.entries, bool), precision, actions)

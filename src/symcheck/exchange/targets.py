@@ -130,7 +130,7 @@ def _texts(model: Snapshot, target: Target) -> Iterator[tuple[str, Iterable[str]
         case "tra" if o.matlab:
             yield path, matlab.transitions(model, precision=o.precision)
         case "tra":
-            yield path, prism.transitions_file(model, precision=o.precision, actions=o.actions, rows=o.rows)
+            yield path, prism.transitions_file(model, precision=o.precision, actions=o.actions, rows=o.rows, headers=o.headers)
         case "sta":
             yield path, matlab.states(model) if o.matlab else prism.states_file(model)
         case "lab" | "proplab":

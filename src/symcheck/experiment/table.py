@@ -15,17 +15,28 @@ __all__ = ["FORMATS", "Row", "render"]
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One result. `property`: name or text; `constants`: the ones that vary or were given; `value`, `accuracy` as text."""
+    """One result. `property`: name or text; `constants`: the ones that vary or were given; `value`, `accuracy` as text.
+
+    title: what stands above the results of the property, its name and text (empty: `property`).
+    """
 
     property: str
     constants: Mapping[str, str]
     value: str
     accuracy: str = ""
     results: tuple[str, ...] = field(default=(), compare=False)
+    title: str = field(default="", compare=False)
 
 
 def _groups(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
-    return [(name, list(group)) for name, group in groupby(rows, key=lambda r: r.property)]
+    """The rows of each property, under its title."""
+    groups = (list(group) for _, group in groupby(rows, key=lambda r: r.property))
+    return [(group[0].title or group[0].property, group) for group in groups]
+
+
+def _varying(group: Sequence[Row]) -> list[str]:
+    """The constants that have several values."""
+    return [n for n in group[0].constants if len({r.constants[n] for r in group}) > 1]
 
 
 def _lines(rows: Sequence[Sequence[str]], separator: str) -> str:
@@ -36,39 +47,53 @@ def _lines(rows: Sequence[Sequence[str]], separator: str) -> str:
     return "".join(separator.join(row) + "\n" for row in rows)
 
 
+def _titled(groups: Sequence[tuple[str, list[Row]]], bodies: Sequence[str], separator: str) -> str:
+    """The tables one after the other, with titles where there are several."""
+    if len(groups) == 1:
+        return bodies[0]
+    titles = [_lines([[name]], separator) if separator == "," else f"{name}:\n" for name, _ in groups]
+    return "\n".join(title + body for title, body in zip(titles, bodies, strict=True))
+
+
 def _list(rows: Sequence[Row], separator: str) -> str:
-    """Each property with its own small table: constants, then the result."""
-    parts = []
+    """Each property with its own small table: the constants that vary, then the result."""
     groups = _groups(rows)
-    for name, group in groups:
-        names = list(group[0].constants)
-        body = _lines([[*names, "Result"], *([*(r.constants[n] for n in names), r.value] for r in group)], separator)
-        title = f"{name}:\n" if separator != "," else _lines([[name]], separator)
-        parts.append((title if len(groups) > 1 else "") + body)
-    return "\n".join(parts)
+    bodies = []
+    for _, group in groups:
+        names = _varying(group)
+        bodies.append(_lines([[*names, "Result"], *([*(r.constants[n] for n in names), r.value] for r in group)], separator))
+    return _titled(groups, bodies, separator)
 
 
 def _matrix(rows: Sequence[Row], separator: str) -> str:
-    """Each property as a matrix: the last constant across, the others down."""
-    parts = []
+    """Each property as matrices: of the constants that vary the last across, the one before down, a matrix for each choice of others."""
     groups = _groups(rows)
-    for name, group in groups:
-        # A constant that does not vary would be a side of length 1.
-        names = [n for n in group[0].constants if len({r.constants[n] for r in group}) > 1] or list(group[0].constants)
-        if not names:
-            body = _lines([[group[0].value]], separator)
-        else:
-            *down, across = names
-            columns = list(dict.fromkeys(r.constants[across] for r in group))
-            cells = {(tuple(r.constants[d] for d in down), r.constants[across]): r.value for r in group}
-            heads = list(dict.fromkeys(key for key, _ in cells))
-            corner = [f"{', '.join(down)} \\ {across}" if down else across]
-            table = [[*corner, *columns]]
-            table += [[", ".join(h), *(cells.get((h, c), "") for c in columns)] for h in heads]
-            body = _lines(table, separator)
-        title = f"{name}:\n" if separator != "," else _lines([[name]], separator)
-        parts.append((title if len(groups) > 1 else "") + body)
+    return _titled(groups, [_matrices(group, separator) for _, group in groups], separator)
+
+
+def _matrices(group: Sequence[Row], separator: str) -> str:
+    names = _varying(group)
+    if not names:
+        return _lines([[group[0].value]], separator)
+    *others, across = names
+    columns = list(dict.fromkeys(r.constants[across] for r in group))
+    if not others:
+        heading, table = across, [columns, [r.value for r in group]]
+        return _headed(heading, table, separator)
+    *others, down = others
+    parts = []
+    for choice in dict.fromkeys(tuple(r.constants[n] for n in others) for r in group):
+        chosen = [r for r in group if tuple(r.constants[n] for n in others) == choice]
+        cells = {(r.constants[down], r.constants[across]): r.value for r in chosen}
+        table = [["", *columns]]
+        table += [[head, *(cells.get((head, c), "") for c in columns)] for head in dict.fromkeys(r.constants[down] for r in chosen)]
+        fixed = [f"{n}={v}" for n, v in zip(others, choice, strict=True)]
+        parts.append(_headed(", ".join([*fixed, f"{down}\\{across}"]), table, separator))
     return "\n".join(parts)
+
+
+def _headed(heading: str, table: Sequence[Sequence[str]], separator: str) -> str:
+    return (_lines([[heading]], separator) if separator == "," else f"{heading}:\n") + _lines(table, separator)
 
 
 def _dataframe(rows: Sequence[Row]) -> str:
@@ -81,12 +106,13 @@ def _dataframe(rows: Sequence[Row]) -> str:
 def _comment(rows: Sequence[Row]) -> str:
     """RESULT lines, to be put above the properties of a file that is to be tested."""
     parts = []
-    for name, group in _groups(rows):
+    groups = _groups(rows)
+    for name, group in groups:
         lines = []
         for r in group:
             constants = ",".join(f"{k}={v}" for k, v in r.constants.items())
             lines.append(f"// RESULT{f' ({constants})' if constants else ''}: {r.value}")
-        parts.append("\n".join([*lines, name]) + "\n")
+        parts.append("\n".join([*lines, *([name] if len(groups) > 1 else [])]) + "\n")
     return "\n".join(parts)
 
 
