@@ -8,7 +8,7 @@ from symcheck.automata.automaton import Automaton, Pair
 from symcheck.numerics.graph import Incidence, backward_reachable, forward_reachable, sccs
 from symcheck.numerics.matrix import Bools, Int32s, SparseMatrix
 
-__all__ = ["reduced", "strong_components"]
+__all__ = ["good_edges", "numbered", "reduced", "strong_components"]
 
 
 def _graph(delta: Int32s, edges: Bools | None = None) -> Incidence:
@@ -39,7 +39,7 @@ def reduced(automaton: Automaton) -> Automaton:
     if dead.any():
         delta[dead] = np.flatnonzero(dead)[0]
         pairs = tuple(Pair(p.avoid | dead[:, None], tuple(v & ~dead[:, None] for v in p.visits)) for p in pairs)
-    return _numbered(_merged(Automaton(delta, automaton.initial, pairs, automaton.accepting)))
+    return numbered(_merged(Automaton(delta, automaton.initial, pairs, automaton.accepting)))
 
 
 def _normalised(automaton: Automaton) -> tuple[Pair, ...]:
@@ -48,7 +48,7 @@ def _normalised(automaton: Automaton) -> tuple[Pair, ...]:
     of, _ = strong_components(automaton.table)
     inside = of[:, None] == of[automaton.table]
     for pair in automaton.pairs:
-        good = _good_edges(automaton.table, pair)
+        good = good_edges(automaton.table, pair)
         if good.any():
             # In a component that accepts nothing, to avoid all is the same as to visit nothing.
             useful = np.zeros(int(of.max()) + 1, dtype=bool)
@@ -68,7 +68,7 @@ def _weaker(pair: Pair, other: Pair, *, strictly: bool) -> bool:
     return all(any(not np.any(w & ~v) for w in other.visits) for v in pair.visits)
 
 
-def _good_edges(delta: Int32s, pair: Pair) -> Bools:
+def good_edges(delta: Int32s, pair: Pair) -> Bools:
     """Edges on cycles that avoid what a pair avoids, in components that meet what it visits."""
     usable = ~pair.avoid
     of, looping = strong_components(delta, usable)
@@ -86,7 +86,7 @@ def _alive(delta: Int32s, pairs: tuple[Pair, ...]) -> Bools:
     """States on a cycle that some pair accepts."""
     alive = np.zeros(len(delta), dtype=bool)
     for pair in pairs:
-        alive |= _good_edges(delta, pair).any(axis=1)
+        alive |= good_edges(delta, pair).any(axis=1)
     return alive
 
 
@@ -110,7 +110,7 @@ def _merged(automaton: Automaton) -> Automaton:
     return Automaton(block[delta[chosen]].astype(np.int32), int(block[automaton.initial]), smaller, states)
 
 
-def _numbered(automaton: Automaton) -> Automaton:
+def numbered(automaton: Automaton) -> Automaton:
     """Only the states that are reachable, the initial one first."""
     start = np.zeros(automaton.states, dtype=bool)
     start[automaton.initial] = True

@@ -14,10 +14,12 @@ from typing import assert_never
 
 import numpy as np
 
+from symcheck.automata.acceptance import simplified
 from symcheck.automata.after import After
 from symcheck.automata.automaton import Automaton, Pair
 from symcheck.automata.boolean import FALSE, TRUE
-from symcheck.automata.formula import Formula
+from symcheck.automata.compose import all_of, any_of, size
+from symcheck.automata.formula import Formula, Kind
 from symcheck.automata.guesses import Again, Main, Never, Requirement, guesses, requirements
 from symcheck.automata.ltl import Formulas
 from symcheck.automata.reduce import reduced, strong_components
@@ -27,6 +29,9 @@ __all__ = ["translate"]
 
 _LARGEST = 4_000_000
 """Largest number of edges (states times letters) of an automaton that is made here."""
+
+_FEW = 3
+"""Parts of a conjunction or disjunction up to which its automaton is made in both ways."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +63,41 @@ def translate(formulas: Formulas, formula: Formula, letters: Sequence[int]) -> A
     """The automaton of the words that satisfy a formula. Letter i of the automaton is the valuation `letters[i]`: atom j
     holds where bit j is set.
 
-    Raises UnsupportedError where it would be too large.
+    Conjunctions and disjunctions are put together from the automata of their parts (those of co-safety, and those of safety,
+    taken together, because what is left of them is one formula); where these are few, the smaller of this and of the
+    automaton of the whole is taken. Raises UnsupportedError where it would be too large.
     """
+    put_together, parts = _parts(formulas, formula)
+    if len(parts) < 2:
+        return simplified(_whole(formulas, formula, letters))
+    made = simplified(put_together([translate(formulas, part, letters) for part in parts]))
+    if len(parts) > _FEW:
+        return made
+    try:
+        return min(made, simplified(_whole(formulas, formula, letters)), key=size)
+    except UnsupportedError:
+        return made
+
+
+def _parts(formulas: Formulas, formula: Formula) -> tuple[Callable[[Sequence[Automaton]], Automaton], list[Formula]]:
+    """The parts that get automata of their own, and how these are put together."""
+    conjunction = formula.kind is Kind.AND or formula.always is not None
+    inner = formula.always or formula.eventually
+    below = formula.parts
+    if inner is not None:
+        kind, make = (Kind.AND, formulas.always) if conjunction else (Kind.OR, formulas.eventually)
+        below = tuple(make(p) for p in inner.parts) if inner.kind is kind else ()
+    if (inner is None and formula.kind not in (Kind.AND, Kind.OR)) or formula.co_safe or formula.safe or len(below) < 2:
+        return all_of, [formula]
+    unite = formulas.conjunction if conjunction else formulas.disjunction
+    co_safe = [p for p in below if p.co_safe]
+    safe = [p for p in below if p.safe and not p.co_safe]
+    others = [p for p in below if not p.safe and not p.co_safe]
+    return all_of if conjunction else any_of, [unite(group) for group in (co_safe, safe) if group] + others
+
+
+def _whole(formulas: Formulas, formula: Formula, letters: Sequence[int]) -> Automaton:
+    """The automaton by the master theorem."""
     after = After(formulas)
     start = after.simplified(after.of(formula))
     main = _explore(start, len(letters), lambda state: [(after.after(state, a), frozenset()) for a in letters])
