@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from math import isclose
 from random import Random
 
@@ -14,9 +15,10 @@ from hypothesis import strategies as st
 import symcheck
 from exchange.models import some_model
 from generate import random_property
-from symcheck.errors import SymcheckError
+from symcheck.errors import SymcheckError, UsageError
 from symcheck.exchange.snapshot import snapshot
 from symcheck.exchange.targets import export, parse_target
+from symcheck.exchange.text import write_text
 from symcheck.syntax.ast import ModelType
 
 KINDS = ("dtmc", "ctmc", "mdp")
@@ -125,6 +127,22 @@ def test_a_ctmc_whose_rates_sum_to_1_stays_one(tmp_path):
     assert _near(again.check("P=? [ F<=1 x=1 ]").value, model.check("P=? [ F<=1 x=1 ]").value)
     exported(model, f"{tmp_path / 'n.tra'}:headers=false")
     assert (tmp_path / "n.tra").read_text().startswith("2 2\n")
+
+
+def test_what_is_no_plain_file_is_written_to_and_not_replaced(tmp_path):
+    (tmp_path / "real.txt").write_text("before")
+    (tmp_path / "link.txt").symlink_to(tmp_path / "real.txt")
+    write_text(str(tmp_path / "link.txt"), ["after"], io.StringIO())
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "real.txt").read_text() == "after"
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_text(str(tmp_path / "pipe"), ["through"], io.StringIO())
+    assert os.read(reader, 100) == b"through"
+    os.close(reader)
+    assert (tmp_path / "pipe").is_fifo()
+    with pytest.raises(UsageError, match="cannot write"):
+        write_text(str(tmp_path), ["a folder"], io.StringIO())
 
 
 def test_thresholds_on_rounded_numbers_are_decided_as_before(tmp_path):

@@ -134,13 +134,12 @@ def _export(job: Job | None) -> None:
     if str(path) == "stdout":
         print(f"\nResults:\n\n{render(list(sorted_rows(job.rows)), kinds)}", end="", flush=True)
         return
-    temporary = path.with_name(f".{path.name}.part")
+    from symcheck.exchange.text import write_text
+
     try:
-        temporary.write_text(render(list(sorted_rows(job.rows)), kinds))
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise UsageError(f"-exportresults: cannot write '{path}': {error.strerror}") from None
+        write_text(str(path), [render(list(sorted_rows(job.rows)), kinds)], sys.stdout)
+    except UsageError as error:
+        raise UsageError(f"-exportresults: {error}") from None
 
 
 def _give_up(job: Job | None) -> None:

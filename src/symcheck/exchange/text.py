@@ -83,13 +83,19 @@ def write_text(target: str, chunks: Iterable[str], out: TextIO) -> None:
 
 
 def same_path(target: str, write: Callable[[Path], None]) -> None:
-    """Let `write` make a file beside the target, and rename it. Raises UsageError where that is not possible."""
+    """Let `write` make a file beside the target, and rename it. Raises UsageError where that is not possible.
+
+    What is no plain file (a device, a pipe, a link to something) is written to as it is: it must not be replaced.
+    """
     path = Path(target)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    special = path.is_symlink() or (path.exists() and not path.is_file())
+    temporary = path if special else path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         write(temporary)
-        temporary.replace(path)
+        if not special:
+            temporary.replace(path)
     except OSError as error:
         raise UsageError(f"cannot write '{path}': {error.strerror or error}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        if not special:
+            temporary.unlink(missing_ok=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck import __version__
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.exchange.snapshot import Snapshot
 from symcheck.exchange.text import same_path
 from symcheck.syntax.ast import ModelType, Type
@@ -28,6 +28,8 @@ def umbi_package() -> None:
 def write_umb(model: Snapshot, target: str) -> None:
     """Write a model as a UMB file. Raises UsageError where it cannot be written, UnsupportedError without the package."""
     umbi_package()
+    if Path(target).is_symlink() or (Path(target).exists() and not Path(target).is_file()):
+        raise UsageError(f"cannot write '{target}': a UMB file is a plain file")
     made = umb_model(model)
     # umbi looks at the ending of the name.
     same_path(target, lambda path: _written(made, path))
