@@ -158,15 +158,23 @@ class ExactMeasures:
         rest = RationalValues(_pick(infinite.members, inf, Fraction(0)))
         return _solve(context, _probabilities(engine), ~infinite, reward, "max", rest)
 
-    def steady_probability(self, context: Context, states: StateSet) -> Values:
+    def steady_probability(self, context: Context, states: StateSet, direction: str | None) -> Values:
         """Long-run share of the time in `states`."""
+        if self.type is ModelType.MDP:
+            from symcheck.check.exact_long_run import mean_payoff
+
+            engine = _engine(context)
+            share = _array(engine.indicator(_own(states)))
+            return RationalValues(mean_payoff(context, engine, _per_row(engine, share), direction))
         return _average(context, _array(_engine(context).indicator(_own(states))))
 
-    def steady_reward(self, context: Context, structure: int) -> Values:
+    def steady_reward(self, context: Context, structure: int, direction: str | None) -> Values:
         """Long-run average of the reward per step or unit of time."""
         engine = _engine(context)
         if self.type is ModelType.MDP:
-            raise UnsupportedError("R [ S ] is not supported on an mdp; use a dtmc or ctmc")
+            from symcheck.check.exact_long_run import mean_payoff
+
+            return RationalValues(mean_payoff(context, engine, _reward(engine, structure), direction))
         return _average(context, engine.state_rewards[structure] + engine.row_rewards[structure])
 
 
@@ -212,10 +220,15 @@ def _probabilities(engine: ExactEngine) -> ExactMatrix:
 
 def _reward(engine: ExactEngine, structure: int) -> Rationals:
     """Per row: the expected reward of a step."""
-    states, rows, groups = engine.state_rewards[structure], engine.row_rewards[structure], engine.matrix.groups
-    total = (states if groups is None else np.repeat(states, np.diff(groups))) + rows
+    total = _per_row(engine, engine.state_rewards[structure]) + engine.row_rewards[structure]
     rates = _rates(engine)
     return np.asarray(total if rates is None else total / rates)
+
+
+def _per_row(engine: ExactEngine, states: Rationals) -> Rationals:
+    """A value per state spread over its rows."""
+    groups = engine.matrix.groups
+    return states if groups is None else np.asarray(np.repeat(states, np.diff(groups)))
 
 
 def _any_row(engine: ExactEngine, rows: Bools) -> Bools:

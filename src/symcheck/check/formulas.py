@@ -90,7 +90,7 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
             return _bounded_probability(context, formula, matter)
         case RewardOperator(_, _, Bound(), _):
             return _bounded_reward(context, formula, matter)
-        case SteadyState(Bound(), _):
+        case SteadyState(Bound()):
             return _bounded_steady(context, formula, matter)
         case PathQuantifier(quantifier, path):
             read = resolve(path, states_of(context), context.engine.all)
@@ -126,8 +126,9 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
         case RewardOperator(_, direction, _, _):
             structure = structure_number(context, formula)
             return reward_values(context, formula, structure, states_of(context), _direction(context, formula, direction, None))
-        case SteadyState(_, inner):
-            return _clipped(context, steady_values(context, states_of(context)(inner)))
+        case SteadyState(_, inner, direction):
+            chosen = _direction(context, formula, direction, None)
+            return _clipped(context, steady_values(context, states_of(context)(inner), chosen))
         case Filter() | StateFilter():
             return filter_outcome(context, formula, matter).everywhere  # type: ignore[return-value]
         case MultiObjective():
@@ -225,8 +226,9 @@ def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) ->
     assert formula.bound is not None
     states = states_of(context)(formula.formula)
     context = replace(context, matter=matter)
-    threshold = _threshold(formula.bound)
-    return decide(context, lambda c: steady_values(c, states), formula.bound.operator, threshold, matter, formula)
+    threshold, operator = _threshold(formula.bound), formula.bound.operator
+    direction = _direction(context, formula, formula.direction, operator)
+    return decide(context, lambda c: steady_values(c, states, direction), operator, threshold, matter, formula)
 
 
 def _threshold(bound: Bound) -> Fraction:
@@ -236,13 +238,15 @@ def _threshold(bound: Bound) -> Fraction:
     return Fraction(value)
 
 
-def _direction(context: Context, formula: ProbabilityOperator | RewardOperator, given: str | None, operator: str | None) -> str | None:
+def _direction(
+    context: Context, formula: ProbabilityOperator | RewardOperator | SteadyState, given: str | None, operator: str | None
+) -> str | None:
     """Over which strategies: as given; for a bound without it over all, so that the worst one decides. None without choices."""
     if context.engine.model.type is not ModelType.MDP:
         return None
     if given in ("min", "max"):
         return given
-    letter = "P" if isinstance(formula, ProbabilityOperator) else "R"
+    letter = {ProbabilityOperator: "P", RewardOperator: "R", SteadyState: "S"}[type(formula)]
     if given is not None:
         raise UnsupportedError(f"{letter}{given} is not supported on an mdp; {letter}min and {letter}max are")
     if operator is None:

@@ -22,7 +22,7 @@ __all__ = ["steady_probability", "steady_reward"]
 Reward = Callable[[System], Floats]
 
 
-def steady_probability(context: Context, states: StateSet) -> Values:
+def steady_probability(context: Context, states: StateSet, direction: str | None = None) -> Values:  # noqa: ARG001
     """Long-run share of the time that is spent in `states`, from each state.
 
     A bottom component has one average for all its states; a state outside has the average of those, weighted with the
@@ -31,7 +31,7 @@ def steady_probability(context: Context, states: StateSet) -> Values:
     return _average(context, lambda system: system.restrict(states))
 
 
-def steady_reward(context: Context, structure: int) -> Values:
+def steady_reward(context: Context, structure: int, direction: str | None = None) -> Values:  # noqa: ARG001
     """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
 
     def reward(system: System) -> Floats:

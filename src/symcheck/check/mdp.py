@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from symcheck.check import discrete
 from symcheck.check.context import Context
+from symcheck.check.long_run_mdp import steady_probability, steady_reward
 from symcheck.check.reach import reach_reward, until
 from symcheck.check.reward_bound import counted_next, counted_until
 from symcheck.check.total import total_reward
 from symcheck.check.window import Window
 from symcheck.engines.base import StateSet, Values
-from symcheck.errors import UnsupportedError
 
 __all__ = [
     "bounded_until",
@@ -39,13 +39,3 @@ def bounded_until(context: Context, left: StateSet, right: StateSet, window: Win
 def positive(context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> StateSet | None:  # noqa: ARG001
     """Left to the numbers: products of positive numbers are positive, and zeros are exact."""
     return None
-
-
-def steady_probability(context: Context, states: StateSet) -> Values:  # noqa: ARG001
-    """Not defined: raises UnsupportedError."""
-    raise UnsupportedError("S asks about one distribution in the long run, and an mdp has one per strategy; use a dtmc or ctmc")
-
-
-def steady_reward(context: Context, structure: int) -> Values:  # noqa: ARG001
-    """Not supported: raises UnsupportedError."""
-    raise UnsupportedError("R [ S ] is not supported on an mdp; use a dtmc or ctmc")

@@ -62,11 +62,11 @@ class Measures(Protocol):
         """Expected state reward at a time."""
         ...
 
-    def steady_probability(self, context: Context, states: StateSet) -> Values:
+    def steady_probability(self, context: Context, states: StateSet, direction: str | None) -> Values:
         """Long-run share of the time that is spent in `states`."""
         ...
 
-    def steady_reward(self, context: Context, structure: int) -> Values:
+    def steady_reward(self, context: Context, structure: int, direction: str | None) -> Values:
         """Long-run average of the reward per step or unit of time."""
         ...
 

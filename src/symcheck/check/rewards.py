@@ -44,7 +44,7 @@ def reward_values(context: Context, formula: RewardOperator, structure: int, sta
         case InstantaneousReward(time_of):
             return who.instantaneous_reward(context, structure, bound_value(time_of), direction)
         case SteadyStateReward():
-            return who.steady_reward(context, structure)
+            return who.steady_reward(context, structure, direction)
         case Eventually():
             target = resolve(query, states_of, context.engine.all)
             if isinstance(target, UntilPath) and target.window.trivial:

@@ -64,7 +64,8 @@ class _Conditions:
             case ProbabilityOperator(direction, bound, _):
                 self._direction("P", direction, bound, node)
                 self._probability("P", bound)
-            case SteadyState(bound, _):
+            case SteadyState(bound, _, direction):
+                self._direction("S", direction, bound, node)
                 self._probability("S", bound)
             case RewardOperator(structure, direction, bound, _):
                 self._direction("R", direction, bound, node)

@@ -253,7 +253,7 @@ class Typer:
                 self._structure(structure)
                 self._query(query)
                 return self._bounded(bound)
-            case SteadyState(bound, formula):
+            case SteadyState(bound, formula, _):
                 self.boolean(formula, "what S is asked about")
                 return self._bounded(bound)
             case PathQuantifier(_, path):

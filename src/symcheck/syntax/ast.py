@@ -191,10 +191,11 @@ class RewardOperator(Node):
 
 @dataclass(frozen=True, slots=True)
 class SteadyState(Node):
-    """`S bound [ formula ]` or `S=? [ formula ]`."""
+    """`S bound [ formula ]` or `S=? [ formula ]`; of an MDP with a direction (`Smax=?`, or as Storm writes it `LRAmax=?`)."""
 
     bound: Bound | None
     formula: Expression
+    direction: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

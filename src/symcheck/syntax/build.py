@@ -331,8 +331,11 @@ class PropertiesBuilder(Builder):
         return self.reward([None, *values], start, end)
 
     def steady(self, values: Values, start: int, end: int) -> Expression:
-        bound, formula, old = values
-        return self._filtered(ast.SteadyState(bound, formula, span=Span(self.source, start, end)), old)
+        direction, bound, formula, old = values
+        return self._filtered(ast.SteadyState(bound, formula, direction, span=Span(self.source, start, end)), old)
+
+    def steady_glued(self, values: Values, start: int, end: int) -> Expression:
+        return self.steady([values[0].removeprefix("S").removeprefix("LRA") or None, *values[1:]], start, end)
 
     def quantifier(self, values: Values, start: int, end: int) -> ast.PathQuantifier:
         return ast.PathQuantifier(values[0], values[1], span=Span(self.source, start, end))

@@ -229,8 +229,9 @@ def _operator(node: _Operator, tail: str) -> str:
             return f"P{direction or ''}{_asked(bound)} [ {_tree(path, _PATH)}{tail} ]"
         case ast.RewardOperator(structure=structure, direction=direction, bound=bound, query=query):
             return f"R{_structure(structure)}{direction or ''}{_asked(bound)} [ {_query(query)}{tail} ]"
-        case ast.SteadyState(bound=bound, formula=formula):
-            return f"S{_asked(bound)} [ {_tree(formula, _CONDITIONAL)}{tail} ]"
+        case ast.SteadyState(bound=bound, formula=formula, direction=direction):
+            space = " " if direction and (bound is not None or direction not in ("min", "max")) else ""
+            return f"S{space}{direction or ''}{_asked(bound)} [ {_tree(formula, _CONDITIONAL)}{tail} ]"
         case ast.PathQuantifier(quantifier=quantifier, path=path):
             return f"{quantifier} [ {_tree(path, _PATH)} ]"
         case ast.StateFilter(operators=operators, formula=formula, states=states):
