@@ -32,7 +32,7 @@ class ExactProduct:
     state: Int32s = field(repr=False)
     automaton: Int32s = field(repr=False)
     entry: Int64s = field(repr=False)
-    letter: Int64s = field(repr=False)
+    letter: Int32s = field(repr=False)
 
     def lift(self, states: ArraySet) -> ArraySet:
         """The pairs whose first part is in the set."""
@@ -58,10 +58,10 @@ class ExactProduct:
 
 def product(base: ExactEngine, letters: Sequence[ArraySet], automaton: Automaton) -> ExactProduct:
     """The pairs reachable from (s, initial state) for every state s of the base model."""
-    table = np.asarray(automaton.table, dtype=np.int64)
-    letter = np.zeros(base.states, np.int64)
+    table = np.asarray(automaton.table, dtype=np.int32)
+    letter = np.zeros(base.states, np.int32)
     for i, members in enumerate(letters):
-        letter |= members.members.astype(np.int64) << i
+        letter[members.members] |= 1 << i
     size = len(table)
     # Entries that hold their own place, so that the rationals can follow them into the product.
     places = replace(base.matrix, data=np.arange(base.matrix.entries, dtype=np.float64))

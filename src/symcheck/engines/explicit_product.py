@@ -90,7 +90,7 @@ class ExplicitProduct:
     engine: ExplicitEngine
     pairs: ProductModel = field(repr=False)
     entry: Int64s = field(repr=False)
-    letter: Int64s = field(repr=False)
+    letter: Int32s = field(repr=False)
 
     def lift(self, states: ArraySet) -> ArraySet:
         """The pairs whose first part is in the set."""
@@ -131,10 +131,10 @@ def product(base: ExplicitEngine, letters: Sequence[ArraySet], automaton: Automa
     """
     from symcheck.engines.explicit import ExplicitEngine
 
-    table = np.asarray(automaton.table, dtype=np.int64)
-    letter = np.zeros(base.states, np.int64)
+    table = np.asarray(automaton.table, dtype=np.int32)
+    letter = np.zeros(base.states, np.int32)
     for i, members in enumerate(letters):
-        letter |= members.members.astype(np.int64) << i
+        letter[members.members] |= 1 << i
     size = table.shape[0]
     if base.states * size > _PAIRS_LIMIT:
         raise MemoryLimitError(f"the product with an automaton of {size} states is too large for the explicit engine")
@@ -156,22 +156,22 @@ def _entries(matrix: SparseMatrix) -> Int64s:
     return matrix.indptr if matrix.groups is None else matrix.indptr[matrix.groups]
 
 
-def reachable_pairs(matrix: SparseMatrix, table: Int64s, letter: Int64s, initial: int) -> NDArray[np.bool_]:
+def reachable_pairs(matrix: SparseMatrix, table: Int32s, letter: Int32s, initial: int) -> NDArray[np.bool_]:
     """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for some s."""
     found = np.zeros(matrix.states * table.shape[0], np.uint8)
     pairs.reach(_entries(matrix), matrix.indices, np.ascontiguousarray(table), letter, initial, found)
     return found.view(np.bool_)
 
 
-def pair_matrix(matrix: SparseMatrix, following: Int64s, state: Int32s, number: Int32s, size: int) -> tuple[SparseMatrix, Int64s]:
+def pair_matrix(matrix: SparseMatrix, following: Int32s, state: Int32s, number: Int32s, size: int) -> tuple[SparseMatrix, Int64s]:
     """The rows of the pairs, in their order, and the base row of each."""
     if matrix.groups is None:
-        rows, groups, after = state.astype(np.int64), None, following.astype(np.int32)
+        rows, groups, after = state.astype(np.int64), None, following
     else:
         per_state = np.diff(matrix.groups)[state]
         rows = spans(matrix.groups[:-1][state], matrix.groups[1:][state])
         groups = np.concatenate(([0], np.cumsum(per_state)))
-        after = np.repeat(following, per_state).astype(np.int32)
+        after = np.repeat(following, per_state)
     indptr = np.concatenate(([0], np.cumsum(np.diff(matrix.indptr)[rows])))
     indices, data = np.empty(int(indptr[-1]), np.int32), np.empty(int(indptr[-1]))
     pairs.rows(matrix.indptr, matrix.indices, matrix.data, rows, after, number, size, indptr, indices, data)

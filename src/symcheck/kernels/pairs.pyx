@@ -6,7 +6,7 @@ from libc.stdint cimport int32_t, int64_t, uint8_t
 from symcheck.kernels.memory cimport Buffer, release, reserve
 
 
-def reach(const int64_t[::1] edges, const int32_t[::1] indices, const int64_t[:, ::1] table, const int64_t[::1] letter,
+def reach(const int64_t[::1] edges, const int32_t[::1] indices, const int32_t[:, ::1] table, const int32_t[::1] letter,
           int64_t initial, uint8_t[::1] found):
     """Mark (in uint8[states * size], zeros at first) the pairs reachable from (s, initial) for some s.
 
@@ -76,7 +76,7 @@ def rows(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1
                 at += 1
 
 
-def matching(const int32_t[::1] state, const int32_t[::1] automaton, const int64_t[::1] letter, const uint8_t[:, ::1] wanted,
+def matching(const int32_t[::1] state, const int32_t[::1] automaton, const int32_t[::1] letter, const uint8_t[:, ::1] wanted,
              uint8_t[::1] out):
     """For each pair (s, q): wanted[q, letter[s]]."""
     cdef int64_t i
