@@ -74,6 +74,7 @@ class Translator:
         self.encoding = encoding
         self.limits = limits or Limits()
         self.learned: dict[tuple[str, Expression], Learned] = {}
+        self._parts: dict[tuple[int, int], tuple[BoundCommand, tuple[list[Learned], list[Learned]]]] = {}
         self._booleans: dict[Expression, Bdd] = {}
         self._numbers: dict[Expression, Mtbdd] = {}
         self._assignments: dict[tuple[str, Expression], Assigned] = {}
@@ -98,6 +99,13 @@ class Translator:
         """Learned parts of a command: those that matter in every state, and those that matter where its guard holds."""
         if not self.learned:
             return [], []
+        # Asked for at every step of a search; telling long expressions apart takes longer than what is done with them.
+        key = id(command), len(self.learned)
+        if key not in self._parts:
+            self._parts[key] = command, self._learned_parts(command)
+        return self._parts[key][1]
+
+    def _learned_parts(self, command: BoundCommand) -> tuple[list[Learned], list[Learned]]:
         names = {(self.encoding.variables[i].name, e) for u in command.updates for i, e in u.assignments}
         behind = {e for u in command.updates for e in (u.probability, *(e for _, e in u.assignments))}
         always, guarded = [], []
