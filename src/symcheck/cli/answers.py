@@ -53,9 +53,9 @@ def answer(
         outcome = error if isinstance(error, SymcheckError) else internal(error)
         job.report.error(outcome)
         job.failures += not job.testing
-        job.rows.append(Row(name, {**constants, **choice}, "Error", str(outcome).splitlines()[0], title=title))
+        job.rows.append(Row(name, {**constants, **choice}, "Error", str(outcome).splitlines()[0], title=title, fixed=job.fixed))
     else:
-        job.rows.append(Row(name, {**constants, **choice}, show_value(outcome.value), str(outcome.accuracy), title=title))
+        job.rows.append(Row(name, {**constants, **choice}, show_value(outcome.value), str(outcome.accuracy), title=title, fixed=job.fixed))
         _write(job, outcome, varying)
     if job.testing and isinstance(outcome, Result) and isinstance(outcome.accuracy, Statistical):
         conclude(job, Verdict(VerdictKind.NOT_TESTED, "the result is an estimate"))
@@ -76,7 +76,7 @@ def unbuilt(job: Job, questions: list[tuple[str, Values]], constants: Values, er
     job.report.error(error)
     job.failures += 1
     reason = str(error).splitlines()[0]
-    job.rows += [Row(name, {**constants, **choice}, "Error", reason) for name, choice in questions]
+    job.rows += [Row(name, {**constants, **choice}, "Error", reason, fixed=job.fixed) for name, choice in questions]
 
 
 def conclude(job: Job, verdict: object) -> None:

@@ -17,13 +17,14 @@ __all__ = ["Job", "options_of", "results_file", "sorted_rows"]
 
 @dataclass
 class Job:
-    """What was asked, where it is reported, and what has come out so far."""
+    """What was asked, where it is reported, and what has come out so far. fixed: constants that were given one value only."""
 
     arguments: argparse.Namespace
     report: Report
     rows: list[Row] = field(default_factory=list)
     imported: Engine | None = None
     failures: int = 0
+    fixed: tuple[str, ...] = ()
 
     @property
     def testing(self) -> bool:

@@ -61,6 +61,7 @@ def _experiments(job: Job, program: Program, texts: Texts, chosen: Sequence[int]
     """Everything that is asked, for every choice of the model's constants."""
     of_model = {n: v for n, v in given.items() if any(c.name == n for c in program.constants)}
     of_file = {n: v for n, v in given.items() if n not in of_model and any(c.name == n for c in texts.file.constants)}
+    job.fixed = tuple(n for n, values in given.items() if len(values) == 1)
     for fault in texts.declarations:
         job.report.error(fault)
         job.failures += 1

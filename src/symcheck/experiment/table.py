@@ -17,7 +17,8 @@ __all__ = ["FORMATS", "Row", "render"]
 class Row:
     """One result. `property`: name or text; `constants`: the ones that vary or were given; `value`, `accuracy` as text.
 
-    title: what stands above the results of the property, its name and text (empty: `property`).
+    title: what stands above the results of the property, its name and text (empty: `property`). fixed: constants that were
+    given one value only, and have no column in lists and matrices.
     """
 
     property: str
@@ -26,6 +27,7 @@ class Row:
     accuracy: str = ""
     results: tuple[str, ...] = field(default=(), compare=False)
     title: str = field(default="", compare=False)
+    fixed: tuple[str, ...] = field(default=(), compare=False)
 
 
 def _groups(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
@@ -35,8 +37,8 @@ def _groups(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
 
 
 def _varying(group: Sequence[Row]) -> list[str]:
-    """The constants that have several values."""
-    return [n for n in group[0].constants if len({r.constants[n] for r in group}) > 1]
+    """The constants that were to have several values."""
+    return [n for n in group[0].constants if n not in group[0].fixed]
 
 
 def _lines(rows: Sequence[Sequence[str]], separator: str) -> str:
