@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model, random_property
+from symcheck.check import bisimulation
+from symcheck.engines.written import written_out
 from symcheck.errors import InputError, UnsupportedError
 
 SLOW = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
@@ -89,6 +91,17 @@ def test_a_threshold_at_the_value():
 @pytest.mark.parametrize("engine", ["auto", "sparse"])
 def test_other_engines_answer(engine):
     assert check_text(engine_of(LINE, engine), "P=? [ F x=1|x=2 ]", bisim=True).value == pytest.approx(2 / 3)
+
+
+def test_listed_states_that_have_diagrams(monkeypatch):
+    monkeypatch.setattr(bisimulation, "_LONG", 2)
+    monkeypatch.setattr(bisimulation, "_ALIKE", 1)
+    engine = written_out(engine_of(LINE, "sparse"))
+    result = check_text(engine, "P=? [ F x=1|x=2 ]", bisim=True)
+    assert "on diagrams" in result.runs[0].explanation
+    assert result.values.at(engine.all)[0].tolist() == pytest.approx([2 / 3, 1, 1, 0])
+    assert check_text(engine, "P>0.5 [ F x=1|x=2 ]", bisim=True).satisfying.members.tolist() == [True, True, True, False]
+    assert check_text(engine, "filter(count, P>0.5 [ F x=1|x=2 ])", bisim=True).value == 3
 
 
 def test_diagrams_that_do_not_lump_are_listed():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from symcheck.check.context import Context
 from symcheck.check.filters import Outcome, apply_filter
 from symcheck.check.formulas import is_plain, modern_filter, numbers, satisfying, states_of
-from symcheck.check.lumped import DiagramQuotient, ListedQuotient, Quotient, WrittenQuotient
+from symcheck.check.lumped import BothQuotient, DiagramQuotient, ListedQuotient, Quotient, WrittenQuotient
 from symcheck.engines.base import StateSet
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import UnsupportedError
@@ -31,12 +31,14 @@ from symcheck.syntax.walk import children
 
 if TYPE_CHECKING:
     from symcheck.engines.symbolic import SymbolicEngine
+    from symcheck.engines.symbolic_lump import LumpedDiagrams
 
 __all__ = ["filtered", "quotient"]
 
 _ENTRY_BYTES = 12
 _ROWS_BYTES = 2**30  # of compressed rows that are written out where diagrams do not lump
 _ROWS_STATES = 20_000_000
+_LONG = 1_000_000  # listed states above which diagrams, where they are there, are asked first
 _ALIKE = 4  # states per block, on average, below which listing them is cheaper
 
 
@@ -58,11 +60,17 @@ def quotient(context: Context, formula: Expression) -> Quotient:
     if context.options.fairness:
         raise UnsupportedError("-bisim is not for fair strategies")
     observed = _observed(context, formula)
-    if isinstance(context.engine, ExplicitEngine):
-        return _listed(context, context.engine, observed, ListedQuotient)
-    if getattr(context.engine, "diagrams", None) is None:
-        raise UnsupportedError("-bisim works on listed states (-ex) and on diagrams")
     engine: Any = context.engine
+    if isinstance(engine, ExplicitEngine):
+        source = getattr(engine, "source", None)
+        if source is not None and engine.states > _LONG:
+            try:
+                return BothQuotient(source, _lumped(context, source, observed, engine.states // _ALIKE))
+            except UnsupportedError:
+                pass
+        return _listed(context, engine, observed, ListedQuotient)
+    if getattr(engine, "diagrams", None) is None:
+        raise UnsupportedError("-bisim works on listed states (-ex) and on diagrams")
     return _on_diagrams(context, engine, observed)
 
 
@@ -98,8 +106,19 @@ def _listed(
 
 def _on_diagrams(context: Context, engine: SymbolicEngine, observed: _Observed) -> Quotient:
     """On diagrams; where few states are alike and their rows fit into memory, these are written out."""
-    from symcheck.engines.symbolic_lump import lump_diagrams
     from symcheck.engines.written import written_out
+
+    fits = engine.states <= _ROWS_STATES and engine.transitions * _ENTRY_BYTES <= _ROWS_BYTES
+    try:
+        return DiagramQuotient(engine, _lumped(context, engine, observed, engine.states // _ALIKE if fits else None))
+    except UnsupportedError:
+        if not fits:
+            raise
+    return _listed(context, written_out(engine), observed, WrittenQuotient, source=engine)
+
+
+def _lumped(context: Context, engine: SymbolicEngine, observed: _Observed, most: int | None) -> LumpedDiagrams:
+    from symcheck.engines.symbolic_lump import lump_diagrams
 
     colours: list[Any] = [engine.initial.bdd for name in observed.names if name == "init"]
     colours += [engine.deadlocks.bdd for name in observed.names if name == "deadlock"]
@@ -108,14 +127,7 @@ def _on_diagrams(context: Context, engine: SymbolicEngine, observed: _Observed) 
             colours.append(engine.where(part).bdd)
         else:
             colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
-    fits = engine.states <= _ROWS_STATES and engine.transitions * _ENTRY_BYTES <= _ROWS_BYTES
-    most = engine.states // _ALIKE if fits else None
-    try:
-        return DiagramQuotient(engine, lump_diagrams(engine.diagrams, colours, sorted(observed.structures), most=most))
-    except UnsupportedError:
-        if not fits:
-            raise
-    return _listed(context, written_out(engine), observed, WrittenQuotient, source=engine)
+    return lump_diagrams(engine.diagrams, colours, sorted(observed.structures), most=most)
 
 
 def _is_set(context: Context, part: Expression) -> bool:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from symcheck.engines.symbolic import SymbolicEngine
     from symcheck.engines.symbolic_lump import LumpedDiagrams
 
-__all__ = ["DiagramQuotient", "ListedQuotient", "Quotient", "WrittenQuotient"]
+__all__ = ["BothQuotient", "DiagramQuotient", "ListedQuotient", "Quotient", "WrittenQuotient"]
 
 
 class Quotient(Protocol):
@@ -168,14 +168,18 @@ class ListedQuotient:
 
     def lift(self, values: ArrayValues) -> ArrayValues:
         """Values of blocks as values of states."""
-        block = self.lumping.block
-        lower = values.lower[block]
-        upper = lower if values.upper is values.lower else values.upper[block]
-        return ArrayValues(lower, upper, None if values.computed is None else values.computed[block], values.slack)
+        return _spread(values, self.lumping.block)
 
     def lift_set(self, states: ArraySet) -> ArraySet:
         """Blocks as states."""
         return ArraySet(states.members[self.lumping.block])
+
+
+def _spread(values: ArrayValues, block: Int32s | Int64s) -> ArrayValues:
+    """Values of blocks as values of the states that are in them."""
+    lower = values.lower[block]
+    upper = lower if values.upper is values.lower else values.upper[block]
+    return ArrayValues(lower, upper, None if values.computed is None else values.computed[block], values.slack)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,3 +251,20 @@ class DiagramQuotient:
     def lift_set(self, states: ArraySet) -> Any:
         """Blocks as states."""
         return self.lumped.lift_set(states.members)
+
+
+@dataclass(frozen=True, eq=False)
+class BothQuotient(DiagramQuotient):
+    """Of listed states whose diagrams are still there: found on these, and lifted to arrays."""
+
+    @cached_property
+    def _block(self) -> Int64s:
+        return self.lumped.block_of_states()
+
+    def lift(self, values: ArrayValues) -> ArrayValues:
+        """Values of blocks as values of states."""
+        return _spread(values, self._block)
+
+    def lift_set(self, states: ArraySet) -> ArraySet:
+        """Blocks as states."""
+        return ArraySet(states.members[self._block])
