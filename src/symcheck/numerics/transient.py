@@ -20,10 +20,11 @@ import numpy as np
 
 from symcheck.errors import NumericalError
 from symcheck.kernels import sparse, uniform
+from symcheck.numerics.implicit import implicit_values
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.poisson import poisson
 from symcheck.numerics.problem import Observer, Operator, Step
-from symcheck.numerics.settings import Settings
+from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.numerics.truncate import truncate
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
@@ -32,6 +33,8 @@ ROUND = 2.0**-53
 LOOK = 50  # steps between two looks at the stopping test
 BUDGET = 1e10  # entries to go over before states are cut off that do not matter (a tenth of it if the whole is hopeless)
 HOPELESS = 1e12  # entries to go over in all
+LONG, STIFF = 1e4, 1e10  # steps, and entries to go over in all, from which on implicit means are tried
+LAYER = 300.0  # steps of uniformisation before that
 HASTE = (20.0, 5.0)  # of the rounds of cutting off
 
 
@@ -157,7 +160,11 @@ def transient_values(
             raise NumericalError("transient values need non-negative rewards: treat gains and losses apart")
         alone = source and interest is not None and isinstance(rates, SparseMatrix)
         y = start / chain.q if source else start
-        part = _sum(chain, y, time, source, settings, interest, observer, budget=_budget(chain, time) if alone else math.inf)
+        part = None
+        if interest is not None and isinstance(rates, SparseMatrix):
+            part = _implicit(chain, rates, exit_rates, start, time, source, settings, interest, observer)
+        if part is None:
+            part = _sum(chain, y, time, source, settings, interest, observer, budget=_budget(chain, time) if alone else math.inf)
         if part is None and interest is not None and isinstance(rates, SparseMatrix):
             part = _truncated(rates, exit_rates, time, settings, start, interest, observer)
         if part is None:
@@ -165,6 +172,38 @@ def transient_values(
         assert part is not None
         found = part if found is None else found.plus(part)
     return found or Transient(np.zeros(n), np.zeros(n), 0, "nothing to gain: 0")
+
+
+def _implicit(
+    chain: _Chain,
+    rates: SparseMatrix,
+    exit_rates: Floats,
+    start: Floats,
+    time: float,
+    source: bool,
+    settings: Settings,
+    interest: Int64s,
+    observer: Observer | None,
+) -> Transient | None:
+    """By implicit means, for stiff chains, after uniformisation has smoothed the start; None where that does not pay."""
+    layer = LAYER / chain.q
+    if chain.q * time < LONG or chain.q * time * chain.entries < STIFF:
+        return None
+    fine = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
+    first = _sum(chain, start / chain.q if source else start, layer, source, fine, None, observer)
+    assert first is not None
+    near, middle = float(np.max(first.upper - first.lower)), first.middle
+    gain = start if source else None
+    found = implicit_values(rates, exit_rates, middle, gain, time - layer, interest, settings, observer)
+    if found is None:
+        return None
+    error = found.error + near
+    lower, upper = np.maximum(found.values - error, 0.0), found.values + error
+    if not _near(lower[interest], upper[interest], settings):
+        return None
+    note = f"uniformisation, {first.iterations} steps, then implicitly: {found.vectors} vectors, {found.steps} steps of BiCGStab"
+    made = first.iterations + found.steps
+    return Transient(lower, upper, made, note, {"steps": made, "steps_without_shortcut": math.ceil(chain.q * time)})
 
 
 def _budget(chain: _Chain, time: float) -> float:

@@ -1,0 +1,96 @@
+"""Stiff chains by implicit means: the error that is claimed holds against a matrix exponential, however bad the space is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from symcheck.numerics import implicit, transient
+from symcheck.numerics.implicit import implicit_values
+from symcheck.numerics.matrix import Floats, SparseMatrix
+from symcheck.numerics.settings import Accuracy
+from symcheck.numerics.transient import transient_values
+
+EVERYWHERE = Accuracy(epsilon=1e-6)
+
+
+def stiff(n: int, seed: int, leak: float = 0.0) -> tuple[Floats, SparseMatrix, Floats]:
+    """A generator whose rates span five orders of magnitude, its rates and its exit rates."""
+    rng = np.random.default_rng(seed)
+    rates = np.zeros((n, n))
+    for step, fast in ((1, 1e3), (2, 1.0), (5, 0.02)):
+        rates[np.arange(n), (np.arange(n) + step) % n] += fast * rng.random(n)
+        rates[np.arange(n), (np.arange(n) - step) % n] += fast * rng.random(n)
+    nonzero = rates > 0
+    indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
+    matrix = SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), rates[nonzero], n)
+    leave = rates.sum(1) + leak * rng.random(n)
+    return rates - np.diag(leave), matrix, leave
+
+
+def exact(generator: Floats, start: Floats, gain: Floats, time: float) -> Floats:
+    n = len(start)
+    wide = np.zeros((n + 1, n + 1))
+    wide[:n, :n], wide[:n, n] = generator, gain
+    return np.asarray((expm(wide * time) @ np.append(start, 1.0))[:n])
+
+
+@pytest.mark.parametrize("leak", [0.0, 0.3])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_values_are_within_the_error_everywhere(seed: int, leak: float) -> None:
+    generator, rates, leave = stiff(60, seed, leak)
+    gain = np.random.default_rng(seed).random(60)
+    found = implicit_values(rates, leave, np.zeros(60), gain, 20.0, np.arange(60), EVERYWHERE)
+    assert found is not None
+    assert np.max(np.abs(found.values - exact(generator, np.zeros(60), gain, 20.0))) <= found.error
+    assert 2.0 * found.error <= 1e-6 * found.values.min()
+
+
+@pytest.mark.parametrize("loose", [1e-3, 1e-6, 1e-9])
+def test_a_bad_space_costs_width_and_nothing_else(loose: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(implicit, "SOLVED", loose)
+    generator, rates, leave = stiff(40, 7)
+    start, gain = np.linspace(1.0, 2.0, 40), np.ones(40)
+    found = implicit_values(rates, leave, start, gain, 5.0, np.arange(40), Accuracy(epsilon=1e9, relative=False))
+    assert found is not None
+    assert np.max(np.abs(found.values - exact(generator, start, gain, 5.0))) <= found.error
+
+
+def test_loops_count_as_no_change() -> None:
+    generator, _, leave = stiff(30, 5)
+    dense = np.diag(np.full(30, 7.0)) + generator + np.diag(leave)
+    nonzero = dense > 0
+    indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
+    looped = SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), dense[nonzero], 30)
+    gain = np.linspace(0.5, 1.0, 30)
+    found = implicit_values(looped, leave + 7.0, np.zeros(30), gain, 10.0, np.arange(30), EVERYWHERE)
+    assert found is not None
+    assert np.max(np.abs(found.values - exact(generator, np.zeros(30), gain, 10.0))) <= found.error
+
+
+@pytest.mark.parametrize("kind", ["gain", "terminal"])
+def test_long_stiff_horizons_are_left_to_it(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transient, "STIFF", 1e5)
+    generator, rates, leave = stiff(60, 4, 0.05)
+    values = np.linspace(1.0, 3.0, 60)
+    given = {"gain": values} if kind == "gain" else {"terminal": values}
+    found = transient_values(rates, leave, 30.0, Accuracy(), interest=np.array([3], np.int64), **given)
+    assert "implicitly" in found.explanation
+    zero = np.zeros(60)
+    true = exact(generator, zero, values, 30.0) if kind == "gain" else exact(generator, values, zero, 30.0)
+    assert found.lower[3] <= true[3] * (1 + 1e-11)
+    assert found.upper[3] >= true[3] * (1 - 1e-11)
+    assert found.upper[3] - found.lower[3] <= 1e-6 * found.upper[3]
+
+
+def test_what_is_rare_is_left_to_uniformisation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error relative to the greatest value says nothing where the value of interest is a billionth of it."""
+    monkeypatch.setattr(transient, "STIFF", 1e5)
+    monkeypatch.setattr(transient, "LONG", 1e3)
+    _, rates, leave = stiff(40, 9)
+    slow = SparseMatrix(rates.indptr, rates.indices, rates.data, 40)
+    gain = np.zeros(40)
+    gain[20] = 1e-9
+    found = transient_values(slow, leave + 1.0, 20.0, Accuracy(), gain=gain, interest=np.array([0], np.int64))
+    assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]
