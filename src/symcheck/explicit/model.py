@@ -86,4 +86,6 @@ def evaluate_states(model: BoundModel, states: StateTable, expression: Expressio
         raise_fault(expression, model.variables, dict(enumerate(map(int, states.row(fault)))), status)
     if truths is not None:
         return truths.view(np.bool_)
-    return integers if reals is None else reals
+    found = integers if reals is None else reals
+    assert found is not None
+    return found
