@@ -25,7 +25,8 @@ __all__ = ["ExplicitEngine", "ExplicitSystem", "SparseOperator"]
 
 
 _REMEMBERED = 16
-"""Sets of states that are kept."""
+_REMEMBERED_BYTES = 2**28
+"""Sets of states that are kept, and their memory."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ class ExplicitEngine:
         """The states that satisfy a boolean expression over the variables."""
         if expression not in self._known:
             value = np.asarray(self.explored.evaluate(expression))
-            while len(self._known) >= _REMEMBERED:
+            while self._known and len(self._known) >= min(_REMEMBERED, _REMEMBERED_BYTES // self.states):
                 self._known.pop(next(iter(self._known)))
             self._known[expression] = ArraySet(np.array(np.broadcast_to(value, (self.states,)), dtype=bool))
         return self._known[expression]
