@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -48,18 +50,18 @@ def test_a_small_model_is_searched(monkeypatch):
 
 
 def test_a_model_that_diagrams_compress_is_built_by_them(monkeypatch):
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100)
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100)
     assert isinstance(engine, WrittenEngine)
     assert (engine.states, choice.engine) == (10_000, "sparse")
 
 
 def test_rows_that_do_not_fit_stay_blocks(monkeypatch):
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _ROWS_SHARE=0.0, _WRITTEN=0)
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _ROWS_SHARE=0.0, _WRITTEN=0)
     assert engine.name == choice.engine == "hybrid"
 
 
 def test_a_model_that_does_not_compress_goes_on_being_searched(monkeypatch):
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _SPARSE_NODES=0.0)
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _SPARSE_NODES=0.0)
     assert engine.name == "explicit"
     assert "compress" in choice.reason
 
@@ -68,7 +70,7 @@ def test_diagrams_that_take_too_long_give_way(monkeypatch):
     def too_long(*_):
         raise TimeLimitError("time")
 
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _reach=too_long)
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long)
     assert engine.name == "explicit"
     assert "did not finish" in choice.reason
 
@@ -77,18 +79,18 @@ def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatc
     wide = " ".join(f"x{i} : [0..255];" for i in range(5))
     total = "+".join(f"0.{i + 1}*x{i}" for i in range(5))
     text = f"dtmc module m {wide} [] true -> 0.5 : (x0'=mod(ceil({total})+1, 256)) + 0.5 : (x1'=mod(x0+x1, 256)); endmodule"
-    engine, choice = chosen(text, monkeypatch, _SMALL=100, _reach=None)
+    engine, choice = chosen(text, monkeypatch, _SMALL=100, _MORE=100, _reach=None)
     assert engine.name == "explicit"
     assert choice.reason == "updates read too much for diagrams"
 
 
 def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
-    engine, _ = chosen(COUNTER, monkeypatch, _SMALL=100, _SPARSE_NODES=0.0, _TURNS=((1.0, 1000),))
+    engine, _ = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _SPARSE_NODES=0.0, _TURNS=((1.0, 1000),))
     assert isinstance(engine, WrittenEngine)
 
 
 def test_integers_without_bounds_are_searched(monkeypatch):
-    engine, choice = chosen(UNBOUNDED, monkeypatch)
+    engine, choice = chosen(UNBOUNDED, monkeypatch, _SMALL=100, _MORE=100)
     assert engine.states == 70_001
     assert "without bounds" in choice.reason
 
@@ -125,3 +127,18 @@ def rows(engine):
             choices.append((int(explored.choice_actions[r]), float(explored.choice_rewards[0][r]), entries))
         found.append(sorted(choices))
     return found
+
+
+@pytest.mark.parametrize("complete", [False, True])
+def test_few_states_with_many_transitions_are_not_searched_at_length(complete):
+    class Search:
+        progress = SimpleNamespace(transitions=auto._DENSE + 1)
+
+        def run(self, budget, observer):
+            assert budget == auto._MORE
+            observer(self.progress)
+            raise AssertionError("the search went on")
+
+    search = Search()
+    search.complete = complete
+    assert auto._a_little_more(search) is complete

@@ -120,6 +120,9 @@ def until(context: Context, left: StateSet, right: StateSet, direction: str | No
     graph = context.engine.graph
     no = graph.prob0(left, right, direction)
     yes = graph.prob1(left, right, direction)
+    found = _acyclic(context, ~(no | yes), yes, None, [(yes, 1.0)])
+    if found is not None:
+        return found
     part = equations(context, ~(no | yes))
     if part.system.n == 0:
         return context.engine.indicator(yes)
@@ -144,6 +147,9 @@ def reach_reward(context: Context, structure: int, target: StateSet, direction: 
     engine = context.engine
     # The least expected reward is finite where some strategy reaches almost surely, the greatest where all do.
     certain = engine.graph.prob1(engine.all, target, {"min": "max", "max": "min", None: None}[direction])
+    found = _acyclic(context, certain - target, None, structure, [(~certain, np.inf)])
+    if found is not None:
+        return found
     part = equations(context, certain - target)
     reward = step_rewards(part, structure)
     if np.isinf(reward).any():
@@ -156,6 +162,22 @@ def reach_reward(context: Context, structure: int, target: StateSet, direction: 
         allowed = part.system.into(~certain) == 0
         problem = problem if allowed.all() else chosen_rows(problem, part.system.matrix, allowed)
     return part.solve(problem, [(~certain, np.inf)])
+
+
+def _acyclic(
+    context: Context, states: StateSet, target: StateSet | None, reward: int | None, rest: list[tuple[StateSet, float]]
+) -> Values | None:
+    """The solution over very many states without cycles, where the engine can find it without an array."""
+    solve, started = getattr(context.engine, "solve_acyclic", None), perf_counter()
+    if solve is None or context.options.method != "auto":
+        return None
+    found = solve(states, target, reward, rest)
+    if found is None:
+        return None
+    note = f"no cycles: {found.steps} steps on diagrams"
+    context.notes.runs.append(Run("linear", "topological", states.count, found.steps, perf_counter() - started, note, True))
+    values: Values = found.values
+    return values
 
 
 def step_rewards(part: Equations, structure: int) -> Floats:

@@ -1,6 +1,7 @@
 """Choosing an engine by what the model turns out to be.
 
-1. A short explicit search. A model that ends within it is small: no diagram is worth its while.
+1. A short explicit search, a little longer where there are few transitions. A model that ends within it is small: no diagram
+   is worth its while.
 2. Diagrams, for a limited time. If they compress the states, the model is explored with them; then it is written out as
    compressed rows where those fit well into memory, and stays with the diagrams where not.
 3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped, up to a number of states;
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 __all__ = ["Choice", "choose"]
 
 _SMALL = 50_000  # states that explicit search explores sooner than diagrams are loaded
+_MORE = 200_000  # states that it goes on to where they have few transitions: below, diagrams cost more than they save
+_DENSE = 3_000_000  # transitions that are not few
 _ENUMERATED = 10_000_000  # valuations that a search tries for the initial states of `init … endinit`
 _TURNS = ((1.5, 4_000_000), (10.0, 30_000_000))  # seconds for diagrams, then states for the search; and so on in turn
 _WRITTEN = 10_000_000  # states up to which a model that diagrams hold is written out and checked as arrays
@@ -65,7 +68,7 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
     if model.initial is not None and _valuations(model) > _ENUMERATED:
         return _symbolic(_reach(model, options, None), options, observer, "a search would have to try too many initial states")
     exploration = Exploration(model, options)
-    if exploration.run(_SMALL):
+    if exploration.run(_SMALL) or _a_little_more(exploration):
         return _explicit(exploration, observer, f"{exploration.progress.states:,} states are few")
     if any(v.low is None for v in model.variables):
         exploration.run(None, observer)
@@ -86,6 +89,23 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
             return _explicit(exploration, observer, reason)
     del exploration
     return _symbolic(_reach(model, options, None), options, observer, f"there are more than {states:,} states")
+
+
+class _Dense(Exception):
+    """There are more transitions than a short search explores."""
+
+
+def _a_little_more(exploration: Exploration) -> bool:
+    """Whether the search ends at few states with few transitions."""
+
+    def look(_: object) -> None:
+        if exploration.progress.transitions > _DENSE:
+            raise _Dense
+
+    try:
+        return exploration.run(_MORE, look)
+    except _Dense:
+        return exploration.complete
 
 
 def _valuations(model: BoundModel) -> int:

@@ -20,6 +20,7 @@ from symcheck.syntax.ast import Expression, Type
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
     from symcheck.engines.product import Automaton
+    from symcheck.engines.symbolic_acyclic import Acyclic
     from symcheck.engines.symbolic_product import SymbolicProduct
     from symcheck.symbolic.model import StateSpace, Transitions
 
@@ -154,6 +155,14 @@ class SymbolicEngine:
             self._last.clear()
             self._last[states.bdd] = SymbolicSystem(self, states)
         return self._last[states.bdd]
+
+    def solve_acyclic(
+        self, states: SymbolicSet, target: SymbolicSet | None, reward: int | None, rest: Sequence[tuple[SymbolicSet, float]]
+    ) -> Acyclic | None:
+        """The equations over very many states of a chain without cycles, solved on diagrams; None elsewhere (symbolic_acyclic.py)."""
+        from symcheck.engines.symbolic_acyclic import solve_acyclic
+
+        return solve_acyclic(self, states, target, reward, rest)
 
     def valuations(self, states: SymbolicSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
