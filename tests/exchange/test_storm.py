@@ -1,4 +1,4 @@
-"""Storm loads what is written as DRN, and finds the same model."""
+"""Storm loads what is written as DRN or UMB, and finds the same model."""
 
 from __future__ import annotations
 
@@ -20,12 +20,22 @@ def storm_value(model, formula):
     return value(model.initial_states[0])
 
 
+def loaded_by_storm(path):
+    if path.suffix == ".drn":
+        return stormpy.build_model_from_drn(str(path))
+    pytest.importorskip("umbi")
+    if not hasattr(stormpy, "build_model_from_umb"):
+        pytest.skip("this version of Storm does not read UMB")
+    return stormpy.build_model_from_umb(str(path))
+
+
+@pytest.mark.parametrize("format", ["drn", "umb"])
 @pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
 @pytest.mark.parametrize("seed", range(6))
-def test_storm_finds_the_same(kind, seed, tmp_path):
+def test_storm_finds_the_same(format, kind, seed, tmp_path):
     model = symcheck.loads(some_model(Random(seed), kind).text)
-    symcheck.export(model, str(tmp_path / "m.drn"))
-    loaded = stormpy.build_model_from_drn(str(tmp_path / "m.drn"))
+    symcheck.export(model, str(tmp_path / f"m.{format}"))
+    loaded = loaded_by_storm(tmp_path / f"m.{format}")
     assert loaded.nr_states == model.engine.states
     assert loaded.nr_transitions == model.engine.transitions
     assert loaded.nr_choices == model.engine.choices
@@ -39,7 +49,8 @@ def test_storm_finds_the_same(kind, seed, tmp_path):
     formulas += [(n, f'R{{"r"}}{direction}=? [ F "{n}" ]') for n in "ab"]
     formulas += [("b", f'P{direction}=? [ F<=3 "b" ]'), ("init", f'R{{"r"}}{direction}=? [ C<=2 ]')]
     for label, formula in formulas:
-        if label not in known:
+        # Storm (2.0 of its Python package) has no rewards of single transitions for a CTMC's cumulative reward.
+        if label not in known or (label == "init" and kind == "ctmc" and format == "umb"):
             continue
         found, expected = storm_value(loaded, formula), model.check(formula).value
         assert found == expected or isclose(found, expected, rel_tol=1e-5), formula
