@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from itertools import product
 from math import inf, isnan
 from random import Random
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model
+from symcheck.check.result import Exact
 from symcheck.errors import InputError, NumericalError, UnsupportedError
 
 SLOW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -89,6 +91,46 @@ def test_pareto():
         (pytest.approx(0.6), pytest.approx(0.4)),
         (pytest.approx(0, abs=1e-9), pytest.approx(0, abs=1e-9)),
     ]
+
+
+def test_rational_arithmetic():
+    assert ask("multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])", engine="exact") == Fraction(1, 6)
+    assert ask('multi(R{"try"}min=? [ C ], P>=1/3 [ F s=2 ])', engine="exact") == Fraction(5, 3)
+    assert ask("multi(Pmax=? [ F s=2 ], Pmin=? [ F s=1 ])", engine="exact") == [(Fraction(3, 5), Fraction(2, 5)), (0, 0)]
+    assert ask('multi(R{"loop"}max=? [ C ], P>=1 [ F (s=1|s=2) ])', engine="exact") == inf
+    assert isnan(ask("multi(Pmax=? [ F s=3 ], P>=0.7 [ F s=2 ])", engine="exact"))
+
+
+@pytest.mark.parametrize("engine", ["exact", "explicit", "hybrid"])
+def test_bounds_that_are_met_just_so(engine):
+    assert ask("multi(P>=0.6 [ F s=2 ], P>=0.4 [ F s=1 ])", engine=engine) is True
+    assert ask("multi(P>=0.6 [ F s=2 ], P>=0.4000000000001 [ F s=1 ])", engine=engine) is False
+    assert ask("multi(P>=0.1 [ F s=2 ], P>=1/6 [ F s=1 ], P>=11/15 [ F s=3 ])", engine=engine) is True
+    assert ask("multi(P>=0.1 [ F s=2 ], P>=1/6 [ F s=1 ], P>=0.73333333333334 [ F s=3 ])", engine=engine) is False
+
+
+def test_results_say_that_they_are_proved():
+    result = check_text(engine_of(FORK), "multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])")
+    assert result.accuracy == Exact(rounding=True)
+    assert "proved" in result.runs[-1].explanation
+
+
+def test_rewards_in_components_that_exclude_each_other():
+    # Either loop may be entered, not both for certain; each pays one of the objectives for ever.
+    model = """mdp
+    module m
+      s : [0..2];
+      [] s=0 -> (s'=1);
+      [] s=0 -> (s'=2);
+      [one] s=1 -> true;
+      [two] s=2 -> true;
+    endmodule
+    rewards "one" [one] true : 1; endrewards
+    rewards "two" [two] true : 1; endrewards
+    """
+    for engine in ("exact", "explicit"):
+        assert ask('multi(R{"one"}>=7 [ C ], R{"two"}>=7 [ C ])', model, engine) is True
+        assert ask('multi(R{"one"}>=7 [ C ], P>=1 [ F s=2 ])', model, engine) is False
 
 
 @pytest.mark.parametrize("engine", ["sparse", "hybrid", "mtbdd"])

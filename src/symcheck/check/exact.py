@@ -14,7 +14,7 @@ from symcheck.syntax.walk import nodes
 if TYPE_CHECKING:
     from symcheck.engines.exact import ExactEngine
 
-__all__ = ["exactly_bound", "satisfying_exactly"]
+__all__ = ["exact_twin", "exactly_bound", "satisfying_exactly"]
 
 
 def satisfying_exactly(context: Context, formula: Expression) -> Bools:
@@ -28,6 +28,15 @@ def satisfying_exactly(context: Context, formula: Expression) -> Bools:
     exact = replace(context, engine=engine, matter=None)
     states = satisfying(exact, _twin(context, engine.model, formula), engine.all)
     return engine.to_bools(states)  # type: ignore[arg-type]
+
+
+def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expression]:
+    """The context over the model explored exactly, and the part of the formula that is being checked, bound to it.
+
+    Raises UnsupportedError where the model cannot be explored so.
+    """
+    engine = _exact_engine(context)
+    return replace(context, engine=engine, matter=None), _twin(context, engine.model, formula)
 
 
 def exactly_bound(model: BoundModel) -> BoundModel:

@@ -3,31 +3,31 @@
 With bounds only: whether some strategy meets all of them. With one objective asked for: its best value over the strategies
 that meet the others (NaN where there are none). With two: the corners of their Pareto curve. Objectives are P with any
 formula of linear time, and R with C and C<=k. See `symcheck.numerics.multi` for the method and its sources.
+
+Linear programs are solved in floating point first. Where they are small, their corner is proved in rational arithmetic, on
+the model explored exactly; where they are not, numbers are estimates, and a verdict that hangs on rounding is an error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from math import inf, isfinite, isinf, nan
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.discrete import per_row
 from symcheck.check.listed import listed
-from symcheck.check.ltl import linear_product
-from symcheck.check.paths import StatesOf, TemporalPath, temporal
+from symcheck.check.multi_flow import Objective, flow_of
+from symcheck.check.paths import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Result, Run
-from symcheck.check.rewards import structure_number
-from symcheck.check.window import window
-from symcheck.engines.base import Engine, StateSet
-from symcheck.engines.product import Product
-from symcheck.errors import Diagnostic, InputError, UnsupportedError
+from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.numerics import multi as numerics
-from symcheck.numerics.graph import Incidence
-from symcheck.numerics.matrix import Bools, Floats, Int32s
+from symcheck.numerics.multi_exact import ExactFlow, exact_corners
+from symcheck.numerics.program import ROWS
 from symcheck.semantics.evaluate import evaluate
 from symcheck.syntax.ast import (
     Bound,
@@ -42,76 +42,110 @@ from symcheck.syntax.ast import (
 
 __all__ = ["check_multi"]
 
+PROVED = 300
+"""Equations up to which results are proved in rational arithmetic without being asked to."""
+_STATES = 20_000
+_DOUBT = 100 * numerics.TOLERANCE
+"""A verdict is believed where the linear program's margin is further from 0."""
 
-@dataclass(frozen=True)
-class _Objective:
-    """One objective. sign: 1 where more is better, -1 where less is. bound: None where it is asked for."""
-
-    formula: ProbabilityOperator | RewardOperator
-    sign: int
-    bound: float | None
-
-    @property
-    def probability(self) -> bool:
-        return isinstance(self.formula, ProbabilityOperator)
-
-    def internal(self, value: float) -> float:
-        """A value so that more is better (its own inverse): a small probability is a great one of the negation."""
-        if self.sign > 0:
-            return value
-        return 1.0 - value if self.probability else -value
-
-    @property
-    def least(self) -> float:
-        """What is needed at least, so written."""
-        return -inf if self.bound is None else self.internal(self.bound)
-
-    def shown(self, value: float) -> float:
-        """A value as the user reads it, and 0 without a sign."""
-        value = self.internal(value)
-        return (min(1.0, max(0.0, value)) if self.probability else value) + 0.0
+Pick = Callable[[Context], StatesOf]
 
 
 @dataclass(frozen=True)
-class _Steps:
-    """An automaton without letters that counts the steps up to a number."""
+class _Asked:
+    """The answer, what to say about it, and whether it is proved (`close`: it hangs on the rounding of the linear program)."""
 
-    table: Int32s
-    initial: int = 0
+    value: Answer
+    about: str
+    variables: int
+    equations: int
+    proved: bool = False
+    close: bool = False
 
 
-def check_multi(context: Context, formula: MultiObjective, states_of: Callable[[Context], StatesOf]) -> Result:
+def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> Result:
     """The answer of a multi-objective query. Raises InputError for wrong ones, UnsupportedError for other objectives.
 
-    A linear program needs rows: with an engine on diagrams, the states are listed for it (and `-v` says so).
+    A linear program needs rows: with an engine on diagrams, the states are listed for it (and `-v` says so). Raises
+    NumericalError where a verdict is not decided.
     """
     _supported(context, formula)
+    started = perf_counter()
+    if context.engine.exact:
+        return _result(context, _solve(context, formula, states_of(context)), started)
     own = listed(context)
-    return _check(own, formula, states_of(own), "" if own is context else "; states listed, as a linear program needs rows")
+    found = _solve(own, formula, states_of(own))
+    if found.equations <= (ROWS if found.close else PROVED) and own.engine.states <= _STATES:
+        try:
+            found = _by_rationals(own, formula, states_of)
+        except (NumericalError, UnsupportedError) as error:
+            if found.close:
+                raise _undecided(error) from error
+    elif found.close:
+        raise _undecided(None)
+    remark = "" if own is context else "; states listed, as a linear program needs rows"
+    return _result(context, replace(found, about=found.about + remark), started)
 
 
-def _check(context: Context, formula: MultiObjective, states_of: StatesOf, remark: str) -> Result:
+def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) -> _Asked:
+    """The same on the model explored exactly; numbers as doubles."""
+    from symcheck.check.exact import exact_twin
+
+    exact, twin = exact_twin(context, formula)
+    assert isinstance(twin, MultiObjective)
+    found = _solve(exact, twin, states_of(exact))
+    return replace(found, value=_doubles(found.value))
+
+
+def _doubles(value: Any) -> Any:
+    if isinstance(value, list):
+        return [(float(x), float(y)) for x, y in value]
+    return float(value) if isinstance(value, Fraction) else value
+
+
+def _undecided(error: Exception | None) -> NumericalError:
+    reason = "the linear program is too large for rational arithmetic" if error is None else str(error)
+    return NumericalError(f"the bounds can be met just so, within the rounding of the linear program: not decided ({reason})")
+
+
+def _result(context: Context, found: _Asked, started: float) -> Result:
+    note = f"linear program of {found.variables} variables{', proved in rational arithmetic' if found.proved else ''}: {found.about}"
+    context.notes.runs.append(Run("linear", "linear program", found.variables, 0, perf_counter() - started, note, certified=found.proved))
+    if not found.proved:
+        return Result(found.value, Estimate(), found.about)
+    whole = isinstance(found.value, bool) or (isinstance(found.value, float) and not isfinite(found.value))
+    return Result(found.value, Exact(rounding=not whole and not context.engine.exact), found.about)
+
+
+def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _Asked:
     objectives = [_objective(o) for o in formula.objectives]
     asked = [i for i, o in enumerate(objectives) if o.bound is None]
     if len(asked) > 2:
         raise UnsupportedError("multi(...) with more than two objectives that are asked for is not supported; bound the others")
-    started = perf_counter()
-    flow = _flow(context, objectives, states_of)
-    least = np.array([o.least for o in objectives])
-    value, about = _Query(context, objectives, asked, flow, least).answer()
+    query = _query(context, objectives, asked, states_of)
+    value, about = query.answer()
+    close = query.close
     if value is nan and _cost(objectives[asked[0]]):
         # Either the bounds cannot be met, or they can, but only at infinite cost.
-        rest = [o for o in objectives if o.bound is not None]
-        others = _flow(context, rest, states_of)
-        met, _ = _Query(context, rest, (), others, np.array([o.least for o in rest])).answer()
+        others = _query(context, [o for o in objectives if o.bound is not None], (), states_of)
+        met, _ = others.answer()
+        close = others.close
         value, about = (inf, "every strategy that meets the bounds has infinite cost") if met else (value, about)
-    note = f"linear program of {flow.gains.shape[1]} variables: {about}{remark}"
-    context.notes.runs.append(Run("linear", "linear program", flow.gains.shape[1], 0, perf_counter() - started, note, certified=False))
-    settled = isinstance(value, bool) or (isinstance(value, float) and not isfinite(value))
-    return Result(value, Exact() if settled else Estimate(), about)
+    flow = query.flow
+    shape = flow.shape if isinstance(flow, ExactFlow) else flow
+    size = shape.gains.shape[1]
+    return _Asked(value, about, size, int(shape.live.sum()) + len(objectives), isinstance(flow, ExactFlow), close)
 
 
-def _cost(objective: _Objective) -> bool:
+def _query(context: Context, objectives: Sequence[Objective], asked: Sequence[int], states_of: StatesOf) -> _FloatQuery | _ExactQuery:
+    flow = flow_of(context, objectives, states_of)
+    least = [o.least for o in objectives]
+    if isinstance(flow, ExactFlow):
+        return _ExactQuery(objectives, asked, flow, least)
+    return _FloatQuery(objectives, asked, flow, np.array([float(v) for v in least]))
+
+
+def _cost(objective: Objective) -> bool:
     return objective.sign < 0 and not objective.probability
 
 
@@ -122,11 +156,9 @@ def _supported(context: Context, formula: MultiObjective) -> None:
         raise UnsupportedError("multi(...) on a model with several initial states is not supported; give it a single one")
     if context.options.fairness:
         raise UnsupportedError("multi(...) over fair strategies only is not supported; without -fair it is")
-    if context.engine.exact:
-        raise UnsupportedError("multi(...) in rational arithmetic is not supported; without -exact it is")
 
 
-def _objective(formula: Expression) -> _Objective:
+def _objective(formula: Expression) -> Objective:
     if not isinstance(formula, ProbabilityOperator | RewardOperator):
         raise InputError(Diagnostic("an objective of multi(...) must be a P or an R operator", formula.span, "multi"))
     if isinstance(formula, RewardOperator) and not isinstance(formula.query, TotalReward | CumulativeReward):
@@ -136,163 +168,99 @@ def _objective(formula: Expression) -> _Objective:
             if formula.direction not in ("min", "max"):
                 hint = "write Pmin=?, Pmax=?, Rmin=? or Rmax=?"
                 raise InputError(Diagnostic("an objective that is asked for needs a direction", formula.span, "direction", hint))
-            return _Objective(formula, 1 if formula.direction == "max" else -1, None)
+            return Objective(formula, 1 if formula.direction == "max" else -1, None)
         case Bound(operator, threshold):
             if operator not in ("<=", ">="):
                 raise InputError(Diagnostic("bounds of objectives in multi(...) must be <= or >=", formula.span, "multi"))
-            return _Objective(formula, 1 if operator == ">=" else -1, float(evaluate(threshold, {})))
+            return Objective(formula, 1 if operator == ">=" else -1, Fraction(evaluate(threshold, {}, exact=True)))
 
 
-@dataclass(frozen=True)
-class _Query:
-    """The question, once the flow is known."""
+_NONE = "no strategy meets the bounds"
+_NO_CURVE = "no strategy meets the bounds of this Pareto query, or all have infinite cost"
 
-    context: Context
-    objectives: Sequence[_Objective]
+
+@dataclass
+class _FloatQuery:
+    """The question, once the flow is known, in floating point. close: the answer hangs on rounding."""
+
+    objectives: Sequence[Objective]
     asked: Sequence[int]
     flow: numerics.Flow
-    least: Floats
+    least: Any
+    close: bool = False
 
     def answer(self) -> tuple[Answer, str]:
         """The value, and how it was found."""
         flow = self.flow.connected(self.least)
-        bounded = bool(np.isfinite(self.least).any())
-        room = flow.margin(self.least) if bounded else None
-        if bounded and (room is None or room.value < -numerics.TOLERANCE):
-            return self._none(room)
-        if room is not None and abs(room.value) <= numerics.TOLERANCE:
-            self.context.notes.warn(
-                "the bounds can be met just so, within the rounding of the linear program: on which side the truth lies is not proved"
-            )
-        margin = "" if room is None else f"the bounds can be exceeded by {max(0.0, room.value):.3g} at once"
+        room = flow.margin(self.least) if np.isfinite(self.least).any() else None
+        if np.isfinite(self.least).any():
+            if room is None:
+                return (nan if self.asked else False), _NONE
+            self.close = abs(room.value) <= _DOUBT
+            if room.value < -numerics.TOLERANCE:
+                return (nan if self.asked else False), f"{_NONE}: {-room.value:.3g} is missing"
         if not self.asked:
-            return True, margin
+            return True, "" if room is None else f"the bounds can be exceeded by {max(0.0, room.value):.3g} at once"
         # Bounds that are met just so are relaxed by as little as rounding needs.
         least = self.least if room is None else np.minimum(self.least, self.least + room.value)
         return self._best(flow, least) if len(self.asked) == 1 else self._curve(flow, least)
 
-    def _none(self, room: numerics.Outcome | None) -> tuple[Answer, str]:
-        about = "no strategy meets the bounds" + ("" if room is None else f": {-room.value:.3g} is missing")
-        if not self.asked:
-            return False, about
-        return nan, about
-
-    def _best(self, flow: numerics.Flow, least: Floats) -> tuple[Answer, str]:
+    def _best(self, flow: numerics.Flow, least: Any) -> tuple[Answer, str]:
         (index,) = self.asked
-        objective = self.objectives[index]
         weights = np.zeros(len(self.objectives))
         weights[index] = 1.0
         found = flow.best(weights, least)
         if found is None:
-            return nan, "no strategy meets the bounds"
+            return nan, _NONE
         if isinf(found.value):
             return inf, "rewards can be collected for ever"
-        return objective.shown(found.value), f"the dual bound differs by {found.gap:.1E}"
+        return float(self.objectives[index].shown(found.value)), f"the dual bound differs by {found.gap:.1E}"
 
-    def _curve(self, flow: numerics.Flow, least: Floats) -> tuple[Answer, str]:
+    def _curve(self, flow: numerics.Flow, least: Any) -> tuple[Answer, str]:
         first, second = self.asked
         points = numerics.corners(flow, first, second, least)
         if points is None:
-            raise InputError(Diagnostic("no strategy meets the bounds of this Pareto query, or all have infinite cost", code="multi"))
+            raise InputError(Diagnostic(_NO_CURVE, code="multi"))
+        one, two = self.objectives[first], self.objectives[second]
+        return [(float(one.shown(x)), float(two.shown(y))) for x, y in points], "Pareto curve"
+
+
+@dataclass
+class _ExactQuery:
+    """The question, once the flow is known, in rational arithmetic: nothing is close."""
+
+    objectives: Sequence[Objective]
+    asked: Sequence[int]
+    flow: ExactFlow
+    least: Sequence[Fraction | float]
+    close: bool = False
+
+    def answer(self) -> tuple[Answer, str]:
+        """The value, and how it was found."""
+        flow = self.flow.connected(self.least)
+        about = ""
+        if any(not isinf(v) for v in self.least):
+            room = flow.margin(self.least)
+            if room is None or room.value < 0:
+                missing = "" if room is None else f": {float(-room.value):.3g} is missing"
+                return (nan if self.asked else False), _NONE + missing
+            about = f"the bounds can be exceeded by {float(room.value):.3g} at once"
+        if not self.asked:
+            return True, about
+        if len(self.asked) == 2:
+            return self._curve(flow)
+        (index,) = self.asked
+        found = flow.best([Fraction(int(i == index)) for i in range(len(self.objectives))], self.least)
+        if found is None:
+            return nan, _NONE
+        if isinf(found.value):
+            return inf, "rewards can be collected for ever"
+        return self.objectives[index].shown(found.value), "the corner is optimal"
+
+    def _curve(self, flow: ExactFlow) -> tuple[Answer, str]:
+        first, second = self.asked
+        points = exact_corners(flow, first, second, self.least)
+        if points is None:
+            raise InputError(Diagnostic(_NO_CURVE, code="multi"))
         one, two = self.objectives[first], self.objectives[second]
         return [(one.shown(x), two.shown(y)) for x, y in points], "Pareto curve"
-
-
-def _flow(context: Context, objectives: Sequence[_Objective], states_of: StatesOf) -> numerics.Flow:
-    """The flow of the product of the model with a step counter and with an automaton per P objective."""
-    chain = _Chain(context)
-    limits = [_limit(o) for o in objectives]
-    counted = max((k for k in limits if k is not None), default=None)
-    counts: dict[int, StateSet] = {}
-    if counted is not None:
-        product: Product = chain.engine.product((), _counter(counted))
-        counts = {k: product.automaton_states(frozenset(range(k))) for k in limits if k is not None}
-        chain = chain.extended(product)
-    before = chain
-    accepted: list[list[list[StateSet]] | None] = []
-    for o in objectives:
-        if not isinstance(o.formula, ProbabilityOperator):
-            accepted.append(None)
-            continue
-        path = temporal(o.formula.path, states_of)
-        lifted = tuple((e, chain.lift(s)) for e, s in path.letters)
-        path = TemporalPath(path.formula, lifted, negative=o.sign < 0)
-        product, pairs = linear_product(replace(context, engine=chain.engine), path)
-        accepted = [_lifted(product, a) for a in accepted]
-        accepted.append([[avoid, *visits] for avoid, visits in pairs])
-        chain = chain.extended(product)
-    counts = {k: chain.lift(s, since=len(before.products)) for k, s in counts.items()}
-    return _equations(chain, objectives, limits, counts, accepted)
-
-
-def _equations(
-    chain: _Chain,
-    objectives: Sequence[_Objective],
-    limits: Sequence[int | None],
-    counts: dict[int, StateSet],
-    accepted: Sequence[list[list[StateSet]] | None],
-) -> numerics.Flow:
-    engine = chain.engine
-    system = engine.system(engine.all)
-    matrix = system.matrix
-    rewards = np.zeros((len(objectives), matrix.rows))
-    costless = np.ones(matrix.rows, dtype=np.bool_)
-    for i, o in enumerate(objectives):
-        if isinstance(o.formula, RewardOperator):
-            states, rows = system.rewards(structure_number(chain.context, o.formula))
-            reward = np.asarray(per_row(system, states) + rows, dtype=np.float64)
-            if (reward < 0).any():
-                raise UnsupportedError("negative rewards in multi(...) are not supported")
-            k = limits[i]
-            if k is not None:
-                reward = np.where(per_row(system, engine.to_bools(counts[k]).astype(np.float64)) > 0, reward, 0.0)
-            rewards[i] = o.sign * reward
-            if o.sign < 0:
-                costless &= reward == 0
-
-    def bools(pairs: list[list[StateSet]]) -> list[tuple[Bools, list[Bools]]]:
-        return [(engine.to_bools(avoid), [engine.to_bools(v) for v in visits]) for avoid, *visits in pairs]
-
-    stays = numerics.settling(Incidence(matrix), costless, [None if a is None else bools(a) for a in accepted])
-    initial = int(np.flatnonzero(engine.to_bools(engine.initial))[0])
-    return numerics.Flow(matrix, initial, rewards, stays)
-
-
-def _lifted(product: Product, pairs: list[list[StateSet]] | None) -> list[list[StateSet]] | None:
-    return None if pairs is None else [[product.lift(s) for s in sets] for sets in pairs]
-
-
-def _limit(objective: _Objective) -> int | None:
-    """The number of steps of C<=k."""
-    query = objective.formula.query if isinstance(objective.formula, RewardOperator) else None
-    if not isinstance(query, CumulativeReward):
-        return None
-    steps = window(query.bound).steps()
-    if steps.upper is None or steps.lower:
-        raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
-    return steps.upper
-
-
-def _counter(limit: int) -> _Steps:
-    return _Steps(np.minimum(np.arange(1, limit + 2), limit).astype(np.int32)[:, None])
-
-
-@dataclass(frozen=True)
-class _Chain:
-    """Products, one on top of the other."""
-
-    context: Context
-    products: tuple[Product, ...] = ()
-
-    @property
-    def engine(self) -> Engine:
-        return self.products[-1].engine if self.products else self.context.engine
-
-    def extended(self, product: Product) -> _Chain:
-        return _Chain(self.context, (*self.products, product))
-
-    def lift(self, states: StateSet, since: int = 0) -> StateSet:
-        """A set of an engine `since` products up, in the last one."""
-        for product in self.products[since:]:
-            states = product.lift(states)
-        return states

@@ -119,7 +119,8 @@ class Flow:
         return len(self.rewards)
 
     @cached_property
-    def _edges(self) -> graph.Incidence:
+    def edges(self) -> graph.Incidence:
+        """The matrix seen from its columns."""
         return graph.Incidence(self.matrix)
 
     @cached_property
@@ -130,50 +131,50 @@ class Flow:
         return csr_array((m.data, m.indices, m.indptr), shape=(m.rows, m.states))
 
     @cached_property
-    def _live(self) -> Bools:
+    def live(self) -> Bools:
         """States that can be reached without entering a banned one."""
         start = np.zeros(self.matrix.states, dtype=np.bool_)
         start[self.initial] = True
         if self.banned is None:
-            return graph.forward_reachable(self._edges, start)
-        return graph.forward_reachable(self._edges, start & ~self.banned, ~self.banned) & ~self.banned
+            return graph.forward_reachable(self.edges, start)
+        return graph.forward_reachable(self.edges, start & ~self.banned, ~self.banned) & ~self.banned
 
     @cached_property
-    def _rows(self) -> Int64s:
+    def usable(self) -> Int64s:
         """Rows that may be taken."""
-        usable = self._live[self._edges.owner_of_rows]
+        usable = self.live[self.edges.owner_of_rows]
         if self.banned is not None:
             usable &= (self._csr @ self.banned.astype(np.float64)) == 0.0
         return np.flatnonzero(usable)
 
     @cached_property
-    def _places(self) -> list[Int64s]:
+    def places(self) -> list[Int64s]:
         """Per stay: the states where it may be taken."""
-        return [np.flatnonzero(s.states & self._live) for s in self.stays]
+        return [np.flatnonzero(s.states & self.live) for s in self.stays]
 
     @cached_property
     def _balance(self) -> tuple[Any, Floats]:
         """The equations: per live state, outflow + settling - inflow = what begins there."""
         from scipy.sparse import coo_array, csr_array, hstack
 
-        number = np.cumsum(self._live) - 1
-        n, rows = int(self._live.sum()), self._rows
-        out = csr_array((np.ones(len(rows)), (number[self._edges.owner_of_rows[rows]], np.arange(len(rows)))), shape=(n, len(rows)))
-        inner = self._csr[rows].T.tocsr()[np.flatnonzero(self._live)]
+        number = np.cumsum(self.live) - 1
+        n, rows = int(self.live.sum()), self.usable
+        out = csr_array((np.ones(len(rows)), (number[self.edges.owner_of_rows[rows]], np.arange(len(rows)))), shape=(n, len(rows)))
+        inner = self._csr[rows].T.tocsr()[np.flatnonzero(self.live)]
         parts = [out - inner]
-        for places in self._places:
+        for places in self.places:
             shape = (n, len(places))
             parts.append(coo_array((np.ones(len(places)), (number[places], np.arange(len(places)))), shape=shape))
         begin = np.zeros(n)
-        if self._live[self.initial]:
+        if self.live[self.initial]:
             begin[number[self.initial]] = 1.0
         return hstack(parts, format="csr"), begin
 
     @cached_property
     def gains(self) -> Floats:
         """What each variable of the program gives each objective: float64[objectives, variables]."""
-        parts = [self.rewards[:, self._rows]]
-        parts += [np.tile(stay.gains[:, None], len(places)) for stay, places in zip(self.stays, self._places, strict=True)]
+        parts = [self.rewards[:, self.usable]]
+        parts += [np.tile(stay.gains[:, None], len(places)) for stay, places in zip(self.stays, self.places, strict=True)]
         return np.concatenate(parts, axis=1)
 
     def best(self, weights: Floats, least: Floats) -> Outcome | None:
@@ -208,7 +209,7 @@ class Flow:
         from scipy.optimize import linprog
         from scipy.sparse import csr_array, hstack
 
-        if not self._live[self.initial]:
+        if not self.live[self.initial]:
             return None
         balance, begin = self._balance
         if extra:
@@ -239,7 +240,7 @@ class Flow:
         """
         flow = self
         while True:
-            paying = flow._paying()
+            paying = flow.paying()
             if not paying:
                 return flow
             idle = flow._never_entered(paying, least)
@@ -250,34 +251,51 @@ class Flow:
                 banned |= states
             flow = replace(flow, banned=banned)
 
-    def _paying(self) -> list[Bools]:
+    def paying(self) -> list[Bools]:
         """End components with a positive reward of some objective, other than those that hold the initial state."""
         allowed = np.zeros(self.matrix.rows, dtype=np.bool_)
-        allowed[self._rows] = True
-        parts = graph.maximal_end_components(self._edges, self._live, allowed)
+        allowed[self.usable] = True
+        parts = graph.maximal_end_components(self.edges, self.live, allowed)
         positive = parts.rows & (self.rewards > 0.0).any(axis=0)
-        numbers = np.unique(parts.of[self._edges.owner_of_rows[positive]])
+        numbers = np.unique(parts.of[self.edges.owner_of_rows[positive]])
         return [parts.of == c for c in numbers.tolist() if c >= 0 and parts.of[self.initial] != c]
 
     def _never_entered(self, components: Sequence[Bools], least: Floats) -> list[Bools]:
-        """Those that no flow enters which has at least `least`; all of them where there is no such flow."""
+        """Those that no flow enters which has at least `least`; none where there is no such flow."""
+        left = list(components)
+        while left:
+            amounts = self._entered(left, least)
+            if amounts is None:
+                return []
+            # One flow need not enter all that some flow enters: ask again for the others.
+            entered = amounts > 10 * TOLERANCE
+            if not entered.any():
+                break
+            left = [c for c, yes in zip(left, entered.tolist(), strict=True) if not yes]
+        return left
+
+    def entering(self, components: Sequence[Bools]) -> Floats:
+        """How much of each variable enters each component: float64[components, variables]."""
+        owner = self.edges.owner_of_rows[self.usable]
+        out = np.zeros((len(components), self.gains.shape[1]))
+        for i, states in enumerate(components):
+            out[i, : len(self.usable)] = np.where(states[owner], 0.0, self._csr[self.usable] @ states.astype(np.float64))
+        return out
+
+    def _entered(self, components: Sequence[Bools], least: Floats) -> Floats | None:
+        """How much (at most 1) a flow enters each that enters them most in sum; None where no flow has `least`."""
         from scipy.sparse import csr_array, eye_array, hstack, vstack
 
         bounded = np.flatnonzero(np.isfinite(least))
-        owner = self._edges.owner_of_rows[self._rows]
-        entering = np.zeros((len(components), self.gains.shape[1]))
-        for i, states in enumerate(components):
-            entering[i, : len(self._rows)] = np.where(states[owner], 0.0, self._csr[self._rows] @ states.astype(np.float64))
         k = len(components)
         objective = np.concatenate((np.zeros(self.gains.shape[1]), np.ones(k)))
-        above = hstack((csr_array(-entering), eye_array(k)), format="csr")
+        above = hstack((csr_array(-self.entering(components)), eye_array(k)), format="csr")
         floor = hstack((csr_array(-self.gains[bounded]), csr_array((len(bounded), k))), format="csr")
         limit = np.concatenate((np.zeros(k), -least[bounded] + TOLERANCE / 100))
         found = self._solve(objective, vstack((above, floor), format="csr"), limit, extra=[(0.0, 1.0)] * k)
-        if found is None or found[0] is None:
-            return [] if found is None else list(components)
-        amounts = found[0][-k:]
-        return [c for c, amount in zip(components, amounts.tolist(), strict=True) if amount <= 10 * TOLERANCE]
+        if found is None:
+            return None
+        return np.zeros(k) if found[0] is None else np.asarray(found[0][-k:])
 
 
 def corners(flow: Flow, first: int, second: int, least: Floats) -> list[tuple[float, float]] | None:
