@@ -93,6 +93,15 @@ def test_other_engines_answer(engine):
     assert check_text(engine_of(LINE, engine), "P=? [ F x=1|x=2 ]", bisim=True).value == pytest.approx(2 / 3)
 
 
+@pytest.mark.parametrize("name", ["explicit", "sparse"])
+def test_labels_that_a_formula_combines_are_not_told_apart(name):
+    engine = engine_of(LINE + 'label "one" = x=1|x=4;\nlabel "two" = x=2|x=4;\n', name)
+    result = check_text(engine, 'P=? [ F "one" | "two" ]', bisim=True)
+    assert "4 states -> 3" in result.explanation
+    assert result.value == pytest.approx(2 / 3)
+    assert "4 states -> 4" in check_text(engine, 'P=? [ !"one" U "two" ]', bisim=True).explanation
+
+
 def test_listed_states_that_have_diagrams(monkeypatch):
     monkeypatch.setattr(bisimulation, "_LONG", 2)
     monkeypatch.setattr(bisimulation, "_ALIKE", 1)

@@ -16,6 +16,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.numerics.lump import lump
 from symcheck.semantics.conditions import reward_index
 from symcheck.syntax.ast import (
+    Binary,
     Expression,
     Filter,
     LabelReference,
@@ -26,6 +27,7 @@ from symcheck.syntax.ast import (
     RewardOperator,
     StateFilter,
     Type,
+    Unary,
 )
 from symcheck.syntax.walk import children
 
@@ -98,7 +100,10 @@ def _listed(
     colours: list[Any] = [engine.initial.members for name in observed.names if name == "init"]
     colours += [engine.deadlocks.members for name in observed.names if name == "deadlock"]
     for part in observed.expressions:
-        colours.append(engine.where(part).members if _is_set(context, part) else engine.values(part, context.type(part)).lower)
+        if _is_set(context, part):
+            colours.append(satisfying(replace(context, engine=engine), part, engine.all).members)  # type: ignore[attr-defined]
+        else:
+            colours.append(engine.values(part, context.type(part)).lower)
     rewards = [engine.rewards(i) for i in sorted(observed.structures)]
     colours += [states for states, _ in rewards]
     return make(engine, lump(engine.matrix, colours, [rows for _, rows in rewards]), **more)
@@ -124,7 +129,7 @@ def _lumped(context: Context, engine: SymbolicEngine, observed: _Observed, most:
     colours += [engine.deadlocks.bdd for name in observed.names if name == "deadlock"]
     for part in observed.expressions:
         if _is_set(context, part):
-            colours.append(engine.where(part).bdd)
+            colours.append(satisfying(replace(context, engine=engine), part, engine.all).bdd)  # type: ignore[attr-defined]
         else:
             colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
     return lump_diagrams(engine.diagrams, colours, sorted(observed.structures), most=most)
@@ -158,17 +163,35 @@ def _observe(context: Context, formula: Expression, found: _Observed) -> None:
             case RewardOperator() | RewardBound():
                 if not (isinstance(part, RewardBound) and part.structure is None):
                     found.structures.add(reward_index(part.structure, context.engine.model))
-            case _ if is_plain(part):
+            case _ if _is_combination(context, part):
                 found.expressions.append(part)
             case _:
                 pass
 
 
+def _is_combination(context: Context, formula: Expression) -> bool:
+    """Whether a formula is about the variables only, labels looked up: then only the whole tells states apart."""
+    match formula:
+        case LabelReference("init" | "deadlock"):
+            return False
+        case LabelReference():
+            return _is_combination(context.inside(formula), context.referred(formula))
+        case Unary("!", operand):
+            return _is_combination(context, operand)
+        case Binary("&" | "|" | "=>" | "<=>", left, right):
+            return _is_combination(context, left) and _is_combination(context, right)
+        case _:
+            return is_plain(formula)
+
+
 def _parts(context: Context, formula: Expression) -> Iterator[Expression]:
     """The largest expressions over variables only, the references to initial and deadlock states, and the operators above."""
     yield formula
-    if isinstance(formula, LabelReference) and formula.name not in ("init", "deadlock"):
-        yield from _parts(context.inside(formula), context.referred(formula))
-    elif not is_plain(formula):
-        for child in children(formula):
-            yield from _parts(context, child)  # type: ignore[arg-type]
+    if _is_combination(context, formula):
+        return
+    if isinstance(formula, LabelReference):
+        if formula.name not in ("init", "deadlock"):
+            yield from _parts(context.inside(formula), context.referred(formula))
+        return
+    for child in children(formula):
+        yield from _parts(context, child)  # type: ignore[arg-type]

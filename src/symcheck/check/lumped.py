@@ -57,7 +57,10 @@ class Quotient(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LumpedModel:
-    """The blocks as states: what is asked of a block is asked of its first state, and must hold for all of them."""
+    """The blocks as states: what is asked of a block is asked of its first state.
+
+    All of them agree in what a formula says of them as a whole; not in each label that it combines.
+    """
 
     base: ExplicitEngine = field(repr=False)
     lumping: Lumping = field(repr=False)
@@ -108,13 +111,9 @@ class LumpedModel:
         return actions[self.lumping.rows]
 
     def evaluate(self, expression: Expression) -> NDArray[Any]:
-        """The value of an expression in each block; an AssertionError where its states differ in it."""
+        """The value of an expression in the first state of each block."""
         value = np.asarray(self.base.explored.evaluate(expression))
-        if value.ndim == 0:
-            return value
-        own = value[self.lumping.first]
-        assert (own[self.lumping.block] == value).all(), "an expression that the partition does not respect"
-        return own
+        return value if value.ndim == 0 else value[self.lumping.first]
 
 
 @dataclass(frozen=True)
@@ -134,13 +133,10 @@ class LumpedEngine(BlockEngine):
     lumping: Lumping | None = field(default=None, repr=False)
 
     def where(self, expression: Expression) -> ArraySet:
-        """The blocks whose states satisfy an expression; an AssertionError where they differ in it."""
+        """The blocks whose first states satisfy an expression."""
         assert self.base is not None
         assert self.lumping is not None
-        members = self.base.where(expression).members
-        own = members[self.lumping.first]
-        assert (own[self.lumping.block] == members).all(), "an expression that the partition does not respect"
-        return ArraySet(own)
+        return ArraySet(self.base.where(expression).members[self.lumping.first])
 
 
 @dataclass(frozen=True, eq=False)
