@@ -254,3 +254,18 @@ def test_products_are_enough_for_some_methods(method: str) -> None:
     solution = solve_linear(bare, Accuracy(method=method))
     assert solution.lower[0] == pytest.approx(1 / 11, rel=1e-4)
     assert solution.certified == (method != "power")
+
+
+@pytest.mark.parametrize("method", ["interval", "optimistic"])
+def test_bounds_that_stay_wide_for_thousands_of_steps_are_not_given_up(method: str) -> None:
+    n = 60  # a fair walk on a line: for a long time the upper bound in the middle stays at 1, and the lower one near 0
+    half = Fraction(1, 2)
+    rows: list[list[Row]] = []
+    for s in range(n):
+        near = {t: half for t in (s - 1, s + 1) if 0 <= t < n}
+        won = half if s == n - 1 else Fraction(0)
+        rows.append([(near, won, 1 - sum(near.values(), Fraction(0))), (near, won, 1 - sum(near.values(), Fraction(0)))])
+    solution = solve_linear(problem_of(rows, "max"), Accuracy(method=method))
+    assert solution.width() <= 1e-6
+    assert solution.iterations > 1000
+    inside(solution, [Fraction(s + 1, n + 1) for s in range(n)])

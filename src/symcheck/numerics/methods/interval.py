@@ -24,18 +24,17 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     stepper = Stepper.of(problem)
     lower, upper = np.zeros(problem.n), np.ones(problem.n)
     count = 0
-    width = before = 1.0
+    width = 1.0
     for count in range(1, settings.max_iterations + 1):
+        before = lower, upper
         lower, upper = stepper.tightened(lower, upper)
         width = widest(lower, upper, settings.relative)
         if observer is not None:
             observer(Step("interval", count, width, problem.n, lower, upper))
         if width <= settings.epsilon:
             break
-        if count % 1000 == 0:
-            if width == before:
-                break  # as near as rounding allows
-            before = width
+        if count % 100 == 0 and np.array_equal(lower, before[0]) and np.array_equal(upper, before[1]):
+            break  # as near as rounding allows
     note = f"{problem.n} states: interval iteration, {count} iterations"
     note += "" if width <= settings.epsilon else ", not as near as wanted"
     at = lower if problem.direction == "max" else upper

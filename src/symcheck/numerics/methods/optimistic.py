@@ -67,15 +67,14 @@ def _finish(stepper: Stepper, settings: Settings, lower: Floats, upper: Floats |
     problem = stepper.problem
     if upper is None:
         upper = np.ones(problem.n) if problem.probability else np.full(problem.n, np.inf)
-    width = before = widest(lower, upper, settings.relative)
+    width = widest(lower, upper, settings.relative)
     while np.isfinite(width) and width > settings.epsilon and count < settings.max_iterations:
+        before = lower, upper
         lower, upper = stepper.tightened(lower, upper)
         width = widest(lower, upper, settings.relative)
         count += 1
-        if count % 1000 == 0:
-            if width == before:
-                break
-            before = width
+        if count % 100 == 0 and np.array_equal(lower, before[0]) and np.array_equal(upper, before[1]):
+            break  # as near as rounding allows
     if problem.probability:
         upper = np.minimum(upper, 1.0)
     note = f"{problem.n} states: optimistic value iteration, {count} iterations"
