@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from automata.words import holds, made, random_word
-from symcheck.automata.acceptance import simplified
+from symcheck.automata.acceptance import counted, simplified
 from symcheck.automata.automaton import Automaton, Pair
 from symcheck.automata.ltl import Formulas
 from symcheck.automata.translate import translate
@@ -141,3 +141,14 @@ def test_simpler_acceptance_accepts_the_same_words():
             word = random_word(random, automaton.letters)
             assert found.accepts(*word) == automaton.accepts(*word)
     assert simpler > 50
+
+
+def test_counting_visits_accepts_the_same_words():
+    random = Random(6)
+    for _ in range(200):
+        automaton = random_automaton(random)
+        found = counted(automaton)
+        assert all(len(p.visits) <= 1 for p in found.pairs)
+        for _ in range(25):
+            word = random_word(random, automaton.letters)
+            assert found.accepts(*word) == automaton.accepts(*word)

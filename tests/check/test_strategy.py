@@ -73,6 +73,43 @@ def test_the_induced_chain_has_the_value(seed, direction, query):
             assert low <= other_high * (1 + 2e-6) + 1e-11
 
 
+LONGER = [
+    'P{}=? [ F<=3 "a" ]',
+    'P{}=? [ "b" U<=4 "a" ]',
+    'P{}=? [ G<=2 "b" ]',
+    'P{}=? [ F[1,3] "a" ]',
+    'P{}=? [ G F "a" ]',
+    'P{}=? [ F G "b" ]',
+    'P{}=? [ (G F "a") & (G F !"b") ]',
+    'P{}=? [ (G F "a") => (G F "b") ]',
+    'P{}=? [ G ("a" => (F "b")) ]',
+    'P{}=? [ (G F "a") & (G F !"a") & (F G "b") ]',
+    'P{}=? [ F ("a" & (X "b")) ]',
+    'P{}=? [ X X "a" ]',
+]
+
+
+@SLOW
+@given(
+    seed=st.integers(0, 2**20),
+    direction=st.sampled_from(["min", "max"]),
+    query=st.sampled_from(LONGER),
+)
+def test_the_induced_chain_of_a_strategy_with_memory(seed, direction, query):
+    try:
+        engine = engine_of(random_model(Random(seed), "mdp", largest=4).text)
+    except InputError:
+        assume(False)
+    result = check_text(engine, query.format(direction), strategy=True)
+    assert not result.warnings
+    chain = check_text(induced(result.strategy), query.format("")).values
+    entry = slice(None) if result.strategy.entry is None else result.strategy.entry
+    low, high = result.values.at(engine.all)
+    other_low, other_high = (side[entry] for side in (chain.lower, chain.upper))
+    assert (other_low <= high * (1 + 2e-6) + 1e-11).all()
+    assert (low <= other_high * (1 + 2e-6) + 1e-11).all()
+
+
 ROUND = """mdp
 module m
   s : [0..3];
@@ -130,7 +167,20 @@ def test_targets():
         strategy_target("a:type=other")
 
 
-@pytest.mark.parametrize("text", ["Pmax=? [ F<=3 s=2 ]", "Pmax=? [ G F s=2 ]", 'R{"cost"}max=? [ C<=3 ]', "s=1"])
+def test_what_is_remembered():
+    strategy = check_text(engine_of(ROUND), "Pmax=? [ (G F s=0) & (G F s=1) ]", strategy=True).strategy
+    assert len(next(strategy.states())) == 2  # s, and the memory
+    run = [a for a, there in zip(strategy.actions, strategy.reachable.tolist(), strict=True) if there]
+    assert set(run) == {"go", "on"}
+    out = StringIO()
+    write_strategy(strategy, out)
+    assert out.getvalue().startswith("(0,0):go\n")
+    late = check_text(engine_of(ROUND), "Pmax=? [ F<=2 s=2 ]", strategy=True)
+    assert late.value == 0.5
+    assert late.strategy.actions[late.strategy.entry[0]] == "go"
+
+
+@pytest.mark.parametrize("text", ['R{"cost"}max=? [ C<=3 ]', "s=1"])
 def test_unsupported_strategies_leave_the_result(text):
     result = check_text(engine_of(ROUND), text, strategy=True)
     assert result.strategy is None

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from symcheck.automata.automaton import Automaton, Pair
-from symcheck.automata.reduce import good_edges, reduced, strong_components
+from symcheck.automata.reduce import good_edges, numbered, reduced, strong_components
 from symcheck.numerics.matrix import Bools, Int32s
 
-__all__ = ["simplified"]
+__all__ = ["counted", "simplified"]
 
 _DEEP = 6
 """Pairs that are looked at one below the other before an automaton is left as it is."""
@@ -37,6 +37,33 @@ def simplified(automaton: Automaton) -> Automaton:
     except _TooManyError:
         return automaton
     return automaton if found is None else reduced(found)
+
+
+def counted(automaton: Automaton) -> Automaton:
+    """An automaton of the same words whose pairs have at most one set to visit: it counts which of several was visited last.
+
+    So that where a run is in the product with a model says what to do next.
+    """
+    for i, pair in enumerate(automaton.pairs):
+        if len(pair.visits) > 1:
+            automaton = _counting(automaton, i)
+    return numbered(automaton)
+
+
+def _counting(automaton: Automaton, which: int) -> Automaton:
+    """The sets of one pair replaced by the edges that end a round through all of them."""
+    pair, table = automaton.pairs[which], automaton.table.astype(np.int64)
+    n = len(pair.visits)
+    state, count = np.divmod(np.arange(automaton.states * n), n)
+    after = np.repeat(count[:, None], automaton.letters, axis=1)
+    for i, visit in enumerate(pair.visits):
+        after += (after == i) & visit[state]
+    ended = after == n
+    pairs = [Pair(p.avoid[state], tuple(v[state] for v in p.visits)) for p in automaton.pairs]
+    pairs[which] = Pair(pair.avoid[state], (ended,))
+    accepting = frozenset(np.flatnonzero(np.isin(state, list(automaton.accepting))).tolist())
+    following = (table[state] * n + np.where(ended, 0, after)).astype(np.int32)
+    return Automaton(following, automaton.initial * n, tuple(pairs), accepting)
 
 
 def _buchi(automaton: Automaton, table: Int32s, pairs: tuple[Pair, ...]) -> Automaton | None:

@@ -7,7 +7,7 @@ MDP) that the automaton accepts. Sources: Baier & Katoen (2008), 10.3 and 10.6.4
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from symcheck.automata.automaton import Automaton
@@ -70,13 +70,20 @@ def _literal_states(context: Context, alphabet: _Alphabet, formula: Formula) -> 
             return None
 
 
-def linear_product(context: Context, path: TemporalPath) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
-    """The product with an automaton of the formula, and the pairs (avoid, visits) one of which its runs must meet for ever."""
+def linear_product(
+    context: Context, path: TemporalPath, form: Callable[[Automaton], Automaton] | None = None
+) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
+    """The product with an automaton of the formula, and the pairs (avoid, visits) one of which its runs must meet for ever.
+
+    form: what is to be made of the automaton first.
+    """
     formulas = Formulas()
     alphabet, formula = _read(context, formulas, path)
     if path.negative:
         formula = formulas.negation(formula)
     automaton = alphabet.automaton(context, formulas, formula)
+    if form is not None:
+        automaton = form(automaton)
     product: Product = context.engine.product(alphabet.sets, automaton)
     return product, [
         (product.edges(automaton.edges(p.avoid)), [product.edges(automaton.edges(v)) for v in p.visits]) for p in automaton.pairs

@@ -4,11 +4,15 @@ A choice that maximises the equations of reachability need not reach anything: w
 good as leaving it, it may go round for ever. So states with probability 1 take choices that move nearer to the target,
 states with least probability 0 take choices that stay among such states, and of the other ones end components are made
 single states, out of which a way is chosen, and then walked to. Source: Baier & Katoen (2008), 10.6.1.
+
+Bounds on steps and formulas of linear time need memory: the state of an automaton of the formula. There the strategy is one of
+the product with it, which goes to components where a pair of the automaton can be met for ever, and stays there going round from
+visit to visit (10.6.4; de Alfaro 1997).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -16,7 +20,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.listed import listed
-from symcheck.check.paths import NextPath, StatesOf, UntilPath, negated, resolve
+from symcheck.check.paths import NextPath, RewardPath, StatePath, StatesOf, TemporalPath, UntilPath, negated, resolve, temporal
 from symcheck.check.probabilities import flipped
 from symcheck.check.reach import chosen_rows, equations, step_rewards
 from symcheck.check.rewards import structure_number
@@ -26,7 +30,7 @@ from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import UnsupportedError
 from symcheck.kernels import sparse
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem
 from symcheck.syntax.ast import Eventually, Expression, ModelType, ProbabilityOperator, RewardOperator
 
@@ -35,12 +39,18 @@ __all__ = ["Strategy", "strategy_of"]
 
 @dataclass(frozen=True, eq=False)
 class Strategy:
-    """A row of the engine's matrix for each state, int64[states]. `matters`: where not every row would do, bool[states]."""
+    """A row of the engine's matrix for each state, int64[states]. `matters`: where not every row would do, bool[states].
+
+    memory: where the strategy remembers something, the engine is the product of the model with an automaton; this is the
+    state of the automaton, int32[states]. entry: then, per state of the model, the state of the product to begin with.
+    """
 
     engine: ExplicitEngine = field(repr=False)
     rows: Int64s = field(repr=False)
     direction: str
     matters: Bools = field(repr=False)
+    memory: Int32s | None = field(default=None, repr=False)
+    entry: Int64s | None = field(default=None, repr=False)
 
     @cached_property
     def induced(self) -> SparseMatrix:
@@ -61,16 +71,19 @@ class Strategy:
         return [names[a] if a >= 0 else "" for a in self.engine.explored.choice_actions[self.rows].tolist()]
 
     def states(self) -> Iterator[tuple[bool | int, ...]]:
-        """The variable values of all states, in index order."""
-        return self.engine.valuations(self.engine.all)
+        """The variable values of all states, in index order; followed by the memory where there is one."""
+        values = self.engine.valuations(self.engine.all)
+        if self.memory is None:
+            return values
+        return ((*state, m) for state, m in zip(values, self.memory.tolist(), strict=True))
 
 
 def strategy_of(context: Context, formula: Expression, states_of: Callable[[Context], StatesOf]) -> Strategy:
     """A strategy that attains the value of a P or R formula (within the accuracy of its computation), from every state.
 
-    Over X, F, U, G, W and R without bounds on steps, and for rewards until states are reached: there, strategies need no
-    memory. A bound (P>=p) has the strategy that is best for it or, without a direction, worst. Raises UnsupportedError
-    for other formulas.
+    Over X, F, U, G, W and R without bounds on steps, and for rewards until states are reached, strategies need no memory;
+    with bounds on steps, and for any other formula of linear time, they have some. A bound (P>=p) has the strategy that is
+    best for it or, without a direction, worst. Raises UnsupportedError for other formulas.
     """
     if context.engine.model.type is not ModelType.MDP:
         raise UnsupportedError("strategies are those of an mdp: other models leave nothing to choose")
@@ -100,11 +113,25 @@ def _probability(context: Context, formula: ProbabilityOperator, states_of: Stat
             chooser.until(left, right)
         case NextPath(target, window) if window.trivial:
             chooser.next(target)
+        case RewardPath() | StatePath():
+            raise UnsupportedError("strategies are not supported for bounds on rewards, and for formulas of states")
         case _:
-            raise UnsupportedError(
-                "strategies that need memory (bounds on steps, nested temporal operators) are not supported; those of X, F, U, G, W, R are"
-            )
+            return _remembering(context, temporal(formula.path, states_of), direction)
     return chooser.strategy(direction)
+
+
+def _remembering(context: Context, path: TemporalPath, direction: str) -> Strategy:
+    """A strategy of the product with an automaton. The least probability is missed with the greatest."""
+    from symcheck.automata.acceptance import counted
+    from symcheck.check.ltl import linear_product
+    from symcheck.engines.explicit_product import ExplicitProduct
+
+    product, pairs = linear_product(context, replace(path, negative=direction == "min"), counted)
+    assert isinstance(product, ExplicitProduct)
+    chooser = _Chooser(replace(context, engine=product.engine, matter=None), "max")
+    chooser.until(product.engine.all, chooser.for_ever(pairs))
+    found = chooser.strategy(direction)
+    return replace(found, memory=product.pairs.automaton, entry=product.entry)
 
 
 def _reward(context: Context, formula: RewardOperator, states_of: StatesOf, direction: str) -> Strategy:
@@ -153,6 +180,21 @@ class _Chooser:
             self._stay(self.engine.to_bools(no), self.engine.to_bools(no & (left - right)))
         part = equations(self.context, ~(yes | no))
         self._solve(part.system.states, part.problem(part.into(yes), None, self.direction, probability=True))
+
+    def for_ever(self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]) -> OwnSet:
+        """Rows that meet one of the pairs (avoid, visits; at most one of these) for ever: the states where that is possible."""
+        to, known = self.engine.to_bools, np.zeros(self.engine.states, dtype=np.bool_)
+        for avoid, visits in pairs:
+            good = graph.accepting_end_components(self.edges, [(to(avoid), [to(v) for v in visits])])
+            visited = good.copy()
+            for visit in visits:
+                visited &= to(visit)
+            _, rows = graph.prob1e_strategy(self.edges, good, visited)
+            mine = good & ~known
+            self._take(mine & ~visited, rows)
+            self._stay(good, mine & visited)
+            known |= good
+        return self.engine.from_bools(known)
 
     def reward(self, structure: int, target: OwnSet) -> None:
         """Rows for the greatest (least) expected reward until the target."""
