@@ -179,3 +179,25 @@ def test_cutting_states_off_keeps_rare_events_right(monkeypatch: pytest.MonkeyPa
     assert alone.upper[0] < 1e-19
     assert np.all(cut.lower <= whole.upper)
     assert np.all(cut.upper >= whole.lower)
+
+
+def test_states_of_the_beginning_are_not_kept_for_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A buffer fills up within a hundredth of the time and stays full; what happens beside it is rare."""
+    slow, leave, overflow = queue(30, 1.0, 3.0)
+    m = 60
+    fast = np.zeros((m, m))
+    fast[np.arange(m - 1), np.arange(1, m)] = 200.0
+    fast[np.arange(1, m), np.arange(m - 1)] = 1.0
+    dense = np.zeros((30, 30))
+    dense[np.repeat(np.arange(30), np.diff(slow.indptr)), slow.indices] = slow.data
+    both = sparse_of(np.kron(dense, np.eye(m)) + np.kron(np.eye(30), fast))
+    exits = np.repeat(leave, m) + np.tile(fast.sum(1), 30)
+    alone = transient_values(slow, leave, 100.0, Accuracy(epsilon=1e-9), gain=overflow)
+    monkeypatch.setattr(transient, "BUDGET", 1.0)
+    monkeypatch.setattr(transient, "EARLY", 200.0)
+    found = transient_values(both, exits, 100.0, Accuracy(), gain=np.repeat(overflow, m), interest=np.zeros(1, np.int64))
+    assert found.statistics["kept_later"] < 0.5 * found.statistics["kept"]
+    assert found.lower[0] <= alone.upper[0]
+    assert found.upper[0] >= alone.lower[0]
+    assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]
+    assert alone.upper[0] < 1e-12

@@ -19,8 +19,10 @@ from typing import Any
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.kernels import sparse, uniform
+from symcheck.kernels import sparse
+from symcheck.numerics.chain import ROUND, Chain, Visits, uniformise
 from symcheck.numerics.implicit import implicit_values
+from symcheck.numerics.later import value_from
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.poisson import poisson
 from symcheck.numerics.problem import Observer, Operator, Step
@@ -29,12 +31,12 @@ from symcheck.numerics.truncate import truncate
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
 
-ROUND = 2.0**-53
 LOOK = 50  # steps between two looks at the stopping test
 BUDGET = 1e10  # entries to go over before states are cut off that do not matter (a tenth of it if the whole is hopeless)
 HOPELESS = 1e12  # entries to go over in all
 LONG, STIFF = 1e4, 1e10  # steps, and entries to go over in all, from which on implicit means are tried
 LAYER = 300.0  # steps of uniformisation before that
+EARLY = 4000.0  # steps until the early time from which on fewer states are kept
 HASTE = (20.0, 5.0)  # of the rounds of cutting off
 
 
@@ -59,80 +61,6 @@ class Transient:
         return Transient(lower, upper, self.iterations + other.iterations, f"{self.explanation}; {other.explanation}", self.statistics)
 
 
-@dataclass(eq=False)
-class _Chain:
-    """P = off-diagonal rows / q + diagonal, for one direction of multiplication."""
-
-    q: float
-    diagonal: Floats
-    matrix: SparseMatrix | None
-    operator: Operator | None
-    longest: int
-
-    @property
-    def entries(self) -> int:
-        """Of the matrix (0 where it is not known)."""
-        return 0 if self.matrix is None else self.matrix.entries + self.matrix.rows
-
-    def advance(self, y: Floats, z: Floats, total: Floats, weights: Floats, floor: float) -> tuple[Floats, Floats, float, float, float]:
-        """Accumulate and step once per weight; the new y, the other buffer, ratio bounds and the greatest entry."""
-        if self.matrix is not None:
-            m = self.matrix
-            even, low, high, most = uniform.steps(m.indptr, m.indices, m.data, self.diagonal, y, z, total, weights, floor)
-            return (y, z, low, high, most) if even else (z, y, low, high, most)
-        assert self.operator is not None
-        before = y
-        for w in weights:
-            if w:
-                total += w * y
-            before, y = y, self.operator.multiply(y) / self.q + self.diagonal * y
-        with np.errstate(divide="ignore", invalid="ignore"):
-            least = ((y - floor) / before)[before > floor]
-            greatest = ((y + floor) / (before + floor))[(y > 0.0) | (before > 0.0)]
-        return y, before, float(least.min(initial=np.inf)), float(greatest.max(initial=0.0)), float(y.max(initial=0.0))
-
-
-@dataclass(frozen=True, eq=False)
-class _Visits:
-    """Bounds on the time spent in each state from a state of interest, up to the horizon: what differs from a level matters so much.
-
-    If y = c + above - below then what remains, sum over j of weight_j P^j y with weights that fall from at most 1, lies between
-    c * rest * (1 - q time·leak) - q time·below and c * rest + q time·above at that state, where leak is what P loses per step.
-    """
-
-    time: Floats
-    leak: float
-    patience: int = 1000
-
-    @staticmethod
-    def of(chain: _Chain, time: Floats) -> _Visits:
-        """For a chain with few losses on the way."""
-        assert chain.matrix is not None
-        stays = sparse.row_sums(chain.matrix.indptr, chain.matrix.data) + chain.diagonal
-        return _Visits(time, chain.q * float(time @ np.maximum(1.0 - stays, 0.0)) * (1.0 + 1e-9) + len(time) * ROUND)
-
-    def level(self, y: Floats, interest: Int64s, q: float, rest: float) -> tuple[Floats, Floats]:
-        """Bounds on what remains, at each state of interest."""
-        lower, upper = [], []
-        for c in y[interest]:
-            lower.append(max(0.0, c * rest * (1.0 - self.leak) - q * float(self.time @ np.maximum(c - y, 0.0)) * (1 + 1e-9)))
-            upper.append(c * rest + q * float(self.time @ np.maximum(y - c, 0.0)) * (1 + 1e-9))
-        return np.array(lower), np.array(upper)
-
-
-def _uniformise(rates: SparseMatrix | Operator, exit_rates: Floats, transposed: bool = False) -> _Chain:
-    q = float(np.max(exit_rates, initial=0.0)) or 1.0
-    diagonal = 1.0 - exit_rates / q
-    diagonal[diagonal < 4 * ROUND] = 0.0
-    if not isinstance(rates, SparseMatrix):
-        return _Chain(q, diagonal, None, rates, int(getattr(rates, "longest", 10_000)))
-    arrays = (rates.indptr, rates.indices, rates.data)
-    if transposed:
-        arrays = sparse.transpose_values(*arrays, rates.columns)
-    matrix = SparseMatrix(arrays[0], arrays[1], arrays[2] / q, rates.columns)
-    return _Chain(q, diagonal, matrix, None, int(np.max(np.diff(matrix.indptr), initial=0)))
-
-
 def transient_values(
     rates: SparseMatrix | Operator,
     exit_rates: Floats,
@@ -152,7 +80,7 @@ def transient_values(
     """
     n = len(exit_rates)
     found: Transient | None = None
-    chain = _uniformise(rates, exit_rates)
+    chain = uniformise(rates, exit_rates)
     for start, source in ((terminal, False), (gain, True)):
         if start is None or not np.any(start):
             continue
@@ -175,7 +103,7 @@ def transient_values(
 
 
 def _implicit(
-    chain: _Chain,
+    chain: Chain,
     rates: SparseMatrix,
     exit_rates: Floats,
     start: Floats,
@@ -206,7 +134,7 @@ def _implicit(
     return Transient(lower, upper, made, note, {"steps": made, "steps_without_shortcut": math.ceil(chain.q * time)})
 
 
-def _budget(chain: _Chain, time: float) -> float:
+def _budget(chain: Chain, time: float) -> float:
     return BUDGET * (0.1 if chain.q * time * chain.entries > HOPELESS else 1.0)
 
 
@@ -214,7 +142,7 @@ def transient_distribution(
     rates: SparseMatrix, exit_rates: Floats, initial: Floats, time: float, settings: Settings, observer: Observer | None = None
 ) -> Transient:
     """Bounds on the probability of each state at `time`, from the distribution `initial` (float64[n])."""
-    chain = _uniformise(rates, exit_rates, transposed=True)
+    chain = uniformise(rates, exit_rates, transposed=True)
     found = _sum(chain, initial, time, False, settings, None, observer, mass=True)
     assert found is not None
     found.upper[:] = np.minimum(found.upper, 1.0)
@@ -222,7 +150,7 @@ def transient_distribution(
 
 
 def _sum(
-    chain: _Chain,
+    chain: Chain,
     start: Floats,
     time: float,
     source: bool,
@@ -231,7 +159,7 @@ def _sum(
     observer: Observer | None,
     mass: bool = False,
     budget: float = math.inf,
-    visits: _Visits | None = None,
+    visits: Visits | None = None,
 ) -> Transient | None:
     """Sum of weight_k * P^k start over the Poisson window, or less where a proof ends it early.
 
@@ -298,15 +226,43 @@ def _truncated(
     if len(kept) > 0.5 * rates.states:
         return None
     at = place[interest].astype(np.int64)
-    chain = _uniformise(matrix, exit_rates[kept])
     assert cut is not None
-    found = _sum(chain, gain[kept] / chain.q, time, True, settings, at, observer, visits=_Visits.of(chain, cut.visits))
+    found = _two_parts(matrix, exit_rates[kept], time, gain[kept], at, settings, observer)
+    if found is None:
+        chain = uniformise(matrix, exit_rates[kept])
+        found = _sum(chain, gain[kept] / chain.q, time, True, settings, at, observer, visits=Visits.of(chain, cut.visits))
     assert found is not None
     lower, upper = np.zeros(rates.states), np.full(rates.states, time * float(gain.max()) * (1.0 + 1e-9))
     lower[interest] = found.lower[at]
     upper[interest] = found.upper[at] + loss
     note = f"{len(kept)} of {rates.states} states matter: {found.explanation}"
     return Transient(lower, upper, found.iterations, note, found.statistics | {"kept": len(kept), "loss": loss})
+
+
+def _two_parts(
+    rates: SparseMatrix, exit_rates: Floats, time: float, gain: Floats, at: Int64s, settings: Settings, observer: Observer | None
+) -> Transient | None:
+    """As `transient_values` for a gain and one state of interest, by way of where the chain is early on; None where it does not pay."""
+    chain = uniformise(rates, exit_rates)
+    early = EARLY / chain.q
+    if len(at) != 1 or 50.0 * early > time:
+        return None
+    fine = Accuracy(epsilon=1e-300)
+    start = np.zeros(rates.states)
+    start[at] = 1.0
+    soon = _sum(chain, gain / chain.q, early, True, fine, None, observer)
+    there = _sum(uniformise(rates, exit_rates, transposed=True), start, early, False, fine, None, observer, mass=True)
+    assert soon is not None
+    assert there is not None
+    late = value_from(rates, exit_rates, time - early, gain, (there.lower, there.upper), settings, observer)
+    if late is None:
+        return None
+    lower, upper = soon.lower, soon.upper.copy()
+    lower[at] += late.lower
+    upper[at] = (upper[at] + late.upper) * (1.0 + 4 * ROUND)
+    steps = soon.iterations + there.iterations + late.steps
+    note = f"uniformisation, {steps} of {math.ceil(chain.q * time)} steps, for {late.kept} states from time {early:.3g} on"
+    return Transient(lower * (1.0 - 4 * ROUND), upper, steps, note, {"steps": steps, "kept_later": late.kept})
 
 
 def _promising(low: float, high: float, ahead: float, total: Floats, y: Floats, settings: Settings) -> bool:

@@ -38,15 +38,19 @@ class Truncation:
 
 
 def truncate(
-    rates: SparseMatrix, exit_rates: Floats, time: float, gain: Floats, interest: Int64s, epsilon: float, haste: float
+    rates: SparseMatrix, exit_rates: Floats, time: float, gain: Floats, interest: Int64s | Floats, epsilon: float, haste: float
 ) -> Truncation | None:
     """Keep what matters to epsilon, relative to the least value of interest; None where the bounds are not found.
 
     gain: rates of entering the target (or of earning), non-negative. haste: a above; 1 keeps the fewest states, more is found
-    faster.
+    faster. interest: the states, or a distribution to start from (the value is then the expected one).
     """
-    start = np.zeros(rates.states)
-    start[interest] = 1.0
+    given = interest.dtype == np.float64
+    start: Floats = np.zeros(rates.states)
+    if given:
+        start[:] = interest
+    else:
+        start[interest] = 1.0
     with ThreadPoolExecutor(1) as other:  # the sweeps hold no lock: both systems at the same time
         later = other.submit(_resolvent, rates, exit_rates, time, start, haste, True)
         value = _resolvent(rates, exit_rates, time, gain, haste, False)
@@ -54,10 +58,13 @@ def truncate(
     if value is None or visits is None:
         return None
     # The least value, or less: within a/T the chain gains a part of what it gains within T.
-    target = float(value[interest].min()) * math.exp(-haste) / (4.0 * haste)
+    least = float(start @ value) if given else float(value[interest].min())
+    target = least * math.exp(-haste) / (4.0 * haste)
     owner = np.repeat(np.arange(rates.states), np.diff(rates.indptr))
     flow = visits[owner] * rates.data
     inflow = np.bincount(rates.indices, weights=flow, minlength=rates.states)
+    if given:
+        inflow = np.asarray(inflow + start)
     with np.errstate(under="ignore", over="ignore"):
         importance = inflow * value
     order = np.argsort(importance)
@@ -65,9 +72,12 @@ def truncate(
     cut = order[: int(np.searchsorted(lost, epsilon * target))]
     keep = np.ones(rates.states, dtype=np.bool_)
     keep[cut] = False
-    keep[interest] = True
+    if not given:
+        keep[interest] = True
     crossing = keep[owner] & ~keep[rates.indices]
     loss = float(np.sum(flow[crossing] * value[rates.indices[crossing]])) * (1.0 + 1e-9)
+    if given:
+        loss += float(np.sum((start * value)[~keep])) * (1.0 + 1e-9)
     return Truncation(np.flatnonzero(keep).astype(np.int64), loss, visits[keep])
 
 
