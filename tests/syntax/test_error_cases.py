@@ -19,6 +19,8 @@ from syntax.samples import MODEL, PROPERTIES
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.case")), ids=lambda p: p.stem)
 def test_case(path: Path) -> None:
     sections = read(path)
+    if "levels deep" in sections["error"] and MAX_NESTING != 2000:
+        pytest.skip(f"this Python takes no more than {MAX_NESTING} levels")
     assert outcome(sections) == sections["error"]
     assert sections["error"] != "no error\n"
 

@@ -17,7 +17,7 @@ from symcheck.syntax.lexer import FOREIGN, Words
 
 __all__ = ["MAX_NESTING", "Fault", "Parser"]
 
-MAX_NESTING = 2000 if sys.version_info[:2] != (3, 12) else 1000 if sys.version_info >= (3, 12, 2) else 300
+MAX_NESTING = 2000 if sys.version_info[:2] != (3, 12) else 1000 if sys.version_info >= (3, 12, 2) else 320
 """Expressions deeper than this are refused: later stages follow them by recursion.
 
 CPython 3.12 alone has a fixed limit for recursion that passes through C, as comparing and hashing trees does; its first
