@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from symcheck.dd import closing
+from symcheck.dd.closing import close
 from symcheck.dd.manager import Bdd, Closure, DiagramManager, Transition
 from symcheck.errors import TimeLimitError
 
@@ -72,6 +74,7 @@ def test_closing_is_repeating(kinds, start, border, bounded, forward):
     expected = repeated(relations, states, within, forward)
     assert closure.close(states, within) == expected
     assert closure.close(expected, within) == expected
+    assert manager.closure(relations, forward=forward).close(states, within, fresh=True) == expected
     manager.core.check()
 
 
@@ -107,27 +110,53 @@ def test_another_order_of_the_variables_is_noticed():
     assert closure.close(before) == before
 
 
-def test_giving_up_is_not_an_error():
+def far_pairs(n: int) -> tuple[DiagramManager, Bdd, list[tuple[Bdd, Transition]]]:
+    """Pairs of bits that become 1 together, far from each other in the order: 2**n nodes for all that come of nothing."""
     manager = DiagramManager()
-    rows, columns = [f"b{i}" for i in range(40)], [f"b{i}'" for i in range(40)]
+    rows, columns = [f"b{i}" for i in range(2 * n)], [f"b{i}'" for i in range(2 * n)]
     manager.add_variables(name for pair in zip(rows, columns, strict=True) for name in pair)
-    # All subsets of 20 pairs that are far from each other in the order: 2**20 nodes.
     relations = []
-    for a in range(20):
-        both = manager.variable(columns[a]) & manager.variable(columns[a + 20])
-        relations.append((both, manager.transition([rows[a], rows[a + 20]], [columns[a], columns[a + 20]])))
+    for a in range(n):
+        both = manager.variable(columns[a]) & manager.variable(columns[a + n])
+        relations.append((both, manager.transition([rows[a], rows[a + n]], [columns[a], columns[a + n]])))
+    return manager, manager.conjunction([~manager.variable(row) for row in rows]), relations
+
+
+def test_giving_up_is_not_an_error():
+    manager, nothing, relations = far_pairs(20)
     closure = manager.closure(relations)
-    nothing = manager.conjunction([~manager.variable(row) for row in rows])
     assert closure.close(nothing, nodes=20_000) is None
     assert closure.close(nothing, deadline=time.monotonic() - 1) is None
+    assert closure.close(nothing, steps=5000) is None
     few = Closure(manager.core, relations, families=3)
     assert few.close(nothing) is None
+    assert few.exhausted
+    assert close(few, nothing) is None
     manager.core.check()
     manager.limit_time(0)
     with pytest.raises(TimeLimitError):
         closure.close(nothing)
     manager.limit_time(None)
     assert manager.closure(relations[:3]).close(nothing) == repeated(relations[:3], nothing, manager.true, True)
+
+
+def test_two_ways_take_turns(monkeypatch):
+    monkeypatch.setattr(closing, "FIRST", {True: 2000})
+    manager, nothing, relations = far_pairs(12)
+    turns = []
+
+    class Watched:
+        exhausted, forward = False, True
+
+        def close(self, states, within, **limits):
+            turns.append((limits["steps"], limits["fresh"]))
+            return closure.close(states, within, **limits)
+
+    closure = manager.closure(relations)
+    assert close(Watched(), nothing) == repeated(relations, nothing, manager.true, True)
+    assert len(turns) > 2
+    assert turns[:3] == [(2000, False), (2000, True), (4000, False)]
+    assert close(Watched(), nothing, deadline=time.monotonic() - 1) is None
 
 
 def test_columns_must_follow_their_rows():

@@ -146,7 +146,17 @@ class Closure:
     def __init__(self, core: Core, relations: Iterable[tuple[Bdd, Transition]], forward: bool = True, families: int = 200_000) -> None: ...
     @property
     def families(self) -> int: ...
-    def close(self, states: Bdd, within: Bdd | None = None, nodes: int | None = None, deadline: float | None = None) -> Bdd | None: ...
+    @property
+    def exhausted(self) -> bool: ...
+    def close(
+        self,
+        states: Bdd,
+        within: Bdd | None = None,
+        nodes: int | None = None,
+        deadline: float | None = None,
+        steps: int | None = None,
+        fresh: bool = False,
+    ) -> Bdd | None: ...
 
 class Mtbdd:
     """A float64 per assignment: immutable, hashable, equal exactly when the functions are.

@@ -32,14 +32,16 @@ cdef struct Families:
     long limit                   # of families
     long nodes                   # live nodes at which to give up
     double deadline              # time at which to give up
+    double last                  # look-up in CUDD's cache at which to give up: what all work comes down to
     bint forward
+    bint fresh                   # move only what is new, and close it by itself
     bint gave_up
     unsigned long steps
     unsigned long* keys
 
 
 cdef enum:
-    GLANCES = 0xFFF              # the limits of one search are looked at once in so many steps
+    GLANCES = 0x3F               # the limits of one search are looked at once in so many steps
 
 
 cdef bint too_much(Families* all) noexcept nogil:
@@ -47,6 +49,7 @@ cdef bint too_much(Families* all) noexcept nogil:
     all.steps += 1
     if (all.steps & GLANCES) == 0:
         all.gave_up |= <long>(Cudd_ReadKeys(all.e.dd) - Cudd_ReadDead(all.e.dd)) > all.nodes or now() > all.deadline
+        all.gave_up |= Cudd_ReadCacheLookUps(all.e.dd) > all.last
     return all.gave_up
 
 
@@ -343,43 +346,74 @@ cdef DdNode* closed(Families* all, Family* f, DdNode* s, DdNode* within) noexcep
 cdef bint exchange(Families* all, Family* f, DdNode** t, DdNode** u, DdNode* w1, DdNode* w0) noexcept nogil:
     """Move between the two (referenced) children until nothing is new; on False (stopped) their references are gone."""
     cdef Env* e = all.e
-    cdef Ref from_t = NULL, from_u = NULL, old
+    cdef Ref new_t = t[0], new_u = u[0]
     cdef bint done = True
-    while done and (u[0] is not from_u or t[0] is not from_t):
-        if u[0] is not from_u:
-            if from_u is not NULL:
-                Cudd_IterDerefBdd(e.dd, from_u)
-            from_u = u[0]
-            take(from_u)
-            old = t[0]
-            take(old)
-            t[0] = moved(all, f.moves, f.ups, u[0], t[0], w1)
-            if t[0] is not old:
-                t[0] = closed_again(all, f.high, t[0], w1)
-            Cudd_IterDerefBdd(e.dd, old)
-            done = t[0] is not NULL
-        if done and t[0] is not from_t:
-            if from_t is not NULL:
-                Cudd_IterDerefBdd(e.dd, from_t)
-            from_t = t[0]
-            take(from_t)
-            old = u[0]
-            take(old)
-            u[0] = moved(all, f.moves + f.ups, f.downs, t[0], u[0], w0)
-            if u[0] is not old:
-                u[0] = closed_again(all, f.low, u[0], w0)
-            Cudd_IterDerefBdd(e.dd, old)
-            done = u[0] is not NULL
-    if from_t is not NULL:
-        Cudd_IterDerefBdd(e.dd, from_t)
-    if from_u is not NULL:
-        Cudd_IterDerefBdd(e.dd, from_u)
+    take(new_t)
+    take(new_u)
+    while done and (new_u is not e.no or new_t is not e.no):
+        # Steps may all be remembered ones, and very many.
+        done = not (tick(e) or too_much(all))
+        done = done and spread(all, f.high, f.moves, f.ups, u[0], &new_u, t, &new_t, w1)
+        done = done and spread(all, f.low, f.moves + f.ups, f.downs, t[0], &new_t, u, &new_u, w0)
+    drop(e, new_t)
+    drop(e, new_u)
     if not done:
-        if t[0] is not NULL:
-            Cudd_IterDerefBdd(e.dd, t[0])
-        if u[0] is not NULL:
-            Cudd_IterDerefBdd(e.dd, u[0])
+        drop(e, t[0])
+        drop(e, u[0])
     return done
+
+
+cdef inline void drop(Env* e, DdNode* n) noexcept nogil:
+    if n is not NULL:
+        Cudd_IterDerefBdd(e.dd, n)
+
+
+cdef DdNode* minus(Env* e, DdNode* a, DdNode* b) noexcept nogil:
+    """a without b, referenced; a's reference is consumed (it may be NULL)."""
+    cdef DdNode* r
+    if a is NULL:
+        return NULL
+    r = cuddBddAndRecur(e.dd, a, negate(b))
+    if r is not NULL:
+        take(r)
+    Cudd_IterDerefBdd(e.dd, a)
+    return r
+
+
+cdef DdNode* plus(Env* e, DdNode* a, DdNode* b) noexcept nogil:
+    """a and b united, referenced; both references are consumed (they may be NULL)."""
+    cdef DdNode* r = disjoined(e, a, b)
+    if r is not NULL:
+        take(r)
+    return r
+
+
+cdef bint spread(Families* all, Family* f, Part* moves, int count, DdNode* source, DdNode** new_source,
+                 DdNode** target, DdNode** new_target, DdNode* within) noexcept nogil:
+    """Move the source, or what is new there, to the target and close that; what is new there is noted. False: stopped."""
+    cdef Env* e = all.e
+    cdef Ref x = e.no, old = target[0]
+    take(x)
+    if count and new_source[0] is not e.no:
+        if all.fresh:
+            x = minus(e, moved(all, moves, count, new_source[0], x, within), old)
+            x = minus(e, closed_again(all, f, x, within), old)
+        else:
+            Cudd_IterDerefBdd(e.dd, x)
+            take(old)
+            x = moved(all, moves, count, source, old, within)
+            if x is not old:
+                x = closed_again(all, f, x, within)
+            x = minus(e, x, old)
+    drop(e, new_source[0])
+    new_source[0] = e.no
+    take(e.no)
+    if x is NULL:
+        return False
+    take(x)
+    target[0] = plus(e, old, x)
+    new_target[0] = plus(e, new_target[0], x)
+    return target[0] is not NULL and new_target[0] is not NULL
 
 
 @cython.final
@@ -444,11 +478,18 @@ cdef class Closure:
         """How many sets of relations, as they are for some values of the variables above, were met so far."""
         return self.all.count
 
-    def close(self, Bdd states not None, Bdd within=None, nodes=None, deadline=None):
+    @property
+    def exhausted(self):
+        """Whether no more families may be made, so that closing other sets may never end."""
+        return self.all.count >= self.all.limit
+
+    def close(self, Bdd states not None, Bdd within=None, nodes=None, deadline=None, steps=None, bint fresh=False):
         """The least set that contains `states`, and with a state all its successors (predecessors) `within` a set.
 
-        None where it was given up: past so many live `nodes`, past the `deadline` (of time.monotonic), or because too
-        many families of relations would be needed.
+        None where it was given up: past so many live `nodes`, the `deadline` (of time.monotonic) or so many `steps` (two
+        million are about a second), or because too many families of relations would be needed. What was found by then is
+        remembered as long as CUDD's cache keeps it.
+        `fresh`: only what is new moves on, and is closed by itself: better where a clock drives everything, worse else.
         """
         cdef DdNode* r
         cdef DdNode* w = self.core.e.one
@@ -462,7 +503,9 @@ cdef class Closure:
         self.all.e = e
         self.all.nodes = 0x7FFFFFFFFFFFFFFF if nodes is None else nodes
         self.all.deadline = 1e300 if deadline is None else deadline
+        self.all.last = 1e300 if steps is None else Cudd_ReadCacheLookUps(e.dd) + steps
         self.all.gave_up = False
+        self.all.fresh = fresh
         r = closed(&self.all, self.root, states.node, w)
         if r is NULL and self.all.gave_up and e.reason == NONE:
             return None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from symcheck.dd.odd import Odd
 
 if TYPE_CHECKING:
-    from symcheck.dd.manager import Bdd, Cube, DiagramManager, Mtbdd, Renaming, Transition
+    from symcheck.dd.manager import Bdd, Closure, Cube, DiagramManager, Mtbdd, Renaming, Transition
     from symcheck.symbolic.model import Transitions
 
 __all__ = ["Diagrams", "Step", "diagrams_of"]
@@ -114,6 +114,17 @@ class Diagrams:
         if self.guards is None:
             return self.count
         return sum(self.manager.count(guard, self.row_cube) for guard in self.guards)
+
+    @cached_property
+    def _closures(self) -> dict[bool, Closure]:
+        return {}
+
+    def closure(self, forward: bool) -> Closure:
+        """All steps, prepared for closing sets under them."""
+        if forward not in self._closures:
+            relations = [(step.relation, step.transition) for step in self.steps]
+            self._closures[forward] = self.manager.closure(relations, forward=forward)
+        return self._closures[forward]
 
     def union(self, sets: Sequence[Bdd]) -> Bdd:
         """Union of sets."""

@@ -31,8 +31,11 @@ def check_initial(symbolic: SymbolicModel) -> None:
 def check_model(space: StateSpace, options: Options) -> None:
     """Raise ModelFault with what is wrong at reachable states, an example of each fault found."""
     found: dict[Diagnostic, None] = {}
+    seen = space.symbolic.manager.false
     for states in _violations(space, options):
-        found.update(dict.fromkeys(_explain(space, states, options)))
+        # A state tells its first fault only: an example where nothing else was found wrong tells this one.
+        found.update(dict.fromkeys(_explain(space, states - seen or states, options)))
+        seen = seen | states
     if space.deadlocks and not options.fix_deadlocks:
         some = [faults.describe_state(space.symbolic.model.variables, s) for s in space.valuations(space.deadlocks, 3)]
         found[faults.deadlocks(some, space.symbolic.manager.count(space.deadlocks, space.symbolic.encoding.rows))] = None

@@ -130,8 +130,10 @@ def _by_chaining(symbolic: SymbolicModel) -> Progress:
 
 
 def _by_saturation(symbolic: SymbolicModel) -> Progress:
+    from symcheck.dd.closing import close
+
     yield symbolic, symbolic.initial
-    states = closure(symbolic).close(symbolic.initial)
+    states = close(closure(symbolic), symbolic.initial)
     if states is None:
         yield from _by_chaining(symbolic)
     else:
