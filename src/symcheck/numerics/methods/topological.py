@@ -107,7 +107,7 @@ def _hard(run: _Run, states: Int32s, goal: float) -> None:
     block.principle()
     if not block.open_:
         _closed(block)
-    elif not (_eliminate(run, block, goal, _little(block)) or _krylov(run, block, goal, np.ones(block.n))):
+    elif not _directly(run, block, goal):
         if run.quick:
             raise _TooSlow
         done = _accelerate(run, block, goal)
@@ -187,9 +187,11 @@ def _eliminate(run: _Run, block: Block, goal: float, limit: int) -> bool:
     return answer is not None and _accept(run, block, goal, answer, "elimination")
 
 
-def _little(block: Block) -> int:
-    """Operations of an elimination that costs no more than some sweeps."""
-    return (200 if block.n <= LARGE else 20) * block.entries
+def _directly(run: _Run, block: Block, goal: float) -> bool:
+    """An elimination that costs no more than some sweeps, or BiCGStab; large blocks fill in, and try that last."""
+    if block.n <= LARGE:
+        return _eliminate(run, block, goal, 200 * block.entries) or _krylov(run, block, goal, np.ones(block.n))
+    return _krylov(run, block, goal, np.ones(block.n)) or _eliminate(run, block, goal, 20 * block.entries)
 
 
 def _krylov(run: _Run, block: Block, goal: float, scale: Floats) -> bool:
