@@ -14,11 +14,11 @@ __all__ = ["HybridEngine"]
 class HybridEngine(SymbolicEngine):
     """Distinct blocks of the matrix are stored once each; a product visits their places.
 
-    Equations of up to 48 MB are solved on rows all the same: components in order need far fewer steps than products do.
+    Equations of up to 200 MB are solved on rows all the same: components in order need far fewer steps than products do.
     """
 
     name: ClassVar[str] = "hybrid"
-    rows_limit: ClassVar[int | None] = 4_000_000
+    rows_limit: ClassVar[int | None] = 16_000_000
 
     def operator(self, system: SymbolicSystem) -> BlockMatrix:
         """The blocks as an operator."""
