@@ -26,6 +26,8 @@ class Options:
     reduce: reset variables whose values nothing will read again (see `symcheck.semantics.reduce`), before the model is built.
     strategy: find a strategy that attains the value (MDP): `Result.strategy`.
     bisim: check each formula on the quotient by the coarsest bisimulation that keeps what it speaks of.
+    order: variables from the top of the diagrams down (the rest follows as declared), or ('force',): an order that is looked
+        for. None: as declared. Another order numbers the states otherwise.
     ltl2da: program that makes automata of formulas of linear time, called with the names of a formula file and a HOA file.
     ltl2da_syntax: how it reads formulas: 'lbt', 'spin', 'spot' or 'rabinizer'.
     """
@@ -45,5 +47,6 @@ class Options:
     reduce: bool = False
     strategy: bool = False
     bisim: bool = False
+    order: tuple[str, ...] | None = None
     ltl2da: str | None = None
     ltl2da_syntax: str = "lbt"

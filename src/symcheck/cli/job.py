@@ -48,6 +48,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         check_sums=arguments.check_sums,
         fairness=arguments.fairness,
         reduce=arguments.reduce,
+        order=tuple(arguments.order.split(",")) if arguments.order else None,
         bisim=arguments.bisim,
         strategy=arguments.exportstrat is not None,
         ltl2da=arguments.ltl2datool,

@@ -9,6 +9,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.commands import encode_event
 from symcheck.symbolic.encode import Encoding, encode
 from symcheck.symbolic.model import EncodedEvent, Relation, StateSpace, SymbolicModel, Transitions
+from symcheck.symbolic.order import variable_order
 from symcheck.symbolic.translate import Limits, Translator
 
 if TYPE_CHECKING:
@@ -31,14 +32,15 @@ def build(
 ) -> SymbolicModel:
     """Encode a model: bits, guards, updates, relations. Reachability and matrices come after (`reach`, `transitions`).
 
-    `observer` gets each EncodedEvent as it is made. `order`: names of variables from the top of the diagrams down.
+    `observer` gets each EncodedEvent as it is made. `order`: names of variables from the top of the diagrams down;
+    by default what the options say.
     `manager`: a fresh diagram manager to build in. Raises UnsupportedError for unbounded integers, ResourceError at a limit.
     """
     if manager is None:
         from symcheck.dd.manager import DiagramManager
 
         manager = DiagramManager(max_memory=options.max_memory, time_limit=options.time_limit)
-    encoding = encode(model, order)
+    encoding = encode(model, order or variable_order(model, options.order))
     manager.add_variables(encoding.bits)
     translator = Translator(manager, encoding, limits)
     events: list[EncodedEvent] = []

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.errors import UnsupportedError
+from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.semantics.model import BoundCommand
 from symcheck.semantics.vectorised import Column, evaluate_columns
 from symcheck.symbolic.encode import EncodedVariable, Encoding
@@ -262,7 +262,10 @@ class Translator:
             case Unary("-", operand):
                 return -self.number(operand)
             case Binary("+" | "-" | "*" as operator, left, right):
-                return self._arithmetic(operator, self.number(left), self.number(right), expression)
+                try:
+                    return self._arithmetic(operator, self.number(left), self.number(right), expression)
+                except NumericalError:  # infinity - infinity somewhere: a table says where
+                    return self._mtbdd_table(expression)
             case Conditional(condition, then, otherwise):
                 return self.boolean(condition).ite(self.number(then), self.number(otherwise))
             case Call("min" | "max" as function, arguments):
