@@ -133,6 +133,11 @@ def test_each_experiment_writes_its_own_files(queue, capsys):
     assert "1 0 2" in (queue / "o_mu=2.tra").read_text()
 
 
+def test_each_experiment_writes_its_own_path(queue, capsys):
+    assert run(capsys, "q.sm", "-const", "mu=1:2", "-simpath", "3", "p.txt", "-seed", "1")[0] == 0
+    assert {"p_mu=1.txt", "p_mu=2.txt"} <= {p.name for p in queue.iterdir()}
+
+
 def test_each_property_writes_its_own_vector(queue, capsys):
     assert run(capsys, "q.sm", "q.csl", "-const", "mu=2", "-exportvector", "v.txt", "-prop", "f")[0] == 0
     assert [float(x) for x in (queue / "v.txt").read_text().split()] == pytest.approx([1 / 3] * 3)

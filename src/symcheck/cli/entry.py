@@ -22,13 +22,20 @@ from symcheck.experiment.table import render
 __all__ = ["run_safely"]
 
 _GRACE = 5.0  # seconds that compiled code has to notice that time is up
+_INTERRUPTED = 130  # the exit status of what Ctrl-C has stopped
 _PATIENCE = 1.0  # seconds until a Ctrl-C that has had no effect is repeated
 
 
 def run_safely(words: list[str] | None = None) -> int:
     """Run the command line. Every error ends in a message on standard error and an exit status, never in a traceback."""
     with ExitStack() as stack:
-        return _guarded(sys.argv[1:] if words is None else words, stack)
+        status = _guarded(sys.argv[1:] if words is None else words, stack)
+    if words is None and status == _INTERRUPTED:
+        # An interrupt inside of exec() (as dataclasses use it) marks the process, which would end by the signal, not with 130.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    return status
 
 
 def _guarded(words: list[str], stack: ExitStack) -> int:
@@ -123,7 +130,7 @@ def _stopped(job: Job | None, error: ResourceError) -> int:
     _export(job)
     if job is not None and job.rows:
         print(f"{len(job.rows)} finished result{'s are' if len(job.rows) > 1 else ' is'} above", file=sys.stderr)
-    return _fail(error, 130 if isinstance(error, Interrupted) else 3)
+    return _fail(error, _INTERRUPTED if isinstance(error, Interrupted) else 3)
 
 
 def _export(job: Job | None) -> None:

@@ -140,7 +140,7 @@ def _instance(
     asked = list(_asked(program, file, chosen, others))
     varying: Values = {} if alone else constants
     try:
-        subject = _subject(job, program, [question for question, _ in asked], constants, options)
+        subject = _subject(job, program, [question for question, _ in asked], constants, varying)
     except ResourceError:
         raise
     except SymcheckError as error:
@@ -167,15 +167,16 @@ def _instance(
         answer(job, subject, question, options, constants, choice, {**varying, **_varied(choice, others), **number})
 
 
-def _subject(job: Job, program: Program, questions: Sequence[Question], constants: Values, options: Options) -> Engine | Simulation | None:
+def _subject(job: Job, program: Program, questions: Sequence[Question], constants: Values, varying: Values) -> Engine | Simulation | None:
     """What the questions are put to: a built model, or random paths; None where nothing is left to be asked."""
+    options = options_of(job.arguments)
     kind = ModelType(job.arguments.model_type) if job.arguments.model_type else None
     read = None if job.imported is None else job.imported.model
     model = read or bind(program, constants, model_type=kind, exact=options.exact)
     job.report.model(model, constants)
     if options.reduce and read is None:
         model = _reduced(job, model, questions)
-    simulated = simulation(job.arguments, job.report, model)
+    simulated = simulation(job.arguments, job.report, model, varying)
     if job.arguments.simpath and simulated is None and not questions and not exports.wanted(job.arguments):
         return None
     return simulated or _build(job, model, options)

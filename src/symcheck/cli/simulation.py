@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from symcheck.check.result import Result
 from symcheck.cli.exports import MODEL_EXPORTS
+from symcheck.cli.naming import NOTHING, Values, own_file
 from symcheck.cli.report import Report
 from symcheck.errors import UsageError
 from symcheck.semantics.model import BoundModel
@@ -50,7 +51,7 @@ def plan_of(arguments: argparse.Namespace) -> Plan:
     )
 
 
-def write_path(arguments: argparse.Namespace, report: Report, model: BoundModel) -> None:
+def write_path(arguments: argparse.Namespace, report: Report, model: BoundModel, varying: Values = NOTHING) -> None:
     """Make the path that -simpath describes, and write it to the file (or 'stdout'). Raises UsageError, ModelFault."""
     from symcheck.simulate.table import parse_request, table
 
@@ -68,6 +69,7 @@ def write_path(arguments: argparse.Namespace, report: Report, model: BoundModel)
         return
     from symcheck.exchange.text import write_text
 
+    where = own_file(where, varying)
     write_text(where, [shown], report.out)
     report.line(f"Path of {len(path)} steps (seed {path.seed}) written to {where}")
 
@@ -105,14 +107,14 @@ class Simulation:
         return check_by_sampling(self.model, formula, self.plan, labels=labels, fix_deadlocks=self.fix_deadlocks)
 
 
-def simulation(arguments: argparse.Namespace, report: Report, model: BoundModel) -> Simulation | None:
+def simulation(arguments: argparse.Namespace, report: Report, model: BoundModel, varying: Values = NOTHING) -> Simulation | None:
     """Carry out -simpath, and give what -sim estimates properties by (None: they are checked numerically)."""
     if not (arguments.sim or arguments.simpath):
         return None
     if not model.modules:
         raise UsageError("-sim and -simpath follow the commands of a model in the PRISM language; an imported matrix has none")
     if arguments.simpath:
-        write_path(arguments, report, model)
+        write_path(arguments, report, model, varying)
     if not arguments.sim:
         return None
     plan = plan_of(arguments)
