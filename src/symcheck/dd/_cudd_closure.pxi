@@ -404,15 +404,22 @@ cdef bint spread(Families* all, Family* f, Part* moves, int count, DdNode* sourc
             x = moved(all, moves, count, source, old, within)
             if x is not old:
                 x = closed_again(all, f, x, within)
-            x = minus(e, x, old)
     drop(e, new_source[0])
     new_source[0] = e.no
     take(e.no)
     if x is NULL:
         return False
     take(x)
-    target[0] = plus(e, old, x)
-    new_target[0] = plus(e, new_target[0], x)
+    if all.fresh or x is e.no:
+        target[0] = plus(e, old, x)
+        new_target[0] = plus(e, new_target[0], x)
+    elif x is old:
+        drop(e, x)
+        drop(e, x)
+    else:       # what exactly is new is not asked for
+        drop(e, old)
+        drop(e, new_target[0])
+        target[0] = new_target[0] = x
     return target[0] is not NULL and new_target[0] is not NULL
 
 
