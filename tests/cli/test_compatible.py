@@ -64,6 +64,7 @@ def test_switches_without_effect_are_taken_and_named(words, queue, capsys):
         (["-exporttrnas", "x"], "there is no switch -exporttrnas\n  hint: did you mean -exporttrans?"),
         (["-zzz"], "there is no switch -zzz\n  hint: symcheck --help"),
         (["-dir", "/not/there"], "-dir: '/not/there'"),
+        (["a.pctl", "b.pctl"], "'b.pctl' is one file too many"),
     ],
 )
 def test_switches_that_cannot_be_served(words, message, queue, capsys):
@@ -103,6 +104,13 @@ def test_a_model_is_recognised_by_its_ending(queue, capsys):
     assert run(capsys, "q.sm", "-const", "mu=2", "-exportmodel", "o.all")[0] == 0
     _, out, _ = run(capsys, "o.all", "-pf", 'S=? [ "full" ]')
     assert "Result: 0.33333" in out
+
+
+def test_two_models_are_one_too_many(queue, capsys):
+    assert run(capsys, "q.sm", "-const", "mu=2", "-exportmodel", "o.all")[0] == 0
+    status, _, err = run(capsys, "q.sm", "-importmodel", "o.all")
+    assert status == 2
+    assert "'q.sm' and -import… both tell which model to read" in err
 
 
 def test_the_model_as_a_text(queue, capsys):

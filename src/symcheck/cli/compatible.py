@@ -88,6 +88,8 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             raise UsageError(f"-{name}: {_REFUSED[name]}")
         else:
             raise UsageError(f"there is no switch {word}\n  hint: {_hint(word, values)}symcheck --help lists the switches")
+    if len(files) > 2:
+        raise UsageError(f"'{files[2]}' is one file too many: a run has a model file and a properties file; -pf gives more properties")
     # Files may stand between switches, which argparse does not expect of two that may be missing.
     return Adapted([*files, *kept], without, folder)
 

@@ -27,6 +27,7 @@ from symcheck.syntax.parse import parse_model_file
 __all__ = ["run"]
 
 Given = Mapping[str, Sequence[str]]
+_MODEL_ENDINGS = (".pm", ".sm", ".nm", ".prism")
 
 
 def run(job: Job) -> int:
@@ -38,6 +39,8 @@ def run(job: Job) -> int:
     exports.targets(a)
     if job.imported is not None and a.properties is None:
         # The first file is the model's only where there is no other model.
+        if a.model is not None and a.model.endswith(_MODEL_ENDINGS):
+            raise UsageError(f"'{a.model}' and -import… both tell which model to read")
         a.model, a.properties = None, a.model
     if a.model is None and job.imported is None:
         raise UsageError("no model file is given\n  hint: symcheck MODEL [PROPERTIES] [switches]; --help lists the switches")
