@@ -181,7 +181,7 @@ def _problem(context: Context, system: System, left: StateSet, right: StateSet, 
 
 
 def _note(context: Context, found: Found, problem: Epochs, seconds: float) -> None:
-    cycles = f", cycles without reward of up to {found.cycle} states by sweeps" if found.cycle > 1 else ""
+    cycles = f", cycles without reward of up to {found.cycle} states" if found.cycle > 1 else ""
     about = f"{found.levels} levels of the budget{cycles}"
     context.notes.runs.append(Run("epochs", "budget by budget", problem.matrix.states, found.levels + found.sweeps, seconds, about))
 

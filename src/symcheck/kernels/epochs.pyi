@@ -7,6 +7,5 @@ from symcheck.numerics.matrix import Int32s
 
 class Levels:
     sweeps: int
-    unconverged: int
     def __init__(self, layer: Any, mode: int, floor: int, clear: Int32s, tolerance: float, limit: int) -> None: ...
     def advance(self, x: NDArray[np.float64], level: int, stop: int) -> int: ...

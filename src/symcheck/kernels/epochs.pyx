@@ -21,7 +21,8 @@ cdef class Levels:
     mode: 0 one row per state, 1 min, 2 max. floor: the lowest level that exists; rows from below it have value 0.
     """
 
-    cdef const int64_t[::1] block, row_ptr, ptr, mid, reward, member_ptr
+    cdef const int64_t[::1] block, row_ptr, ptr, mid, reward, member_ptr, inverse_at
+    cdef const double[::1] inverse
     cdef const int32_t[::1] idx, state, members, clear
     cdef const double[::1] val, slack, steps
     cdef const uint8_t[::1] full
@@ -30,19 +31,20 @@ cdef class Levels:
     cdef int64_t floor, limit
     cdef int mode
     cdef double tolerance
-    cdef public int64_t sweeps, unconverged
+    cdef public int64_t sweeps
 
     def __init__(self, layer, int mode, int64_t floor, const int32_t[::1] clear, double tolerance, int64_t limit):
         self.block, self.row_ptr, self.ptr, self.mid = layer.block, layer.row_ptr, layer.ptr, layer.mid
         self.reward, self.member_ptr = layer.reward, layer.member_ptr
         self.idx, self.state, self.members, self.clear = layer.idx, layer.state, layer.members, clear
         self.val, self.slack, self.steps, self.full = layer.val, layer.slack, layer.steps, layer.full
+        self.inverse, self.inverse_at = layer.inverse, layer.inverse_at
         self.low = np.empty(len(layer.reward))
         self.high = np.empty(len(layer.reward))
         self.one = np.empty(len(layer.reward), dtype=np.uint8)
         self.none = np.zeros(1 + int(np.max(layer.members, initial=0)), dtype=np.uint8)
         self.mode, self.floor, self.tolerance, self.limit = mode, floor, tolerance, limit
-        self.sweeps = self.unconverged = 0
+        self.sweeps = 0
 
     def advance(self, double[:, :, ::1] x, int64_t level, int64_t stop):
         """Compute the levels from `level` up to `stop` (left out); how many at the end were equal to the one before."""
@@ -61,7 +63,7 @@ cdef class Levels:
                     if self.block[b + 1] == self.block[b] + 1:
                         changed |= self.single(x, self.block[b], level, cur, prev, slots)
                     else:
-                        changed |= self.cycle(x, self.block[b], self.block[b + 1], level, cur, prev, slots)
+                        changed |= self.cycle(x, self.block[b], self.block[b + 1], self.inverse_at[b], level, cur, prev, slots)
                 same = 0 if changed else same + 1
                 level += 1
         return same
@@ -188,7 +190,19 @@ cdef class Levels:
                     self.none[self.state[i]] = 0
                     again = True
 
-    cdef bint cycle(self, double[:, :, ::1] x, int64_t begin, int64_t end, int64_t level, int64_t cur, int64_t prev,
+    cdef void solved(self, double[:, :, ::1] x, int64_t begin, int64_t end, int64_t at, int64_t cur) noexcept nogil:
+        """A cycle's values by the inverse of its equations, up to rounding; each state has one row."""
+        cdef int64_t n = end - begin, i, k, r = self.row_ptr[begin]
+        cdef double lo, hi
+        for i in range(n):
+            lo = hi = 0.0
+            for k in range(n):
+                lo += self.inverse[at + i * n + k] * self.low[r + k]
+                hi += self.inverse[at + i * n + k] * self.high[r + k]
+            x[cur, self.state[begin + i], 0] = lo
+            x[cur, self.state[begin + i], 1] = hi
+
+    cdef bint cycle(self, double[:, :, ::1] x, int64_t begin, int64_t end, int64_t at, int64_t level, int64_t cur, int64_t prev,
                     int64_t slots) noexcept nogil:
         """States on cycles without reward: sweeps, and then bounds from what is left of the equations.
 
@@ -214,7 +228,9 @@ cdef class Levels:
             x[cur, s, 1] = x[prev, s, 1]
         goal = self.tolerance / longest
         goal = goal if goal > 2e-16 else 2e-16
-        for count in range(self.limit):
+        if at >= 0:
+            self.solved(x, begin, end, at, cur)
+        for count in range(self.limit if at < 0 else 2):
             change = big = 0.0
             for i in range(begin, end):
                 s = self.state[i]
@@ -231,8 +247,6 @@ cdef class Levels:
             self.sweeps += 1
             if change <= goal * big:
                 break
-        else:
-            self.unconverged += 1
         for i in range(begin, end):
             s = self.state[i]
             if self.none[s]:

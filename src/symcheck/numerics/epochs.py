@@ -28,6 +28,10 @@ _MEMORY = 4 << 30
 """Bytes that the values of the levels that are kept may take."""
 _SWEEPS = 200_000
 """Sweeps over a cycle at one level; fewer as a rule, as each level begins with the values of the one before."""
+_DENSE = 1_500
+"""States of a cycle without choices up to which its equations are inverted."""
+_SLOW = 30.0
+"""Steps on a cycle from which on that pays."""
 _CHUNK = 50_000_000
 """Entries that are visited before the observer is asked."""
 _UNIT = 2.0**-53
@@ -71,7 +75,6 @@ class Found:
     levels: int
     sweeps: int
     cycle: int
-    settled: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,8 @@ class Layer:
     Place i (`block[b]` to `block[b+1]` are on a cycle with each other) is state `state[i]`, and has rows `row_ptr[i]` to
     `row_ptr[i+1]`; its value is that of `members[member_ptr[i]:member_ptr[i+1]]`. Row r has entries `ptr[r]` to `ptr[r+1]`
     (`idx`, `val`), from `mid[r]` on those on its own cycle; `reward`, and `full` where no mass is missing. `row_id`: the row of
-    the matrix; `scale`: what its entries were divided by for a self-loop (which is left out). steps: h >= 1 + A h on cycles.
+    the matrix, whose entries were divided by what a self-loop, which is left out, leaves. steps: h >= 1 + A h on cycles.
+    inverse: the entries of (I - A)^-1, in floating point, of block b from `inverse_at[b]` on (-1: none).
     """
 
     block: Int64s
@@ -98,6 +102,8 @@ class Layer:
     full: Bools
     row_id: Int64s
     steps: Floats
+    inverse: Floats
+    inverse_at: Int64s
 
     @property
     def cycle(self) -> int:
@@ -112,26 +118,46 @@ def solve_epochs(problem: Epochs, settings: Settings, observer: Observer | None 
     """
     n = problem.matrix.states
     if problem.upper is not None and problem.upper < problem.lower:
-        return Found(np.zeros(n), np.zeros(n), 0, 0, 0, True)
+        return Found(np.zeros(n), np.zeros(n), 0, 0, 0)
     reach = problem.upper if problem.upper is not None else problem.lower
     # More than the last level is as good as that: it leads below the lowest level, or to where nothing is wanted any more.
     rewards = np.minimum(problem.rewards, reach + (problem.upper is not None))
     slots = int(rewards[rewards <= reach].max(initial=0)) + 1
+    problem = replace(problem, rewards=rewards)
+    if problem.upper is not None and problem.lower == 0:
+        return _upper_only(problem, problem.upper, slots, settings, observer)
     if slots * n * 16 > _MEMORY:
         raise MemoryLimitError(f"rewards of up to {slots - 1} steps of the budget over {n:,} states need more than 4 GB of memory")
     x = np.zeros((slots, n, 2))
-    problem = replace(problem, rewards=rewards)
     run = _Run(problem, settings, observer, x)
     if problem.upper is None:
         run.begin(*_unbounded(problem, settings))
         last = 0
     else:
         x[:, problem.right, :] = 1.0
-        last = run.phase(problem.left & ~problem.right, 0, problem.upper - problem.lower + 1, np.zeros(n, np.bool_))
+        unknown = problem.left & ~problem.right
+        last = run.phase(layer_of(problem, unknown), unknown, 0, problem.upper - problem.lower + 1)
     if problem.lower > 0:
-        last = run.phase(problem.left, last + 1, problem.lower, ~problem.left)
-    values = x[last % slots]
-    return Found(values[:, 0].copy(), values[:, 1].copy(), run.levels, run.sweeps, run.cycle, run.settled)
+        last = run.phase(layer_of(problem, problem.left), np.ones(n, np.bool_), last + 1, problem.lower)
+    return run.found(x[last % slots])
+
+
+def _upper_only(problem: Epochs, upper: int, slots: int, settings: Settings, observer: Observer | None) -> Found:
+    """With a bound from above alone, a ring holds a value per place of the layer, in its order, and not one per state."""
+    layer = layer_of(problem, problem.left & ~problem.right)
+    count = len(layer.state)
+    if slots * (count + 2) * 16 > _MEMORY:
+        raise MemoryLimitError(f"rewards of up to {slots - 1} steps of the budget over {count:,} states need more than 4 GB of memory")
+    place = np.full(problem.matrix.states, count + 1, np.int32)  # value 0
+    place[problem.right] = count
+    place[layer.members] = np.repeat(np.arange(count, dtype=np.int32), np.diff(layer.member_ptr))
+    own = np.arange(count + 1, dtype=np.int64)
+    compact = replace(layer, idx=place[layer.idx], state=own[:-1].astype(np.int32), members=own[:-1].astype(np.int32), member_ptr=own)
+    x = np.zeros((slots, count + 2, 2))
+    x[:, count, :] = 1.0
+    run = _Run(problem, settings, observer, x)
+    last = run.phase(compact, np.zeros(0, np.bool_), 0, upper + 1)
+    return run.found(x[last % slots][place])
 
 
 class _Run:
@@ -140,21 +166,23 @@ class _Run:
     def __init__(self, problem: Epochs, settings: Settings, observer: Observer | None, x: Floats) -> None:
         self.problem, self.settings, self.observer, self.x = problem, settings, observer, x
         self.levels = self.sweeps = self.cycle = 0
-        self.settled = True
 
     def begin(self, lower: Floats, upper: Floats) -> None:
         """All levels so far have these values."""
         self.x[:, :, 0] = lower
         self.x[:, :, 1] = upper
 
-    def phase(self, unknown: Bools, first: int, count: int, clear: Bools) -> int:
-        """Compute `count` levels from number `first` on, in which the states `clear` have value 0; the number of the last."""
+    def found(self, values: Floats) -> Found:
+        """The result, given the last level (float64[n, 2])."""
+        return Found(values[:, 0].copy(), values[:, 1].copy(), self.levels, self.sweeps, self.cycle)
+
+    def phase(self, layer: Layer, clear: Bools, first: int, count: int) -> int:
+        """Compute `count` levels from number `first` on; the number of the last. Of `clear`, what has no equation has value 0."""
         problem, slots = self.problem, len(self.x)
-        layer = layer_of(problem, unknown)
         mode = 0 if problem.direction is None else 1 if problem.direction == "min" else 2
         dead = clear.copy()
-        dead[unknown] = True
-        dead[layer.members] = False
+        if len(dead):
+            dead[layer.members] = False
         tolerance = max(1e-16, self.settings.epsilon / (8.0 * max(1, problem.levels)))
         floor = 0 if problem.upper is not None else -slots
         kernel = Levels(_masked(layer), mode, floor, np.flatnonzero(dead).astype(np.int32), tolerance, _SWEEPS)
@@ -172,7 +200,6 @@ class _Run:
                 break  # as many levels as matter are alike, and so are all that follow
         self.levels += level - first
         self.sweeps += kernel.sweeps
-        self.settled &= kernel.unconverged == 0
         return level - 1
 
 
@@ -280,8 +307,32 @@ def layer_of(problem: Epochs, unknown: Bools) -> Layer:
         full=problem.exit[lead.rows][order] <= 0.0,
         row_id=lead.rows[order],
         steps=np.ones(lead.count),
+        inverse=np.zeros(0),
+        inverse_at=np.full(parts.count, -1, np.int64),
     )
-    return replace(layer, steps=_steps(layer)) if layer.cycle > 1 else layer
+    return _with_inverses(replace(layer, steps=_steps(layer))) if layer.cycle > 1 else layer
+
+
+def _with_inverses(layer: Layer) -> Layer:
+    """With the inverses of cycles without choices that are left slowly: there, sweeps would go on for long."""
+    found: list[Floats] = []
+    at, total = layer.inverse_at.copy(), 0
+    place = np.full(int(layer.state.max()) + 1, -1, np.int64)
+    place[layer.state] = np.arange(len(layer.state))
+    for b in np.flatnonzero(np.diff(layer.block) > 1).tolist():
+        begin, end = int(layer.block[b]), int(layer.block[b + 1])
+        n = end - begin
+        plain = layer.row_ptr[end] - layer.row_ptr[begin] == n
+        if not plain or n > _DENSE or layer.steps[begin:end].max() < _SLOW or (total + n * n) * 8 > _MEMORY // 8:
+            continue
+        a = np.eye(n)
+        for i in range(n):
+            r = int(layer.row_ptr[begin + i])
+            inside = slice(int(layer.mid[r]), int(layer.ptr[r + 1]))
+            np.subtract.at(a[i], place[layer.idx[inside]] - begin, layer.val[inside])
+        found.append(np.maximum(np.linalg.inv(a), 0.0).ravel())
+        at[b], total = total, total + n * n
+    return replace(layer, inverse=np.concatenate(found), inverse_at=at) if found else layer
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,6 +373,8 @@ class _Leaders:
         else:
             active = unknown & ~inside
             rows = np.flatnonzero(active[owner])
+        place, copies = _followed(problem, source, place, active, rows)
+        rows = rows[~copies]
         members = np.flatnonzero(active)
         members = members[np.argsort(place[members], kind="stable")]
         state, sizes = np.unique(place[members], return_counts=True)
@@ -330,6 +383,26 @@ class _Leaders:
         rows = rows[np.argsort(number[owner[rows]], kind="stable")]
         pointers = np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
         return cls(state.astype(np.int32), number, members.astype(np.int32), pointers, rows, number[owner[rows]])
+
+
+def _followed(problem: Epochs, source: graph.Incidence, place: Int64s, active: Bools, rows: Int64s) -> tuple[Int64s, Bools]:
+    """Leaders whose only row is a step to one state, without reward, follow that state's leader; and which rows these are."""
+    m, owner = problem.matrix, source.owner_of_rows
+    if not m.entries:
+        return place, np.zeros(len(rows), np.bool_)
+    of = place[owner[rows]]
+    alone = np.bincount(of, minlength=len(place))[of] == 1
+    copies = alone & (np.diff(m.indptr)[rows] == 1) & (problem.rewards[rows] == 0) & (problem.exit[rows] <= 0.0)
+    target = m.indices[np.minimum(m.indptr[rows], m.entries - 1)]
+    copies &= active[target]
+    copies &= place[target] != of
+    follow = np.arange(len(place))
+    follow[of[copies]] = place[target[copies]]
+    while True:
+        further = follow[follow]
+        if np.array_equal(further, follow):
+            return follow[place], copies
+        follow = further
 
 
 def _components(source: Int64s, target: Int64s, n: int) -> graph.Components:
