@@ -16,6 +16,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import prod
+from time import perf_counter, process_time
 from typing import TYPE_CHECKING
 
 from symcheck.engines.base import Engine
@@ -36,6 +37,7 @@ _MORE = 200_000  # states that it goes on to where they have few transitions: be
 _DENSE = 3_000_000  # transitions that are not few
 _ENUMERATED = 10_000_000  # valuations that a search tries for the initial states of `init … endinit`
 _TURNS = ((1.5, 4_000_000), (10.0, 30_000_000))  # seconds for diagrams, then states for the search; and so on in turn
+_STRETCH = 8.0  # how much longer turns may take by the clock, on a busy machine
 _WRITTEN = 10_000_000  # states up to which a model that diagrams hold is written out and checked as arrays
 _SPARSE_NODES = 0.5  # diagram nodes per state above which rows of bits are the better container
 _ENTRY_BYTES = 12
@@ -68,17 +70,20 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
     if model.initial is not None and _valuations(model) > _ENUMERATED:
         return _symbolic(_reach(model, options, None), options, observer, "a search would have to try too many initial states")
     exploration = Exploration(model, options)
+    wall, busy = perf_counter(), process_time()
     if exploration.run(_SMALL) or _a_little_more(exploration):
         return _explicit(exploration, observer, f"{exploration.progress.states:,} states are few")
     if any(v.low is None for v in model.variables):
         exploration.run(None, observer)
         return _explicit(exploration, observer, "there are integers without bounds")
+    # Turns are of processor time: on a machine that others use as well, diagrams get as far as on an idle one.
+    stretch = min(max((perf_counter() - wall) / max(process_time() - busy, 1e-3), 1.0), _STRETCH)
     for seconds, states in _TURNS:
         reason = ""
         try:
             if seconds == _TURNS[0][0] and _rounds_too_much(model):
                 raise UnsupportedError(_TOO_MUCH)
-            space = _reach(model, options, seconds)
+            space = _reach(model, options, seconds * stretch)
             nodes = space.states.node_count
             if nodes <= _SPARSE_NODES * space.count:
                 return _symbolic(space, options, observer, f"{nodes:,} nodes hold {space.count:,} states")
