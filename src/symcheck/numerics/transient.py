@@ -32,7 +32,8 @@ from symcheck.numerics.truncate import truncate
 __all__ = ["Transient", "transient_distribution", "transient_values"]
 
 LOOK = 50  # steps between two looks at the stopping test
-BUDGET = 1e10  # entries to go over before states are cut off that do not matter (a tenth of it if the whole is hopeless)
+BUDGET = 1e10  # entries to go over, at most, before states are cut off that do not matter (a tenth of it if the whole is hopeless)
+PATIENCE = 0.03  # of the entries to go over in all, likewise
 HOPELESS = 1e12  # entries to go over in all
 LONG, STIFF = 1e4, 1e10  # steps, and entries to go over in all, from which on implicit means are tried
 LAYER = 300.0  # steps of uniformisation before that
@@ -135,7 +136,8 @@ def _implicit(
 
 
 def _budget(chain: Chain, time: float) -> float:
-    return BUDGET * (0.1 if chain.q * time * chain.entries > HOPELESS else 1.0)
+    whole = chain.q * time * chain.entries
+    return BUDGET * (0.1 if whole > HOPELESS else min(1.0, max(0.1, PATIENCE * whole / BUDGET)))
 
 
 def transient_distribution(
