@@ -23,7 +23,8 @@ from symcheck.engines.arrays import ArraySet
 from symcheck.engines.exact import ExactEngine, ExactMatrix
 from symcheck.engines.rationals import Rationals
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.epochs import Epochs, Layer, layer_of, unfold
+from symcheck.numerics.epoch_layer import Epochs, Layer, layer_of
+from symcheck.numerics.epochs import unfold
 from symcheck.numerics.matrix import Bools
 from symcheck.semantics.conditions import reward_index
 from symcheck.syntax.ast import ModelType

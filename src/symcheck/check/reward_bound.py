@@ -21,7 +21,8 @@ from symcheck.check.scale import Limits, scaled
 from symcheck.check.window import Count
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.epochs import Epochs, Found, solve_epochs, unfold
+from symcheck.numerics.epoch_layer import Epochs
+from symcheck.numerics.epochs import Found, solve_epochs, unfold
 from symcheck.numerics.matrix import Bools, Floats, SparseMatrix
 from symcheck.semantics.conditions import reward_index
 from symcheck.semantics.model import BoundReward

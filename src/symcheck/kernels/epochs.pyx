@@ -16,7 +16,7 @@ cdef double ALMOST = 0.999999
 
 
 cdef class Levels:
-    """Equations in the order of evaluation: see `symcheck.numerics.epochs.Layer` for the arrays.
+    """Equations in the order of evaluation: see `symcheck.numerics.epoch_layer.Layer` for the arrays.
 
     mode: 0 one row per state, 1 min, 2 max. floor: the lowest level that exists; rows from below it have value 0.
     """
