@@ -1,6 +1,6 @@
 """Build time, search time and nodes of the symbolic engine, per model and schedule.
 
-    python benchmarks/reach.py [--only kanban] [--schedule saturation ...] [--limit 30] [--out FILE.jsonl]
+    python benchmarks/reach.py [--only kanban] [--schedule saturation ...] [--order force] [--limit 30] [--out FILE.jsonl]
 
 Needs PRISM's benchmark suite in the folder that SYMCHECK_PEERS names (each model with its models.csv of known numbers of
 states). Every run has a process of its own, so that no run inherits another's diagrams or memory. The counts are
@@ -29,7 +29,7 @@ def instances(peers: Path, only: str) -> Iterator[tuple[Path, str, int]]:
                     yield path, row["model_consts"], int(row["states"])
 
 
-def measure(path: Path, constants: str, schedule: str | None, limit: float) -> dict[str, object]:
+def measure(path: Path, constants: str, schedule: str | None, order: str | None, limit: float) -> dict[str, object]:
     from symcheck.check.options import Options
     from symcheck.errors import SymcheckError
     from symcheck.semantics.bind import bind
@@ -40,7 +40,7 @@ def measure(path: Path, constants: str, schedule: str | None, limit: float) -> d
 
     result: dict[str, object] = {"model": path.name, "constants": constants}
     given = dict(c.split("=") for c in constants.split(",")) if constants else {}
-    options = Options(time_limit=limit)
+    options = Options(time_limit=limit, order=tuple(order.split(",")) if order else None)
     times = [time.perf_counter()]
     try:
         model = bind(parse_model_file(path), given)
@@ -66,6 +66,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="part of the model's path or constants")
     parser.add_argument("--schedule", nargs="*", default=[None], help="frontier, chaining, saturation; default: the model's")
+    parser.add_argument("--order", help="variables from the top down, or force; default: as declared")
     parser.add_argument("--limit", type=float, default=30, help="seconds per run")
     parser.add_argument("--out", type=Path, help="append results here, one JSON object a line")
     arguments = parser.parse_args()
@@ -74,7 +75,7 @@ def main() -> None:
     for path, constants, states in instances(peers, arguments.only):
         for schedule in arguments.schedule:
             with context.Pool(1) as pool:
-                result = pool.apply(measure, (path, constants, schedule, arguments.limit))
+                result = pool.apply(measure, (path, constants, schedule, arguments.order, arguments.limit))
             result["right"] = result.get("states") == states
             print(json.dumps(result), flush=True)
             if arguments.out:
