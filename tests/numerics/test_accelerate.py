@@ -107,3 +107,18 @@ def test_infinite_constants_are_left_to_others() -> None:
     problem.constant[0] = np.inf
     block = block_of(LinearProblem(problem.constant, problem.matrix, exit=problem.exit, direction="max", probability=False))
     assert accelerated(block, 1e-6, relative=True) == (None, 0)
+
+
+def test_rounding_decides_how_near_proved_bounds_can_be() -> None:
+    n = 20  # from every state it is 0.75 : 0.25 away from the exit, so that leaving takes some 3^20 steps
+    rows: System = []
+    for s in range(n):
+        away = {min(s + 1, n - 1): Fraction(3, 4)}
+        back = {s - 1: Fraction(1, 4)} if s else {}
+        rows.append([(away | back, Fraction(1), Fraction(0) if s else Fraction(1, 4))] * 2)
+    exact = solve_chain([choices[0] for choices in rows])
+    assert exact is not None
+    assert accelerated(block_of(problem_of(rows, "max", probability=False)), 1e-9, relative=True)[0] is None
+    found, _ = accelerated(block_of(problem_of(rows, "max", probability=False)), 1e-3, relative=True)
+    assert found is not None
+    assert all(Fraction(float(low)) <= v <= Fraction(float(high)) for low, v, high in zip(found.lower, exact, found.upper, strict=True))
