@@ -4,7 +4,8 @@ usage: lump.py [NAME...]    only the rows whose name contains one of the words
 
 Models and properties are those of the PRISM benchmark suite, in the folder that the environment variable SYMCHECK_PEERS names, and
 components that are alike, made here. Building the model is not counted, for nobody; each partition is made in a process of its
-own, which ends after LIMIT seconds of processor time. 'listed' writes the rows out and refines these, where there are at most 10 million states.
+own, which ends after LIMIT seconds of processor time. 'listed' writes the rows out and refines these, where there are at most
+10 million states.
 """
 
 from __future__ import annotations
@@ -34,11 +35,10 @@ TASKS = [
     ("herman 13", "dtmcs/herman/herman13.pm", "steps.pctl", ""),
     ("kanban 3", "ctmcs/kanban/kanban.sm", "throughput.csl", "t=3"),
     ("polling 12", "ctmcs/polling/poll12.sm", "s1_before_s2.csl", ""),
-    ("polling 16", "ctmcs/polling/poll16.sm", "s1_before_s2.csl", ""),
     ("cluster 64", "ctmcs/cluster/cluster.sm", "qos1.csl", "N=64,T=1"),
     ("csma 2/4", "mdps/csma/csma2_4.nm", "all_before_max.pctl", ""),
     ("csma 3/4", "mdps/csma/csma3_4.nm", "all_before_max.pctl", ""),
-    *((f"alike {n}x{k}", f"{n} {k}", "", "") for n, k in ((20, 2), (40, 2), (60, 2), (16, 3), (24, 3), (10, 4), (14, 4))),
+    *((f"alike {n}x{k}", f"{n} {k}", "", "") for n, k in ((20, 2), (40, 2), (60, 2), (16, 3), (10, 4), (14, 4))),
 ]
 
 
@@ -123,10 +123,7 @@ def one(index: int, who: str) -> None:
 
 def child(index: int, who: str) -> dict[str, Any]:
     command = [sys.executable, __file__, "--one", str(index), who]
-    try:
-        ended = subprocess.run(command, capture_output=True, text=True, timeout=4 * LIMIT, check=False)
-    except subprocess.TimeoutExpired:
-        return {"failed": f"> {LIMIT}"}
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
     if ended.returncode == -signal.SIGXCPU:
         return {"failed": f"> {LIMIT}"}
     if ended.returncode:
