@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model
+from symcheck.engines import symbolic_lump
 from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.symbolic_lump import lump_diagrams
 from symcheck.errors import InputError, UnsupportedError
@@ -131,6 +132,25 @@ def test_more_states_than_can_be_numbered():
     result = check_text(engine, "filter(max, R=? [ S ])", bisim=True)
     assert result.value == pytest.approx(64 * 0.3 / 2.0, rel=1e-6)
     assert "-> 65 by bisimulation" in result.explanation
+
+
+def test_what_is_no_longer_needed_is_dropped(monkeypatch):
+    text = "mdp\nmodule m\n x : [0..40];\n y : [0..1];\n [a] x<40 -> 0.5:(x'=x+1) + 0.5:(y'=1-y);\n [b] x>0 -> (x'=x-1);\nendmodule\n"
+    engine = engine_of(text + "rewards\n [b] true : x;\nendrewards\n", "sparse")
+    make, made = symbolic_lump._matrices, []
+
+    def small(*arguments):
+        made.append(make(*arguments))
+        made[-1].threshold = 10
+        return made[-1]
+
+    want = lump_diagrams(engine.diagrams, [where(engine, "x=40").bdd], [0])
+    monkeypatch.setattr(symbolic_lump, "_matrices", small)
+    found = lump_diagrams(engine.diagrams, [where(engine, "x=40").bdd], [0])
+    assert made[0].threshold > 10
+    assert found.nodes < want.nodes
+    assert (found.block_of_states() == want.block_of_states()).all()
+    assert rows_of(found.matrix, found.rewards[0]) == rows_of(want.matrix, want.rewards[0])
 
 
 def test_giving_up():

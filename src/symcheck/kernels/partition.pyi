@@ -11,6 +11,7 @@ def largest_sum(level: _Ints, low: _Ints, high: _Ints, weight: _Doubles, roots: 
 class Partition:
     blocks: int
     rounds: int
+    threshold: int
     @property
     def memory(self) -> int: ...
     @property

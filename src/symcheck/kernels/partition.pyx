@@ -30,8 +30,9 @@ cdef enum Stop:
     GOES_ON, NO_MEMORY, SIGNAL
 
 # Nodes that are kept before those that are no longer needed are dropped; then as many times what is left.
-DEF FIRST_COLLECTION = 4000000
-DEF GROWTH = 4
+cdef enum:
+    FIRST_COLLECTION = 4000000
+    GROWTH = 4
 
 
 cdef int pending() except -1:
@@ -76,7 +77,7 @@ cdef class Partition(Splitting):
     negated; sums must stay below 2 ** (126 - exponent). limit: bytes that may be used.
     """
 
-    cdef int64_t threshold
+    cdef public long long threshold
     cdef readonly long long rounds
     cdef list rewards            # per root: the diagram of what else its rows are told apart by
 
@@ -246,7 +247,7 @@ cdef class Partition(Splitting):
         release(&lows)
         release(&highs)
         self.unknow()
-        self.threshold = max(<int64_t>FIRST_COLLECTION, GROWTH * self.nodes)
+        self.threshold = max(self.threshold, GROWTH * self.nodes)
         return self.ended()
 
     def meeting(self, level, low, high, leaves, int root):
