@@ -96,7 +96,7 @@ class SymbolicGraph:
 
     def _close(self, start: Bdd, *, forward: bool, within: Bdd, deadline: float | None = None) -> Bdd:
         """The least set with `start` and what steps (forward or backward) add to it `within` a set."""
-        if not start or start == within:
+        if not start or within <= start:  # nothing to begin with, or nothing to add
             return start
         if self.observer is None:
             closed = close(self._d.closure(forward), start, within, deadline)
@@ -192,7 +192,7 @@ class SymbolicGraph:
     def _unavoidable(self, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
         """States from where all strategies have a positive probability of left U right."""
         reach = right
-        while True:
+        while reach:
             self._check(deadline)
             before = self._slots_before(reach)
             escape = self._d.union([guard - b for guard, b in zip(self._guards, before, strict=True)])
@@ -201,6 +201,7 @@ class SymbolicGraph:
                 return reach
             reach = more
             self._tell("every strategy reaches", reach)
+        return reach
 
     def prob1(self, left: SymbolicSet, right: SymbolicSet, direction: str | None) -> SymbolicSet:
         """States whose (min/max) probability of left U right is 1."""
@@ -216,12 +217,13 @@ class SymbolicGraph:
     def _almost_sure(self, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
         """States from where some strategy has probability 1 of left U right."""
         candidates = self._backward(right, left, deadline)
-        while True:
+        while candidates:
             self._tell("candidates", candidates)
             sure = self._surely_within(candidates, left, right, deadline)
             if sure == candidates:
                 return sure
             candidates = sure
+        return candidates
 
     def _surely_within(self, candidates: Bdd, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
         """States with a path into `right`, in `left` before, by choices that surely stay within `candidates`."""
