@@ -45,6 +45,22 @@ def test_what_is_counted(engine):
     assert ask('P=? [ F{"x"}>=100 s=3 ]', engine=engine) == 1
 
 
+@pytest.mark.parametrize("engine", ["explicit", "exact"])
+def test_a_bound_from_below_that_is_greater_than_one_from_above(engine):
+    # At least three steps in s=0, so twice no luck; then to s=2, and not to s=3.
+    model = """dtmc
+    module m
+      s : [0..3];
+      [] s=0 -> 0.5:(s'=1) + 0.5:(s'=0);
+      [] s=1 -> 0.75:(s'=2) + 0.25:(s'=3);
+      [] s>1 -> true;
+    endmodule
+    rewards "x" s=0 : 1; endrewards
+    rewards "y" s=1 : 1; endrewards
+    """
+    assert ask('P=? [ F{"x"}>=3,{"y"}<=1 s=2 ]', model, engine) == pytest.approx(0.25 * 0.75, rel=1e-12)
+
+
 def test_operators():
     within = ask('P=? [ F{"x"}<=4 s>=2 ]')
     assert ask('P=? [ G{"x"}<=4 s<2 ]') == pytest.approx(1 - within)
@@ -193,6 +209,7 @@ class Counted:
             (f'{p} [ s!={stay} U{{"r"}}[{low},{high}] s={goal} ]', f"{p} [ s!={stay} U (s={goal} & c>={low} & c<={high}) ]"),
             (f'{p} [ G{{"r"}}<{high + 1} s!={goal} ]', f"{p} [ G (s!={goal} | c>{high}) ]"),
             (f'{p} [ F^{{rew{{"r"}}[{low},{high}], steps<=5}} s={goal} ]', f"{p} [ F<=5 (s={goal} & c>={low} & c<={high}) ]"),
+            (f'{p} [ F^{{rew{{"r"}}>={low + 3}, steps<=2}} s={goal} ]', f"{p} [ F<=2 (s={goal} & c>={low + 3}) ]"),
         ]
 
 

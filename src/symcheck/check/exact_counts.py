@@ -17,7 +17,7 @@ from symcheck.check.context import Context
 from symcheck.check.rational import Entries, RationalProblem, least_solution
 from symcheck.check.result import Run
 from symcheck.check.reward_bound import check_even, state_name
-from symcheck.check.scale import Limits, common_step, in_steps
+from symcheck.check.scale import Limits, common_step, in_steps, main_first
 from symcheck.check.window import Count
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.exact import ExactEngine, ExactMatrix
@@ -74,7 +74,7 @@ def counted_values(
     limit is from above (and there is one only).
     """
     left, right = (s.members for s in sets)
-    limits = sorted(limits, key=lambda limit: -limit.levels)
+    limits = sorted(limits, key=main_first)
     problem = Epochs(matrix.shape, np.zeros(matrix.shape.rows), limits[0].rewards, left, right, limits[0].lower, limits[0].upper, direction)
     origin = np.arange(matrix.shape.rows)
     for i, limit in enumerate(limits[1:], 1):

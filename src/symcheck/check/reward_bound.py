@@ -17,7 +17,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.discrete import best, per_row
 from symcheck.check.result import Run
-from symcheck.check.scale import Limits, scaled
+from symcheck.check.scale import Limits, main_first, scaled
 from symcheck.check.window import Count
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
@@ -54,7 +54,7 @@ def counted_until(context: Context, left: StateSet, right: StateSet, counts: Seq
     limits = [scaled(context, system, row_rewards(context, system, c), c) for c in counts]
     if any(limit.empty for limit in limits):
         return engine.constant(0)
-    limits.sort(key=lambda limit: -limit.levels)
+    limits.sort(key=main_first)
     problem = _problem(context, system, left, right, limits[0], direction)
     n = problem.matrix.states
     for i, limit in enumerate(limits[1:], 1):

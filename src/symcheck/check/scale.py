@@ -15,7 +15,7 @@ from symcheck.engines.base import System
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.matrix import Floats, Int64s
 
-__all__ = ["Limits", "common_step", "in_steps", "scaled"]
+__all__ = ["Limits", "common_step", "in_steps", "main_first", "scaled"]
 
 _DENOMINATOR = 1_000_000
 _LEVELS = 100_000_000
@@ -40,6 +40,15 @@ class Limits:
     def levels(self) -> int:
         """How many budgets there are."""
         return (self.lower if self.upper is None else self.upper) + 1
+
+
+def main_first(limit: Limits) -> tuple[bool, int]:
+    """A key to sort by: first what is counted level by level; the others are counted in the states.
+
+    That must be one with an end wherever one has an end: without, the lowest level is reachability without limits, where no
+    mass may be missing, and copies that count up to an end lose some. Of several, the one with the most levels.
+    """
+    return limit.upper is None, -limit.levels
 
 
 def in_steps(window: Window, step: Fraction) -> tuple[int, int | None]:

@@ -64,6 +64,7 @@ def solve_epochs(problem: Epochs, settings: Settings, observer: Observer | None 
     x = np.zeros((slots, n, 2))
     run = _Run(problem, settings, observer, x)
     if problem.upper is None:
+        assert not (problem.exit > 0.0).any(), "reachability without limits is for all states"
         run.begin(*_unbounded(problem, settings))
         last = 0
     else:
@@ -192,7 +193,7 @@ def unfold(problem: Epochs, rewards: Int64s, lower: int, upper: int | None) -> t
     """
     counts = (lower if upper is None else upper) + 1
     m = problem.matrix
-    if m.entries * counts > 200_000_000:
+    if max(m.entries, m.states) * counts > 200_000_000:
         raise MemoryLimitError(f"a second bound unfolds {m.states:,} states into {counts:,} copies each, which is too much")
     c = np.arange(counts)
     groups = problem.groups
