@@ -13,6 +13,7 @@ from libc.stdint cimport int32_t, int64_t, uint8_t
 
 cdef double SMALL = 1e-290      # below, products may underflow, which is no relative error
 cdef double ALMOST = 0.999999
+cdef double ULPS = 4.5e-16      # more than two roundings, relative
 
 
 cdef class Levels:
@@ -262,7 +263,8 @@ cdef class Levels:
                 continue
             lo = x[cur, s, 0] - below * self.steps[i] * (1 + 1e-12)
             hi = x[cur, s, 1] + above * self.steps[i] * (1 + 1e-12)
-            changed |= self.write(x, i, cur, prev, lo if lo > 0.0 else 0.0, hi if hi < 1.0 else 1.0)
+            outwards(&lo, &hi, ULPS)
+            changed |= self.write(x, i, cur, prev, lo, hi)
         return changed
 
 

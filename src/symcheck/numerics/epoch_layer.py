@@ -264,9 +264,10 @@ def _steps(layer: Layer) -> Floats:
     matrix = SparseMatrix(indptr, place[layer.idx[entries]].astype(np.int32), data, n, layer.row_ptr)
     found = solve_linear(LinearProblem(np.ones(len(count)), matrix, None, leave, "max", False), Accuracy(epsilon=1e-6))
     h = found.upper
-    rest = np.repeat(h, np.diff(layer.row_ptr)) - np.bincount(np.repeat(numbers, count), data * h[matrix.indices], len(count))
-    # h - A h is 1 but for rounding; made at least 1, with room for the rounding of the kernel.
-    least = float(rest.min()) * (1.0 - 1e-9)
+    own = np.repeat(h, np.diff(layer.row_ptr))
+    rest = own - np.bincount(np.repeat(numbers, count), data * h[matrix.indices], len(count))
+    # h - A h is 1 but for rounding, which counts where h is large; made at least 1, with room for the rounding of the kernel.
+    least = float((rest - (2.0 * count + 6.0) * _UNIT * own).min()) * (1.0 - 1e-9)
     if not least > 1e-3:
         raise NumericalError("cycles without reward that are left too slowly for bounds on their values")
     return np.asarray(h / least)
