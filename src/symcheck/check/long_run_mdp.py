@@ -14,7 +14,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.discrete import per_row
 from symcheck.check.result import Run
-from symcheck.engines.base import StateSet, System, Values
+from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.matrix import Bools, Floats
 
@@ -56,10 +56,14 @@ def _average(context: Context, system: System, rewards: Floats, direction: str |
     part = ending(system.matrix, moved, direction)
     given = float(((moved.upper - moved.lower) / np.maximum(moved.upper, 1e-300)).max(initial=0.0))
     found = solve_linear(part.problem, replace(options, epsilon=max(finer.epsilon, 4.0 * given)), observer)
-    lower, upper = found.lower[part.place] - shift, found.upper[part.place] - shift
+    lower, upper = found.lower[part.place], found.upper[part.place]
+    exact = found.exact and shift == 0.0 and bool(np.array_equal(gains.lower, gains.upper))
+    if not exact:
+        # The shift is rounded, and so is what is exact up to rounding only.
+        slip = (ROUNDING if found.exact else 2.0**-51) * upper
+        lower, upper = lower - slip - shift, upper + slip - shift
     if share:
         lower, upper = np.clip(lower, 0.0, 1.0), np.clip(upper, 0.0, 1.0)
-    exact = found.exact and shift == 0.0 and bool(np.array_equal(gains.lower, gains.upper))
     count = gains.parts.count
     about = f"{count} end component{'s' * (count != 1)}, the largest of {max(1, gains.largest)} states; {found.explanation}"
     run = Run("steady", "mean payoff", system.n, gains.iterations + found.iterations, perf_counter() - started, about, found.certified)

@@ -98,6 +98,8 @@ def _spread(low: Floats, high: Floats, relative: bool) -> float:
 def _prove(candidate: Candidate, goal: float, spread: float, relative: bool) -> Bounds | None:
     """Bounds around the candidate, as near as the constants allow and the goal asks; None where no proof is found."""
     x = np.asarray(candidate.x)
+    if not np.isfinite(x).all():  # comparisons with NaN prove nothing
+        return None
     policy = np.full(candidate.n if candidate.mode else 0, -1, dtype=np.int64)
     away = 0.5 * spread + 0.4 * (goal - spread)
     rounds = 30 + candidate.sweeps // 8

@@ -58,7 +58,7 @@ def implicit_values(
 ) -> Implicit | None:
     """x(time) of x' = Q x + gain, x(0) = start, near enough at the states of interest; None where that is not found.
 
-    rates, exit_rates: as in `transient_values`. Memory: two vectors per vector of the space.
+    rates, exit_rates: as in `transient_values`. interest: at least one. Memory: two vectors per vector of the space.
     """
     system = _System.of(rates, exit_rates, time / POLE)
     speed = system.generator(start) + (0.0 if gain is None else gain)
@@ -71,10 +71,14 @@ def implicit_values(
     for size in SIZES:
         if not space.extend(size):
             return None
-        basis, matrix, first = space.projected(size)
-        path = _path(matrix, first, time)
+        try:
+            basis, matrix, first = space.projected(size)
+            path = _path(matrix, first, time)
+            defect = _defect(system, basis, matrix, first, speed, path)
+        except (np.linalg.LinAlgError, OverflowError):  # singular, or not finite
+            return None
         values = start + path.end @ basis
-        error = (_defect(system, basis, matrix, first, speed, path) + fixed) * growth * (1.0 + 1e-6)
+        error = (defect + fixed) * growth * (1.0 + 1e-6)
         error += 1e-13 * float(np.max(np.abs(values)))
         least = float(values[interest].min())
         widths.append(2.0 * error)

@@ -168,9 +168,10 @@ def _policies(part: _Part, h: Floats, settings: Settings) -> tuple[float, float,
     policy = _first_best(values, part, part.best(values))
     for _ in range(_POLICIES):
         policy = _unichain(part, policy, settings)
-        h = _bias(part, policy)
-        if not np.isfinite(h).all():
+        bias = _bias(part, policy)
+        if not np.isfinite(bias).all():
             break
+        h = bias
         values = part.rows(h)
         best = part.best(values)
         low, high = _narrowed(part, h, best, low, high)

@@ -90,7 +90,7 @@ def transient_values(
         alone = source and interest is not None and isinstance(rates, SparseMatrix)
         y = start / chain.q if source else start
         part = None
-        if interest is not None and isinstance(rates, SparseMatrix):
+        if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
             part = _implicit(chain, rates, exit_rates, start, time, source, settings, interest, observer)
         if part is None:
             part = _sum(chain, y, time, source, settings, interest, observer, budget=_budget(chain, time) if alone else math.inf)

@@ -81,7 +81,8 @@ def _solve(problem: LinearProblem, settings: Settings, observer: Observer | None
         return _finish(run, f"{problem.n} states, acyclic: one pass", exact=True)
     parts = graph.sccs(matrix)
     _components(run, parts, edges)
-    return _finish(run, _explain(run, parts), exact=run.counters[2] == 0 and set(run.notes) <= {"elimination"})
+    exact = run.counters[2] == 0 and set(run.notes) <= {"elimination"} and not run.failed
+    return _finish(run, _explain(run, parts), exact=exact)
 
 
 def _components(run: _Run, parts: graph.Components, edges: Int64s) -> None:
