@@ -148,3 +148,25 @@ def test_files_that_are_none_are_refused(tmp_path):
     umbi.umb.write(raw, tmp_path / "n.umb")
     with pytest.raises(UsageError, match="sum to"):
         symcheck.load_explicit(str(tmp_path / "n.umb"))
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -0.5])
+def test_what_is_no_probability_is_refused(wrong, tmp_path):
+    symcheck.export(symcheck.loads("dtmc module m s:[0..1]; [] s=0 -> 0.5:(s'=1)+0.5:(s'=0); endmodule"), str(tmp_path / "m.umb"))
+    raw = umbi.umb.read(tmp_path / "m.umb")
+    raw.branch_to_probability = [wrong, 1.5, 1.0]
+    umbi.umb.write(raw, tmp_path / "n.umb")
+    with pytest.raises(UsageError, match="is no probability or rate"):
+        symcheck.load_explicit(str(tmp_path / "n.umb"))
+
+
+def test_branches_of_probability_0_never_happen(tmp_path):
+    text = "dtmc module m s:[0..1]; [] s=0 -> 0.5:(s'=1)+0.5:(s'=0); endmodule rewards \"r\" [] s=0 : 2; endrewards"
+    symcheck.export(symcheck.loads(text), str(tmp_path / "m.umb"))
+    raw = umbi.umb.read(tmp_path / "m.umb")
+    raw.branch_to_probability = [1.0, 0.0, 1.0]
+    umbi.umb.write(raw, tmp_path / "n.umb")
+    again = symcheck.load_explicit(str(tmp_path / "n.umb"))
+    assert again.check("E [ F s=1 ]").value is False
+    assert again.check("P=? [ F s=1 ]").value == 0
+    assert again.check("R=? [ C<=3 ]").value == 6

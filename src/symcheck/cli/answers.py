@@ -34,7 +34,7 @@ def answer(
     """Check a property and report what comes out; a fault of one property does not stop the others.
 
     constants: of the model. choice: of the property. varying: what is in the names of the files that are written.
-    Raises ResourceError, UsageError for files that cannot be written, and Stop.
+    Raises ResourceError and MemoryError, UsageError for files that cannot be written, and Stop.
     """
     bound, labels = question.bind(subject.model)
     text = property_text(bound)
@@ -47,7 +47,7 @@ def answer(
         else:
             outcome = check(subject, bound.formula, options, labels=labels, rebind=question.formula)
         job.report.result(outcome)
-    except ResourceError:
+    except (ResourceError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not take the others along
         outcome = error if isinstance(error, SymcheckError) else internal(error)

@@ -61,9 +61,8 @@ class Adapted:
 def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
     """Take the switches that only PRISM has out of a command line, and translate others.
 
-    values: the parser's own switches, with dashes, and how many words follow each (-1: one, if it is no switch). Raises UsageError for a
-    switch that
-    cannot be served, and for one that nobody knows.
+    values: the parser's own switches, with dashes, and how many words follow each (-1: one, if it is no switch). Raises
+    UsageError for a switch that cannot be served, and for one that nobody knows.
     """
     kept: list[str] = []
     files: list[str] = []

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from symcheck.errors import UnsupportedError, UsageError
+from symcheck.errors import SymcheckError, UnsupportedError, UsageError
 from symcheck.exchange.imported import Given, GivenRewards
 from symcheck.exchange.read import expected
 from symcheck.exchange.umb import umbi_package
@@ -42,6 +42,8 @@ def _raw(path: Path) -> Any:
         raise UsageError(f"cannot read '{path}': there is no such file")
     try:
         return umbi.umb.read(path)
+    except (SymcheckError, MemoryError):  # a limit of time or memory
+        raise
     except Exception as error:  # the package has no errors of its own: what it meets in a wrong file is anything
         raise UsageError(f"cannot read '{path}': {str(error) or type(error).__name__}") from None
 
@@ -76,7 +78,7 @@ def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> Given:
 
 
 def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix, Int64s, Int64s]:
-    """The matrix; the row of each branch; and the branches in the order of the entries."""
+    """The matrix; the row of each branch; and the branches in the order of the entries, without those that never happen."""
     choices, branches = np.asarray(raw.state_to_choices, np.int64), np.asarray(raw.choice_to_branches, np.int64)
     targets = np.asarray(raw.branch_to_target, np.int64)
     values = np.array([float(p) for p in raw.branch_to_probability])
@@ -91,11 +93,14 @@ def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix
     rows = len(branches) - 1
     if kind is not ModelType.MDP:
         row, rows = np.flatnonzero(counts)[row], n
+    for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
+        raise UsageError(f"'{path}': {values[i]:g} is no probability or rate (branch {i})")
     by = np.lexsort((targets, row))
+    by = by[values[by] > 0]  # a matrix holds no zeros
     keys = row[by] * n + targets[by]
     if np.any(np.diff(keys) == 0):
         raise UnsupportedError(f"'{path}' has several branches of one choice to one state")
-    indptr = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=rows)))).astype(np.int64)
+    indptr = np.concatenate(([0], np.cumsum(np.bincount(row[by], minlength=rows)))).astype(np.int64)
     groups = choices if kind is ModelType.MDP else None
     return SparseMatrix(indptr, targets[by].astype(np.int32), values[by], n, groups), row, by
 
@@ -151,7 +156,7 @@ def _rewards(name: str, values: Mapping[str, Any], matrix: SparseMatrix, kind: M
         filled = np.zeros(matrix.rows)
         filled[np.unique(row_of_entry)] = choices
         choices = filled
-    entries = choices[row_of_entry] + numbers("branches", matrix.entries)[by]
+    entries = choices[row_of_entry] + (numbers("branches", 0)[by] if values.get("branches") else 0.0)
     return GivenRewards(name, states, expected(kind, matrix, entries), entries)
 
 
