@@ -57,6 +57,22 @@ def test_bounds_hold_and_policies_attain_them(direction: str, relative: bool, sy
         assert Fraction(float(low)) <= value if direction == "max" else value <= Fraction(float(high)) + Fraction(1, 10**300)
 
 
+@pytest.mark.parametrize("relative", [True, False])
+def test_policies_that_stay_for_ever_and_seem_cheap(relative: bool) -> None:
+    # The second row of state 0 costs 1/64 a round, and never leaves: extrapolated, its value runs away below 0.
+    part = Fraction(1, 64)
+    system: System = [
+        [({2: 63 * part}, Fraction(1), part), ({0: 62 * part, 3: part, 1: part}, Fraction(0), Fraction(0))],
+        [({0: Fraction(1)}, Fraction(0), Fraction(0))],
+        [({0: Fraction(1)}, Fraction(0), Fraction(0))],
+        [({0: Fraction(1)}, Fraction(1), Fraction(0))],
+    ]
+    found, _ = accelerated(block_of(problem_of(system, "min", probability=False)), 1e-6, relative)
+    assert isinstance(found, Bounds)
+    for low, value, high in zip(found.lower, (64, 64, 64, 65), found.upper, strict=True):
+        assert low <= value <= high
+
+
 def walk(n: int, reward: bool) -> LinearProblem:
     """A symmetric walk on 1..n-1 that ends at 0 and n, with the choice of waiting in a side state (which costs a step)."""
     half = Fraction(1, 2)

@@ -55,12 +55,14 @@ def _changes(candidate: Candidate, local: LocalSystem, reward: bool) -> Iterator
     change, changed = candidate.improve(FIRST)
     for _ in range(ROUNDS):
         if local.mode != 0:
-            change, changed = candidate.improve()
+            change, more = candidate.improve()
+            changed += more
         yield change
         best, stalled = (change, 0) if change < 0.5 * best else (best, stalled + 1)
         # Only for the least reward may a policy stay for ever, while its values are too low to show that.
         if changed and reward and local.mode == 1 and not _mend(candidate, local):
             return
+        changed = 0
         last = candidate.evaluate(max(GAIN * min(change, 1.0), FLOOR), STEPS)
         if stalled > PATIENCE or not np.isfinite(last):
             return
@@ -97,8 +99,9 @@ def _spread(low: Floats, high: Floats, relative: bool) -> float:
 
 def _prove(candidate: Candidate, goal: float, spread: float, relative: bool) -> Bounds | None:
     """Bounds around the candidate, as near as the constants allow and the goal asks; None where no proof is found."""
-    x = np.asarray(candidate.x)
-    if not np.isfinite(x).all():  # comparisons with NaN prove nothing
+    # No solution is negative; a candidate may be, and rounding outwards is for numbers that are not. NaN proves nothing.
+    x = np.maximum(np.asarray(candidate.x), 0.0)
+    if not np.isfinite(x).all():
         return None
     policy = np.full(candidate.n if candidate.mode else 0, -1, dtype=np.int64)
     away = 0.5 * spread + 0.4 * (goal - spread)
@@ -108,4 +111,6 @@ def _prove(candidate: Candidate, goal: float, spread: float, relative: bool) -> 
     if not (candidate.bound(upper, True, rounds, policy) and candidate.bound(lower, False, rounds, policy)):
         return None
     width = (upper - lower) / np.maximum(upper, 1e-300) if relative else upper - lower
-    return None if float(width.max()) > goal else Bounds(lower, upper, policy if candidate.mode else None)
+    if not (float(width.max()) <= goal and bool(np.all(lower <= upper))):
+        return None
+    return Bounds(lower, upper, policy if candidate.mode else None)
