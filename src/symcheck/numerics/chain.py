@@ -72,6 +72,18 @@ class Visits:
         pairs = [self.around(y, float(c), 1.0, q, rest) for c in y[interest]]
         return np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
 
+    def settled(self, y: Floats, before: Floats, chain: Chain, rest: float) -> tuple[float, float]:
+        """(r, off): what remains, from where one starts, is the sum of weight_j * r^j * y there, up to `off`.
+
+        With y = P before = r before + d and r <= 1, P^j y = r^j y + sum over i < j of r^(j-1-i) P^(i+1) d. Summed with the weights,
+        the second part is at most rest * q time·|d|: the sums of the tails of a Poisson distribution are log-concave, so that what
+        rests m >= 1 steps later on is at most rest * P(N > m).
+        """
+        ahead, behind = float(self.time @ y), float(self.time @ before)
+        ratio = min(1.0, ahead / behind) if behind > 0.0 else 1.0
+        rounding = (chain.longest + 8) * ROUND * (ahead + behind)
+        return ratio, rest * chain.q * (float(self.time @ np.abs(y - ratio * before)) + rounding) * (1 + 1e-9)
+
     def around(self, y: Floats, c: float, mass: float, q: float, rest: float) -> tuple[float, float]:
         """Bounds on what remains from a start of this mass, by the distance from a level c."""
         low = c * rest * (mass - self.leak) - q * float(self.time @ np.maximum(c - y, 0.0)) * (1 + 1e-9)

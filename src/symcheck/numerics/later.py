@@ -69,7 +69,7 @@ def _sum(
     settings: Settings,
     observer: Observer | None,
 ) -> tuple[float, float, int]:
-    """Sum of P(N > k) * start P^k gain, until what remains is known: the chain has settled at a level, or time is up."""
+    """Sum of P(N > k) * start P^k gain, until what remains is known: the chain has settled at a level or a ratio, or time is up."""
     window = poisson(chain.q * time)
     weights = window.tails()
     y, z, total = gain.copy(), np.empty_like(gain), np.zeros_like(gain)
@@ -87,6 +87,10 @@ def _sum(
         low_rest, _ = visits.around(y, level, low_mass, chain.q, rest)
         _, high_rest = visits.around(y, level, high_mass, chain.q, rest)
         high_rest = min(high_rest, rest * most * high_mass)
+        ratio, off = visits.settled(y, z, chain, rest)
+        steady = weights.powers(k, ratio)
+        low_rest = max(low_rest, steady * float(low_start @ y) * (1.0 - around) - off)
+        high_rest = min(high_rest, steady * float(high_start @ y) * (1.0 + around) + off)
         lower = (float(low_start @ total) + low_rest) * (1.0 - error)
         upper = (float(high_start @ total) + high_rest) * (1.0 + error) + window.missing * most
         if observer is not None:

@@ -198,12 +198,17 @@ def _sum(
             if high - low <= 2.0 * slip or _near(pick(shortcut[0]), pick(shortcut[1]), settings):
                 return _result(*shortcut, k, len(weights), f", then a steady ratio of {0.5 * (low + high):.12g} per step")
         if visits is not None and interest is not None and k >= visits.patience:
-            known = visits.level(y, interest, chain.q, weights.rest(k))
-            shortcut = below.copy(), above.copy()
-            shortcut[0][interest] = np.maximum(below[interest], below[interest] + known[0] * (1.0 - error))
-            shortcut[1][interest] = total[interest] * (1.0 + error) + known[1] * (1.0 + error) + window.missing * most
-            if _near(pick(shortcut[0]), pick(shortcut[1]), settings):
-                return _result(*shortcut, k, len(weights), ", then a level rate")
+            rest = weights.rest(k)
+            level = visits.level(y, interest, chain.q, rest), ", then a level rate"
+            ratio, off = visits.settled(y, z, chain, rest)
+            ahead_of_it = weights.powers(k, ratio) * y[interest]
+            steady = (ahead_of_it - off, ahead_of_it + off), f", then a steady ratio of {ratio:.12g} where it matters"
+            for known, note in (level, steady):
+                shortcut = below.copy(), above.copy()
+                shortcut[0][interest] = np.maximum(below[interest], below[interest] + known[0] * (1.0 - error))
+                shortcut[1][interest] = total[interest] * (1.0 + error) + known[1] * (1.0 + error) + window.missing * most
+                if _near(pick(shortcut[0]), pick(shortcut[1]), settings):
+                    return _result(*shortcut, k, len(weights), note)
         if k * chain.entries > budget:
             return None
         look = min(max(LOOK, k // 20), len(weights) - k)
