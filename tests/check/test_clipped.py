@@ -7,7 +7,7 @@ from random import Random
 import pytest
 
 import symcheck
-from symcheck.check.result import Certified
+from symcheck.check.result import Certified, Exact
 
 
 def chain(seed):
@@ -38,3 +38,25 @@ def test_expressions_of_probabilities_are_not_clipped():
     model = symcheck.loads("dtmc module m s:[0..1]; [] s=0 -> 0.5:(s'=1)+0.5:(s'=0); [] s=1 -> true; endmodule")
     assert model.check("P=? [ X s=1 ] + P=? [ F s=1 ]").value == 1.5
     assert model.check("P=? [ X s=1 ] - P=? [ F s=1 ]").value == -0.5
+
+
+TINY = """mdp
+module m
+  s : [0..2] init 0;
+  [] s=0 -> 1e-16/4.9 : (s'=1) + 1-1e-16/4.9 : (s'=2);
+  [] s=1 -> true;
+  [] s=2 -> true;
+endmodule
+"""
+
+
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "hybrid", "mtbdd"])
+@pytest.mark.parametrize("path", ["G s!=2", "G<=5 s!=2", "F G s=1"])
+def test_a_small_complement_does_not_claim_digits_that_rounding_took(engine, path):
+    model = symcheck.loads(TINY, engine=engine)
+    result = model.check(f"Pmin=? [ {path} ]")
+    assert isinstance(result.accuracy, Certified)
+    assert result.accuracy.lower <= 1e-16 / 4.9 <= result.accuracy.upper <= 1e-11
+    assert model.check(f"P>0 [ {path} ]").value is True
+    impossible = model.check("Pmin=? [ G s>2 ]")
+    assert (impossible.value, impossible.accuracy) == (0, Exact())

@@ -40,8 +40,10 @@ def path_probability_ltl(context: Context, path: TemporalPath, direction: str | 
 
         return probability(context, simple, direction)
     if direction == "min":
+        from symcheck.check.probabilities import complement
+
         greatest = path_probability_ltl(context, replace(path, negative=not path.negative), "max")
-        return context.engine.constant(1).map("-", greatest)
+        return complement(context, greatest)
     product, pairs = linear_product(context, path)
     inner = replace(context, engine=product.engine)
     good = _accepted(inner, context, product, pairs)

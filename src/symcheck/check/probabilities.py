@@ -8,9 +8,11 @@ from typing import assert_never
 from symcheck.check.context import Context
 from symcheck.check.measures import measures
 from symcheck.check.paths import NextPath, Path, RewardPath, StatePath, TemporalPath, UntilPath, negated
-from symcheck.engines.base import StateSet, Values
+from symcheck.engines.base import ROUNDING, StateSet, Values
 
-__all__ = ["flipped", "probability", "qualitative"]
+__all__ = ["complement", "flipped", "probability", "qualitative"]
+
+_LEAST = 5e-324
 
 
 def flipped(direction: str | None) -> str | None:
@@ -19,8 +21,14 @@ def flipped(direction: str | None) -> str | None:
 
 
 def complement(context: Context, values: Values) -> Values:
-    """1 - values."""
-    return context.engine.constant(1).map("-", values)
+    """1 - values. Where that is so small that the rounding of `values` is most of it, bounds take the place of a number."""
+    one = context.engine.constant(1)
+    found = one.map("-", values)
+    if context.engine.exact or not found.rounded(context.engine.all):
+        return found
+    sure, close = found.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
+    # An interval makes the margins of rounding part of the sum; this one changes nothing else.
+    return found.choose(~(sure | close), one.map("-", values.map("+", context.engine.constant(0, _LEAST))))
 
 
 def probability(context: Context, path: Path, direction: str | None) -> Values:
