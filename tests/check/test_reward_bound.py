@@ -244,3 +244,19 @@ def test_against_storm(kind, seed, tmp_path):
         built = stormpy.build_model(program, properties)
         theirs = stormpy.model_checking(built, properties[0], only_initial_states=True).get_value(built.initial_states[0])
         assert check_text(engine, bounded).value == pytest.approx(float(theirs), abs=1e-5), f"{bounded}\n{model.text}"
+
+
+def test_successors_that_are_one_place_are_added():
+    # s=2 only goes on to s=0, so that both are one place, and s=1 leads to both.
+    model = """dtmc
+    module m
+      s : [0..3];
+      [] s=0 -> 2/3:(s'=1) + 1/3:(s'=3);
+      [] s=1 -> 2/7:(s'=0) + 2/7:(s'=3) + 3/7:(s'=2);
+      [] s=2 -> (s'=0);
+      [] s=3 -> (s'=0);
+    endmodule
+    rewards "x" s=3 : 1; endrewards
+    """
+    for k in (1, 2, 3):
+        assert ask(f'P=? [ F{{"x"}}>={k} s=1 ]', model, engine="exact") == 1

@@ -162,7 +162,12 @@ class _Parts:
             for r in self.row_id[self.row_ptr[i] : self.row_ptr[i + 1]]:
                 inside, constant = self.row(r, begin, end, level, levels, least)
                 loop = sum((p for t, p in inside if t == i - begin), Fraction(0))
-                rows.append([(t, p / (1 - loop)) for t, p in inside if t != i - begin])
+                # States that are one place here may both be successors: the solver wants every place once.
+                merged: dict[int, Fraction] = {}
+                for t, p in inside:
+                    if t != i - begin:
+                        merged[t] = merged.get(t, Fraction(0)) + p / (1 - loop)
+                rows.append(list(merged.items()))
                 constants.append(constant / (1 - loop))
             groups.append(len(rows))
         if end == begin + 1:
