@@ -1,0 +1,1 @@
+"""Linear time: formulas, and the deterministic automata that accept their words."""

@@ -1,0 +1,1 @@
+"""Formulas, measures, filters and thresholds: what is asked of an engine, and results."""

@@ -81,7 +81,9 @@ class ExactMeasures:
             return self.until(context, left, right, direction)
         bounded = any(limit.upper is not None for limit in limits)
         if not bounded and len(limits) > 1:
-            raise UnsupportedError("several bounds on rewards, all from below, are not supported in rational arithmetic")
+            raise UnsupportedError(
+                "several bounds on rewards, all from below, are not supported in rational arithmetic; without -exact they are"
+            )
         unbounded = None if bounded else _array(self.until(context, left, right, direction))
         sets = (_own(left), _own(right))
         return RationalValues(counted_values(context, engine, _probabilities(engine), sets, limits, direction, unbounded))

@@ -84,7 +84,8 @@ def scaled(context: Context, system: System, rewards: Floats, count: Count) -> L
     lower, upper = in_steps(_meant(count.window), step)
     if max(lower, upper or 0) > _LEVELS:
         raise UnsupportedError(
-            f"a bound of {max(lower, upper or 0):,} steps of {step}, the greatest number that all rewards are multiples of, is too fine"
+            f"a bound of {max(lower, upper or 0):,} steps of {step}, the greatest number that all rewards are multiples of, is too fine\n"
+            "  hint: round the rewards to fewer digits"
         )
     steps = np.array([min(int(v / step), _LEVELS + 1) for v in values], dtype=np.int64)
     return Limits(steps[inverse], lower, upper)

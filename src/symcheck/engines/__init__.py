@@ -1,0 +1,1 @@
+"""Engines: how sets, values and matrices are stored, behind one set of protocols."""

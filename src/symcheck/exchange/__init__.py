@@ -1,0 +1,1 @@
+"""Models and strategies in and out, in the formats of other tools."""

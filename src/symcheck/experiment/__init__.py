@@ -1,0 +1,1 @@
+"""Many values of constants: which there are, and tables of results."""

@@ -1,0 +1,1 @@
+"""Explicit search: states as packed rows of bits, matrices as compressed rows."""

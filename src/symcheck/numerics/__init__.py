@@ -1,0 +1,1 @@
+"""Methods, graph algorithms and bounds on plain arrays."""

@@ -269,5 +269,5 @@ def _steps(layer: Layer) -> Floats:
     # h - A h is 1 but for rounding, which counts where h is large; made at least 1, with room for the rounding of the kernel.
     least = float((rest - (2.0 * count + 6.0) * _UNIT * own).min()) * (1.0 - 1e-9)
     if not least > 1e-3:
-        raise NumericalError("cycles without reward that are left too slowly for bounds on their values")
+        raise NumericalError("cycles without reward are left too slowly for proved bounds\n  hint: -exact needs none")
     return np.asarray(h / least)

@@ -194,7 +194,7 @@ def unfold(problem: Epochs, rewards: Int64s, lower: int, upper: int | None) -> t
     counts = (lower if upper is None else upper) + 1
     m = problem.matrix
     if max(m.entries, m.states) * counts > 200_000_000:
-        raise MemoryLimitError(f"a second bound unfolds {m.states:,} states into {counts:,} copies each, which is too much")
+        raise MemoryLimitError(f"a second bound unfolds {m.states:,} states into {counts:,} copies each\n  hint: round the rewards")
     c = np.arange(counts)
     groups = problem.groups
     of_state = np.repeat(np.arange(m.states), counts)

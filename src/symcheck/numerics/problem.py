@@ -12,9 +12,8 @@ import numpy as np
 from symcheck.errors import NumericalError
 from symcheck.kernels import sparse
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
-from symcheck.numerics.settings import Settings
 
-__all__ = ["LinearProblem", "Observer", "Operator", "Solution", "Step", "is_done"]
+__all__ = ["LinearProblem", "Observer", "Operator", "Solution", "Step"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +157,3 @@ class Solution:
         if relative:
             width = width / np.maximum(np.maximum(np.abs(self.lower), np.abs(self.upper)), 1e-300)
         return float(np.nanmax(width))
-
-
-def is_done(solution: Solution, options: Settings) -> bool:
-    """Whether the bounds are as near as the options ask."""
-    return solution.width(options.relative) <= options.epsilon

@@ -1,0 +1,1 @@
+"""Random paths, and estimates from them."""

@@ -1,0 +1,1 @@
+"""From a bound model to diagrams: encoding, relations, search, matrices."""

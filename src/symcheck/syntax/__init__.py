@@ -1,0 +1,1 @@
+"""The languages of models and properties: trees, parser, printer."""
