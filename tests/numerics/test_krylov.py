@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from fractions import Fraction
 
 import numpy as np
@@ -67,3 +68,10 @@ def test_a_walk_is_solved() -> None:
     steps = bicgstab(lambda v: matrix @ v, lambda v: v / 1.0, right, np.ones(n))
     x = next(x for x, rest in steps if np.max(np.abs(rest)) < 1e-11)
     assert np.allclose(x, solution, rtol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_sizes_that_cannot_be_measured_end_the_search(scale):
+    """Squares that overflow or vanish: nothing is found, and nothing is looked for without end."""
+    steps = list(itertools.islice(bicgstab(lambda v: v, lambda v: v, np.array([0.0, 1.0]), np.full(2, scale)), 3))
+    assert len(steps) < 3

@@ -22,13 +22,16 @@ def bicgstab(times: Map, precondition: Map, right: Floats, scale: Floats) -> Ite
     Residuals that have grown lose digits: when they have come down again the method starts anew from the true one.
     The arrays are the method's own: look, do not write. Memory: 9 vectors.
     """
-    square = 1.0 / scale
-    square *= square
+    with np.errstate(over="ignore"):  # what cannot be measured is not solved
+        square = 1.0 / scale
+        square *= square
     x, r = np.zeros_like(right), right.copy()
     while True:
         shadow, p, v = square * r, np.zeros_like(right), np.zeros_like(right)
         rho = alpha = omega = 1.0
         greatest = size = _size(r, square)
+        if not 0.0 < size < math.inf:
+            return
         while size > LOST * greatest:
             before, rho = rho, _dot(shadow, r)
             beta = rho * alpha / (before * omega)
@@ -53,13 +56,12 @@ def bicgstab(times: Map, precondition: Map, right: Floats, scale: Floats) -> Ite
             greatest = max(greatest, size)
             if omega == 0.0 or not np.isfinite(omega * size):
                 return
-        if size == 0.0:
-            return
         r = right - times(x)
 
 
 def _size(r: Floats, square: Floats) -> float:
-    return math.sqrt(float(np.einsum("i,i,i->", square, r, r)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return math.sqrt(float(np.einsum("i,i,i->", square, r, r)))
 
 
 def _dot(a: Floats, b: Floats) -> float:
