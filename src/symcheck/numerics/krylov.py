@@ -27,11 +27,11 @@ def bicgstab(times: Map, precondition: Map, right: Floats, scale: Floats) -> Ite
         square *= square
     x, r = np.zeros_like(right), right.copy()
     while True:
-        shadow, p, v = square * r, np.zeros_like(right), np.zeros_like(right)
-        rho = alpha = omega = 1.0
         greatest = size = _size(r, square)
         if not 0.0 < size < math.inf:
             return
+        shadow, p, v = square * r, np.zeros_like(right), np.zeros_like(right)
+        rho = alpha = omega = 1.0
         while size > LOST * greatest:
             before, rho = rho, _dot(shadow, r)
             beta = rho * alpha / (before * omega)
