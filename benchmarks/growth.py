@@ -105,14 +105,18 @@ def measure(arguments: Sequence[str], seconds: float, megabytes: int) -> tuple[s
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
         )
         ended = ""
-        while True:
-            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
-            if pid:
-                break
-            if not ended and time.perf_counter() - started > seconds:
-                ended = "time"
-                os.killpg(process.pid, signal.SIGKILL)
-            time.sleep(0.005)
+        try:
+            while True:
+                pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+                if pid:
+                    break
+                if not ended and time.perf_counter() - started > seconds:
+                    ended = "time"
+                    os.killpg(process.pid, signal.SIGKILL)
+                time.sleep(0.005)
+        except KeyboardInterrupt:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
         process.returncode = os.waitstatus_to_exitcode(status)
         wall = time.perf_counter() - started
         out.seek(0)

@@ -260,3 +260,19 @@ def test_successors_that_are_one_place_are_added():
     """
     for k in (1, 2, 3):
         assert ask(f'P=? [ F{{"x"}}>={k} s=1 ]', model, engine="exact") == 1
+
+
+@pytest.mark.parametrize("engine", list(BUILDERS))
+def test_rates_are_no_probabilities(engine):
+    """A cycle without reward, left with a tenth of the rate: 1, whatever the rates sum to."""
+    text = """ctmc
+    module m
+      x : [0..1];
+      y : [0..1];
+      [] y=0 -> 1/3 : (y'=1) + 3 : (x'=1-x);
+      [b] y=1 -> 5 : true;
+    endmodule
+    rewards "r"
+      [b] true : 1;
+    endrewards"""
+    assert ask('P=? [ F^{rew{"r"}<=0} y=1 ]', model=text, engine=engine) == pytest.approx(1, rel=1e-9)

@@ -195,6 +195,7 @@ class _FloatQuery:
         room = flow.margin(self.least) if np.isfinite(self.least).any() else None
         if np.isfinite(self.least).any():
             if room is None:
+                self.close = True  # nothing tells how far from it
                 return (nan if self.asked else False), _NONE
             self.close = abs(room.value) <= _DOUBT
             if room.value < -numerics.TOLERANCE:

@@ -56,7 +56,9 @@ class ExactMatrix:
     def scaled(self, factor: Rationals) -> ExactMatrix:
         """The rows divided by a factor each."""
         spread = np.repeat(factor, np.diff(self.shape.indptr))
-        return ExactMatrix(self.shape, self.values / spread)
+        values = self.values / spread
+        shape = self.shape
+        return ExactMatrix(SparseMatrix(shape.indptr, shape.indices, values.astype(np.float64), shape.columns, shape.groups), values)
 
 
 @dataclass(frozen=True, eq=False)
