@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from symcheck.check.context import Context
+from symcheck.errors import UnsupportedError
 from symcheck.numerics.matrix import Bools
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
@@ -46,7 +47,8 @@ def exactly_bound(model: BoundModel) -> BoundModel:
     if model.exact:
         return model
     given = {c.name: model.constants[c.name] for c in model.program.constants if c.value is None and c.name in model.constants}
-    return bind(model.program, given, model_type=model.type, exact=True)
+    exact = bind(model.program, given, model_type=model.type, exact=True)
+    return exact if model.derivation is None else model.derivation(exact)
 
 
 def _exact_engine(context: Context) -> ExactEngine:
@@ -60,7 +62,10 @@ def _exact_engine(context: Context) -> ExactEngine:
             context.notes.exact_engine = engine = own()
             return engine  # type: ignore[no-any-return]
         model = exactly_bound(context.engine.model)
-        context.notes.exact_engine = explore_exactly(model, check_sums=context.options.check_sums, limit=context.engine.states)
+        engine = explore_exactly(model, check_sums=context.options.check_sums, limit=context.engine.states)
+        if engine.states != context.engine.states:
+            raise UnsupportedError("explored exactly, the model has other states than in floating point")
+        context.notes.exact_engine = engine
     return context.notes.exact_engine
 
 

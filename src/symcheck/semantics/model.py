@@ -6,7 +6,7 @@ renamings are expanded, and `LabelReference` does not occur.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -100,7 +100,8 @@ class Event:
 class BoundModel:
     """A model ready to be built. `events` is its composition, flattened (see `symcheck.semantics.compose`).
 
-    `exact` says that double values in literals are to be used as the fractions that they are.
+    `exact` says that double values in literals are to be used as the fractions that they are. `derivation` (of a model that is not
+    what its text says, but made from that, such as a reduced one) makes the like from another bound model of the text.
     """
 
     program: Program = field(repr=False)
@@ -114,6 +115,7 @@ class BoundModel:
     constants: Mapping[str, Value]
     exact: bool = False
     system: Composition | None = None
+    derivation: Callable[[BoundModel], BoundModel] | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         """One line: the whole is in the fields, and would fill pages."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from symcheck.semantics.chains import counts_steps, shorten
 from symcheck.semantics.liveness import Liveness, harmless, liveness
@@ -161,7 +162,12 @@ def reduce(model: BoundModel, observed: Observed) -> Reduction:
             model = shortened.model
             locations = Locations(model, control_variables(model))
     found = liveness(model, observed.expressions, rewards=observed.rewards, locations=locations)
-    return replace(_Resets(model, found).run(), passed=passed)
+    made = _Resets(model, found).run()
+    return replace(made, model=replace(made.model, derivation=partial(_reduced, observed=observed)), passed=passed)
+
+
+def _reduced(model: BoundModel, observed: Observed) -> BoundModel:
+    return reduce(model, observed).model
 
 
 class _Resets:
