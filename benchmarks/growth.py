@@ -8,7 +8,8 @@ Five families of models/, each with one property, at growing sizes. Every run is
 an engine that passes the limit of time or memory at one size is not tried at larger ones. Storm runs where `stormpy` is installed,
 with its default precision (a relative change of 1e-6, unproved); symcheck with its own (1e-6, proved). Values are compared:
 one that is further than 1e-3 from the others is marked and not drawn. The exponents are the slopes of log time and log memory over
-log states, fitted through the runs of at least a second or 200 MB more than the smallest run; they stand in growth.md beside the table.
+log states, fitted through the runs that take twice what the engine's smallest takes, if there are two;
+they stand in growth.md beside the table.
 """
 
 from __future__ import annotations

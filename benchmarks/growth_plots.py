@@ -59,8 +59,8 @@ def right(runs: Sequence[Run]) -> list[Run]:
 
 
 def slope(points: Sequence[tuple[float, float]]) -> float | None:
-    """Least squares through the logarithms; None for fewer than three points."""
-    if len(points) < 3:
+    """Least squares through the logarithms; None for fewer than two points."""
+    if len(points) < 2:
         return None
     xs, ys = [math.log(x) for x, _ in points], [math.log(y) for _, y in points]
     mx, my = sum(xs) / len(xs), sum(ys) / len(ys)
@@ -68,10 +68,10 @@ def slope(points: Sequence[tuple[float, float]]) -> float | None:
 
 
 def exponents(runs: Sequence[Run], states: dict[tuple[str, int], int]) -> tuple[float | None, float | None]:
-    """Of time and memory, without what every run of the engine costs: its smallest run's start-up would flatten both."""
-    least = min((r.megabytes for r in runs), default=0)
-    times = [(states[r.family, r.size], r.seconds) for r in runs if r.seconds >= 1]
-    memory = [(states[r.family, r.size], r.megabytes) for r in runs if r.megabytes >= least + 200]
+    """Of time and memory, from the runs that take twice what the engine's smallest takes: start-up would flatten both."""
+    quickest, least = min((r.seconds for r in runs), default=0.0), min((r.megabytes for r in runs), default=0)
+    times = [(states[r.family, r.size], r.seconds) for r in runs if r.seconds >= 2 * quickest]
+    memory = [(states[r.family, r.size], r.megabytes) for r in runs if r.megabytes >= 2 * least]
     return slope(times), slope(memory)
 
 
@@ -136,7 +136,11 @@ def tables(runs: Sequence[Run], good: Sequence[Run], states: dict[tuple[str, int
     engines = [e for e in LOOKS if any(r.engine == e for r in runs)]
     found = {(r.family, r.size, r.engine): r for r in good}
     tried = {(r.family, r.size, r.engine): r for r in runs}
-    lines = ["# Growth", "Seconds / MB of whole runs, from `python benchmarks/growth.py`. Exponents: of time, of memory, over states.", ""]
+    lines = [
+        "# Growth",
+        "Seconds / MB of whole runs, from `python benchmarks/growth.py`, two cores, at most 45 s (kanban) or 25 s a run. Exponents: time, memory, over states.",
+        "",
+    ]
     lines += ["| instance | states | " + " | ".join(engines) + " |", "|---" * (len(engines) + 2) + "|"]
     for family in dict.fromkeys(r.family for r in runs):
         for size in sorted({r.size for r in runs if r.family == family}):
