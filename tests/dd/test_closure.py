@@ -156,7 +156,20 @@ def test_two_ways_take_turns(monkeypatch):
     assert close(Watched(), nothing) == repeated(relations, nothing, manager.true, True)
     assert len(turns) > 2
     assert turns[:3] == [(2000, False), (2000, True), (4000, False)]
-    assert close(Watched(), nothing, deadline=time.monotonic() - 1) is None
+
+
+def test_a_deadline_ends_the_turns(monkeypatch):
+    monkeypatch.setattr(closing, "FIRST", {True: 2000})
+    manager, nothing, relations = far_pairs(12)
+    closure = manager.closure(relations)
+
+    class Slow:
+        exhausted, forward = False, True
+
+        def close(self, states, within, **limits):
+            return closure.close(states, within, **limits) if limits["steps"] < 2000 else None
+
+    assert close(Slow(), nothing, deadline=time.monotonic() - 1) is None
 
 
 def test_columns_must_follow_their_rows():

@@ -137,6 +137,8 @@ def _implicit(
 
 def _budget(chain: Chain, time: float) -> float:
     whole = chain.q * time * chain.entries
+    if whole <= BUDGET:
+        return math.inf
     return BUDGET * (0.1 if whole > HOPELESS else min(1.0, max(0.1, PATIENCE * whole / BUDGET)))
 
 
