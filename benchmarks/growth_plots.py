@@ -138,7 +138,8 @@ def tables(runs: Sequence[Run], good: Sequence[Run], states: dict[tuple[str, int
     tried = {(r.family, r.size, r.engine): r for r in runs}
     lines = [
         "# Growth",
-        "Seconds / MB of whole runs, from `python benchmarks/growth.py`, two cores, at most 45 s (kanban) or 25 s a run. Exponents: time, memory, over states.",
+        "Seconds / MB of whole runs, from `python benchmarks/growth.py`, two cores, at most 45 s (kanban) or 25 s a run. "
+        "Exponents: time, memory, over states.",
         "",
     ]
     lines += ["| instance | states | " + " | ".join(engines) + " |", "|---" * (len(engines) + 2) + "|"]
