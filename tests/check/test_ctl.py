@@ -92,6 +92,115 @@ def test_no_witness_where_none_is_finite():
     assert check_text(engine_of(WALK), "E [ F x=3 & x=0 ]").witness is None
 
 
-def test_bounds_are_refused():
-    with pytest.raises(UnsupportedError, match="bound"):
-        check_text(engine_of(WALK), "E [ F<=3 x=3 ]")
+def bounded(lower, upper, a, b, following):
+    """The states of E [ a U[lower,upper] b ], step by step."""
+    found = b
+    for _ in range(upper - lower):
+        found = b | (a & pre(found, following))
+    for _ in range(lower):
+        found = a & pre(found, following)
+    return found
+
+
+def pre(states, following):
+    return frozenset(s for s in range(len(following)) if following[s] & states)
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    seed=st.integers(0, 2**20),
+    kind=st.sampled_from(["dtmc", "mdp"]),
+    name=st.sampled_from(["explicit", "mtbdd", "exact"]),
+    bounds=st.sampled_from([(0, 0), (0, 1), (0, 3), (1, 1), (1, 4), (2, 2), (3, 40)]),
+)
+def test_bounds_on_steps(seed, kind, name, bounds):
+    engine, following, a, b = drawn(seed, kind, name)
+    lower, upper = bounds
+    everything = frozenset(range(len(following)))
+    window = f"[{lower},{upper}]"
+    assert satisfied(engine, f'E [ "a" U{window} "b" ]') == bounded(lower, upper, a, b, following)
+    assert satisfied(engine, f'E [ F{window} "b" ]') == bounded(lower, upper, everything, b, following)
+    assert satisfied(engine, f'A [ G{window} "b" ]') == everything - bounded(lower, upper, everything, everything - b, following)
+    # E [ a R b ]: the negation of every path's !a U !b.
+    unreleased = satisfied(engine, f'A [ !"a" U{window} !"b" ]')
+    assert satisfied(engine, f'E [ "a" R{window} "b" ]') == everything - unreleased
+
+
+def test_bounds_on_steps_of_all_paths():
+    engine = engine_of(WALK)
+    assert check_text(engine, "A [ F<=1 x>0 ]").value is True
+    assert check_text(engine, "A [ F<=2 x=3 | x=2 ]").value is True
+    assert check_text(engine, "A [ F<=1 x=3 | x=2 ]").value is False
+    assert check_text(engine, "A [ x<1 U[1,1] x>0 ]").value is True
+    assert check_text(engine, "A [ x<2 W<=1 x=3 ]").value is False
+    assert check_text(engine, "E [ X>=2 x=3 ]").value is False
+
+
+LINEAR = {
+    '(G F "a") & (G F "b")': lambda a, b, m: again((a, b), m),
+    'F G "a"': lambda a, b, m: ctl("E", "F", ctl("E", "G", a, a, m), a, m),
+    '(G F "a") => (G F "b")': lambda a, b, m: ctl("E", "F", ctl("E", "G", frozenset(range(len(m))) - a, a, m), a, m) | again((b,), m),
+    'F ("a" & (X "b"))': lambda a, b, m: ctl("E", "F", a & pre(b, m), a, m),
+    'G ("a" => (X "b"))': lambda a, b, m: fixpoint(
+        lambda z: z & pre(z, m) & ((frozenset(range(len(m))) - a) | pre(b & z, m)), frozenset(range(len(m)))
+    ),
+    '"a" U ("b" U "a")': lambda a, b, m: ctl("E", "U", a, ctl("E", "U", b, a, m), m),
+    'X X "b"': lambda a, b, m: pre(pre(b, m), m),
+}
+
+
+def again(sets, following):
+    """The states with a path that meets each of the sets again and again."""
+    everything = frozenset(range(len(following)))
+
+    def step(z):
+        return frozenset.intersection(z, *(pre(ctl("E", "F", x & z, x, following), following) for x in sets))
+
+    return fixpoint(step, everything)
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+@given(seed=st.integers(0, 2**20), kind=st.sampled_from(["dtmc", "ctmc", "mdp"]), name=st.sampled_from(["explicit", "mtbdd", "exact"]))
+def test_linear_time(seed, kind, name):
+    engine, following, a, b = drawn(seed, kind, name)
+    for formula, states in LINEAR.items():
+        found = states(a, b, following)
+        assert satisfied(engine, f"E [ {formula} ]") == found
+        assert satisfied(engine, f"A [ !({formula}) ]") == frozenset(range(len(following))) - found
+
+
+def drawn(seed, kind, name):
+    """A random model: an engine, the successors of each state, and the states of its labels a and b."""
+    text = random_model(Random(seed), kind).text
+    try:
+        plain = engine_of(text)
+    except (InputError, UnsupportedError):
+        assume(False)
+    a, b = (frozenset(np.flatnonzero(plain.where(plain.model.labels[name]).members).tolist()) for name in "ab")
+    return engine_of(text, name), successors(plain), a, b
+
+
+def satisfied(engine, text):
+    """Numbers of the states that satisfy a formula."""
+    return frozenset(np.flatnonzero(engine.to_bools(check_text(engine, text).satisfying)).tolist())
+
+
+def test_a_nested_in_p():
+    text = """dtmc module m x:[0..3] init 0; [] x=0 -> 0.25:(x'=1) + 0.75:(x'=2); [] x=1 -> (x'=3); [] x=3 -> (x'=1);
+    [] x=2 -> 0.5:(x'=2) + 0.5:(x'=3); endmodule"""
+    engine = engine_of(text)
+    assert check_text(engine, "P=? [ X A [ G F x=3 ] ]").value == 0.25
+    assert check_text(engine, "P>=1 [ G F x=3 ]").value is True
+    assert check_text(engine, "E [ F G x=2 ]").value is True
+
+
+def test_a_long_chain_is_not_taken_apart_state_by_state():
+    engine = engine_of("dtmc module m x:[0..20000] init 0; [] x<20000 -> (x'=x+1); [] x=20000 -> true; endmodule")
+    assert check_text(engine, "E [ G F x<20000 ]").value is False
+
+
+def test_what_is_refused():
+    with pytest.raises(UnsupportedError, match="bound on time"):
+        check_text(engine_of("ctmc module m x:[0..1] init 0; [] x=0 -> (x'=1); endmodule"), "E [ F<=3 x=1 ]")
+    with pytest.raises(UnsupportedError, match="bound on a reward"):
+        check_text(engine_of(WALK + ' rewards "r" true : 1; endrewards'), 'E [ F^{rew{"r"}<=3} x=3 ]')
