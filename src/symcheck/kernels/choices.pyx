@@ -11,6 +11,8 @@ import numpy as np
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
+from symcheck.kernels._strong cimport Search, enter, leave
+
 
 def attractor(const int64_t[::1] pre, const int32_t[::1] rows_in, const int32_t[::1] owner, const int64_t[::1] groups,
               const uint8_t[::1] target, const uint8_t[::1] through):
@@ -160,6 +162,58 @@ def almost_sure(const int64_t[::1] indptr, const int32_t[::1] indices, const int
     return np.asarray(alive), np.asarray(witness)
 
 
+cdef void strong_components(Search* search, int32_t[::1] states, const int64_t[::1] groups, const int64_t[::1] indptr,
+                            const int32_t[::1] indices, const uint8_t[::1] enabled, int64_t[::1] at_row, int64_t[::1] at) noexcept nogil:
+    """Strong components of `states`, which enabled rows do not leave, over these rows; at_row, at: room for a number per state."""
+    cdef int64_t i, r, k, end
+    cdef int32_t v, w, lowest
+    cdef bint deeper
+    search.depth = -1
+    search.top = search.done = 0
+    search.clock = search.count = 0
+    search.start[0] = 0
+    for i in range(states.shape[0]):
+        search.found[states[i]] = 0
+        search.component[states[i]] = -1
+    for i in range(states.shape[0]):
+        v = states[i]
+        if search.found[v]:
+            continue
+        enter(search, v)
+        at_row[0] = groups[v]
+        at[0] = indptr[groups[v]]
+        while search.depth >= 0:
+            v = search.path[search.depth]
+            r = at_row[search.depth]
+            k = at[search.depth]
+            lowest = search.low[v]
+            deeper = False
+            while r < groups[v + 1]:
+                if enabled[r]:
+                    end = indptr[r + 1]
+                    while k < end:
+                        w = indices[k]
+                        k += 1
+                        if search.found[w] == 0:
+                            deeper = True
+                            break
+                        elif search.component[w] < 0 and search.found[w] < lowest:
+                            lowest = search.found[w]
+                    if deeper:
+                        break
+                r += 1
+                k = indptr[r]
+            search.low[v] = lowest
+            if deeper:
+                at_row[search.depth] = r
+                at[search.depth] = k
+                enter(search, w)
+                at_row[search.depth] = groups[w]
+                at[search.depth] = indptr[groups[w]]
+            else:
+                leave(search)
+
+
 def end_components(const int64_t[::1] indptr, const int32_t[::1] indices, const int64_t[::1] groups,
                    const int64_t[::1] pre, const int32_t[::1] rows_in, const int32_t[::1] owner,
                    const uint8_t[::1] within, usable):
@@ -168,9 +222,9 @@ def end_components(const int64_t[::1] indptr, const int32_t[::1] indices, const 
     Returns (component int32[n], -1 for none; enabled uint8[rows]: rows that stay in their component; count).
     Rounds of strong components over what changed in the round before; a component that loses nothing is an end component.
     """
-    cdef int64_t n = pre.shape[0] - 1, s, k, r, i, j, e, depth, root, head, tail, end
+    cdef int64_t n = pre.shape[0] - 1, s, k, r, i, j, e, head, tail
     cdef int64_t n_active = 0, n_next
-    cdef int32_t p, v, w, count = 0, clock, lowest
+    cdef int32_t p, count = 0
     cdef uint8_t[::1] enabled = np.ones(owner.shape[0], dtype=np.uint8) if usable is None else np.array(usable, dtype=np.uint8)
     cdef uint8_t[::1] open_ = np.zeros(n, dtype=np.uint8)
     cdef int32_t[::1] result = np.full(n, -1, dtype=np.int32)
@@ -186,9 +240,10 @@ def end_components(const int64_t[::1] indptr, const int32_t[::1] indices, const 
     cdef int32_t[::1] order = np.empty(n, dtype=np.int32)
     cdef int64_t[::1] start = np.empty(n + 1, dtype=np.int64)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
-    cdef int32_t n_scc
-    cdef int64_t top, done
-    cdef bint changed, pushed
+    cdef bint changed
+    cdef Search search = Search(
+        &found[0], &low[0], &scc[0], &path[0], &finished[0], &order[0], &start[0], depth=-1, top=0, done=0, clock=0, count=0,
+    )
     with nogil:
         # Rows that may leave `within` are unusable from the start.
         for s in range(n):
@@ -227,90 +282,21 @@ def end_components(const int64_t[::1] indptr, const int32_t[::1] indices, const 
                             queue[tail] = p
                             tail += 1
             # Strong components of the active states over the enabled rows.
-            clock = 0
-            n_scc = 0
-            top = 0
-            done = 0
-            start[0] = 0
             n_next = 0
             for i in range(n_active):
                 s = active[i]
                 if open_[s]:
                     active[n_next] = <int32_t>s
                     n_next += 1
-                    found[s] = 0
-                    scc[s] = -1
             n_active = n_next
             if n_active == 0:
                 break
-            for i in range(n_active):
-                root = active[i]
-                if found[root]:
-                    continue
-                depth = 0
-                path[0] = <int32_t>root
-                at_row[0] = groups[root]
-                at[0] = indptr[groups[root]]
-                clock += 1
-                found[root] = clock
-                low[root] = clock
-                while depth >= 0:
-                    v = path[depth]
-                    r = at_row[depth]
-                    k = at[depth]
-                    lowest = low[v]
-                    pushed = False
-                    while r < groups[v + 1]:
-                        if enabled[r]:
-                            end = indptr[r + 1]
-                            while k < end:
-                                w = indices[k]
-                                k += 1
-                                if found[w] == 0:
-                                    pushed = True
-                                    break
-                                elif scc[w] < 0 and found[w] < lowest:
-                                    lowest = found[w]
-                            if pushed:
-                                break
-                        r += 1
-                        k = indptr[r]
-                    low[v] = lowest
-                    if pushed:
-                        at_row[depth] = r
-                        at[depth] = k
-                        depth += 1
-                        path[depth] = w
-                        at_row[depth] = groups[w]
-                        at[depth] = indptr[groups[w]]
-                        clock += 1
-                        found[w] = clock
-                        low[w] = clock
-                        continue
-                    finished[top] = v
-                    top += 1
-                    if lowest == found[v]:
-                        k = top
-                        while k > 0 and found[finished[k - 1]] >= lowest:
-                            k -= 1
-                        end = k
-                        while k < top:
-                            w = finished[k]
-                            scc[w] = n_scc
-                            order[done] = w
-                            done += 1
-                            k += 1
-                        top = end
-                        n_scc += 1
-                        start[n_scc] = done
-                    depth -= 1
-                    if depth >= 0 and low[v] < low[path[depth]] and scc[v] < 0:
-                        low[path[depth]] = low[v]
+            strong_components(&search, active[:n_active], groups, indptr, indices, enabled, at_row, at)
             # Disable rows that leave their component; a component without such rows is settled.
             head = 0
             tail = 0
             n_next = 0
-            for j in range(n_scc):
+            for j in range(search.count):
                 changed = False
                 for i in range(start[j], start[j + 1]):
                     s = order[i]

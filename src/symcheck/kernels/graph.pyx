@@ -9,13 +9,14 @@ import numpy as np
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
+from symcheck.kernels._strong cimport Search, enter, leave
+
 
 def components(const int64_t[::1] edges, const int32_t[::1] indices, within=None):
     """Strongly connected components of the states in `within` (default: all), successors first.
 
     Returns (component int32[n], -1 outside; order int32[m]: the states by component, within one in the order in which a
-    depth-first search leaves them; start int64[count+1] into `order`). Tarjan (1972), iterative; a component's members lie on
-    top of the stack of finished states when its root is left.
+    depth-first search leaves them; start int64[count+1] into `order`). Tarjan (1972).
     """
     cdef int64_t n = edges.shape[0] - 1
     cdef const uint8_t[::1] inside = np.ones(n, dtype=np.uint8) if within is None else within
@@ -27,23 +28,21 @@ def components(const int64_t[::1] edges, const int32_t[::1] indices, within=None
     cdef int32_t[::1] path = np.empty(n, dtype=np.int32)
     cdef int64_t[::1] at = np.empty(n, dtype=np.int64)
     cdef int32_t[::1] found = np.zeros(n, dtype=np.int32)
-    cdef int32_t count = 0, clock = 0, v, w
-    cdef int64_t root, depth, top = 0, done = 0, k, end
-    cdef int32_t lowest
+    cdef int32_t v, w, lowest
+    cdef int64_t root, k, end
+    cdef Search search = Search(
+        &found[0], &low[0], &component[0], &path[0], &finished[0], &order[0], &start[0], depth=-1, top=0, done=0, clock=0, count=0,
+    )
     with nogil:
         start[0] = 0
         for root in range(n):
             if found[root] or not inside[root]:
                 continue
-            depth = 0
-            path[0] = <int32_t>root
+            enter(&search, <int32_t>root)
             at[0] = edges[root]
-            clock += 1
-            found[root] = clock
-            low[root] = clock
-            while depth >= 0:
-                v = path[depth]
-                k = at[depth]
+            while search.depth >= 0:
+                v = path[search.depth]
+                k = at[search.depth]
                 end = edges[v + 1]
                 lowest = low[v]
                 while k < end:
@@ -56,36 +55,12 @@ def components(const int64_t[::1] edges, const int32_t[::1] indices, within=None
                     k += 1
                 low[v] = lowest
                 if k < end:
-                    w = indices[k]
-                    at[depth] = k + 1
-                    depth += 1
-                    path[depth] = w
-                    at[depth] = edges[w]
-                    clock += 1
-                    found[w] = clock
-                    low[w] = clock
-                    continue
-                finished[top] = v
-                top += 1
-                if lowest == found[v]:
-                    # Everything that finished since v was found, and has no component yet, belongs to v.
-                    k = top
-                    while k > 0 and found[finished[k - 1]] >= lowest:
-                        k -= 1
-                    end = k
-                    while k < top:
-                        w = finished[k]
-                        component[w] = count
-                        order[done] = w
-                        done += 1
-                        k += 1
-                    top = end
-                    count += 1
-                    start[count] = done
-                depth -= 1
-                if depth >= 0 and low[v] < low[path[depth]] and component[v] < 0:
-                    low[path[depth]] = low[v]
-    return np.asarray(component), np.asarray(order)[:done], np.asarray(start)[: count + 1].copy()
+                    at[search.depth] = k + 1
+                    enter(&search, indices[k])
+                    at[search.depth] = edges[indices[k]]
+                else:
+                    leave(&search)
+    return np.asarray(component), np.asarray(order)[: search.done], np.asarray(start)[: search.count + 1].copy()
 
 
 def bottom(const int64_t[::1] edges, const int32_t[::1] indices, const int32_t[::1] component, int64_t count):
