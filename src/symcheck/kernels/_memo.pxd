@@ -7,6 +7,8 @@ from libc.stdint cimport int32_t, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
+from symcheck.kernels._mix cimport mix_with
+
 cdef struct Slot:
     uint64_t key
     uint32_t extra
@@ -18,15 +20,6 @@ cdef struct Memo:
     Slot* slots
     int64_t size      # a power of two
     int64_t used
-
-cdef inline uint64_t memo_hash(uint64_t key, uint32_t extra) noexcept nogil:
-    cdef uint64_t h = key ^ (<uint64_t>extra * <uint64_t>0x9E3779B97F4A7C15)
-    h ^= h >> 32
-    h *= <uint64_t>0xD6E8FEB86659FD93
-    h ^= h >> 32
-    h *= <uint64_t>0xD6E8FEB86659FD93
-    h ^= h >> 32
-    return h
 
 cdef inline bint memo_free(Slot* slot) noexcept nogil:
     return slot.key == <uint64_t>-1 and slot.extra == <uint32_t>-1
@@ -47,7 +40,7 @@ cdef inline void memo_close(Memo* memo) noexcept nogil:
 cdef inline Slot* memo_find(Memo* memo, uint64_t key, uint32_t extra) noexcept nogil:
     """The slot of the key, or the free slot where it belongs."""
     cdef int64_t mask = memo.size - 1
-    cdef int64_t i = <int64_t>(memo_hash(key, extra)) & mask
+    cdef int64_t i = <int64_t>mix_with(key, extra) & mask
     cdef Slot* slot
     while True:
         slot = &memo.slots[i]

@@ -6,36 +6,20 @@ units of 2 ** -exponent, so that sums are exact and do not depend on their order
 never added to. A set is a bag whose values are all 0.
 """
 
-from libc.math cimport floor, frexp, ldexp
+from libc.math cimport frexp, ldexp
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcmp, memcpy, memset
 
 import cython
 
+from symcheck.kernels._mix cimport bits_of, mix, shortened
 from symcheck.kernels.memory cimport Buffer, release, reserve
 
 __all__ = ["Bags"]
 
 
-cdef inline uint64_t mix(uint64_t x) noexcept nogil:
-    """The finalizer of splitmix64."""
-    x ^= x >> 30
-    x *= <uint64_t>0xBF58476D1CE4E5B9
-    x ^= x >> 27
-    x *= <uint64_t>0x94D049BB133111EB
-    x ^= x >> 31
-    return x
-
-
-cdef inline double shortened(double value) noexcept nogil:
-    """A double rounded to 44 binary digits: sums in another order are the same."""
-    cdef int exponent
-    cdef double part = frexp(value, &exponent)
-    return ldexp(floor(part * 17592186044416.0 + 0.5), exponent - 44)
-
-
 cdef inline int128 shortened_sum(int128 value) noexcept nogil:
-    """The same for a sum, which is not negative."""
+    """The same for an exact sum, which is not negative."""
     cdef int length = 0, shift
     cdef int128 rest = value
     while (rest >> 32) != 0:
@@ -51,9 +35,7 @@ cdef inline int128 shortened_sum(int128 value) noexcept nogil:
 
 
 cdef inline int128 as_bits(double value) noexcept nogil:
-    cdef uint64_t bits
-    memcpy(&bits, &value, 8)
-    return <int128>bits
+    return <int128>bits_of(value)
 
 
 cdef inline double from_bits(int128 value) noexcept nogil:

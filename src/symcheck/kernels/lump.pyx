@@ -1,36 +1,15 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
 """Signatures of states for bisimulation: where their rows lead, by blocks of a partition, as hashes of 128 bits."""
 
-from libc.math cimport frexp, ldexp, floor
+from libc.stdint cimport uint64_t
 from libc.stdlib cimport free, malloc
-from libc.string cimport memcpy
 
-ctypedef unsigned long long uint64
-
-
-cdef inline uint64 mix(uint64 x) noexcept nogil:
-    """The finalizer of splitmix64."""
-    x ^= x >> 30
-    x *= <uint64>0xBF58476D1CE4E5B9
-    x ^= x >> 27
-    x *= <uint64>0x94D049BB133111EB
-    x ^= x >> 31
-    return x
-
-
-cdef inline uint64 bits_of(double value) noexcept nogil:
-    """A double rounded to 44 binary digits, as bits: sums in another order are the same."""
-    cdef int exponent
-    cdef double part = frexp(value, &exponent)
-    cdef uint64 out
-    value = ldexp(floor(part * 17592186044416.0 + 0.5), exponent - 44)
-    memcpy(&out, &value, 8)
-    return out
+from symcheck.kernels._mix cimport bits_of, mix, shortened
 
 
 def signatures(const long long[::1] indptr, const int[::1] indices, const double[::1] data, const long long[::1] groups,
-               const uint64[::1] seeds, const int[::1] block, Py_ssize_t blocks, const long long[::1] states,
-               uint64[:, ::1] out):
+               const uint64_t[::1] seeds, const int[::1] block, Py_ssize_t blocks, const long long[::1] states,
+               uint64_t[:, ::1] out):
     """For each of `states`: the hash of its set of rows. out: uint64[len(states), 2].
 
     A row counts by its seed (uint64[rows]) and, per block, by the sum of its entries that lead there. groups:
@@ -39,14 +18,14 @@ def signatures(const long long[::1] indptr, const int[::1] indices, const double
     cdef Py_ssize_t i, k, j, touched, first
     cdef long long r, rows, most = 1
     cdef int b
-    cdef uint64 h0, h1, t, u
+    cdef uint64_t h0, h1, t, u
     for i in range(states.shape[0]):
         rows = groups[states[i] + 1] - groups[states[i]]
         if rows > most:
             most = rows
     cdef double *total = <double *>malloc(max(1, blocks) * sizeof(double))
     cdef int *seen = <int *>malloc(max(1, blocks) * sizeof(int))
-    cdef uint64 *hashes = <uint64 *>malloc(2 * most * sizeof(uint64))
+    cdef uint64_t *hashes = <uint64_t *>malloc(2 * most * sizeof(uint64_t))
     if total == NULL or seen == NULL or hashes == NULL:
         free(total)
         free(seen)
@@ -66,14 +45,14 @@ def signatures(const long long[::1] indptr, const int[::1] indices, const double
                         seen[touched] = b
                         touched += 1
                     total[b] += data[k]
-                h0 = mix(seeds[r] + <uint64>0x9E3779B97F4A7C15)
-                h1 = mix(seeds[r] ^ <uint64>0xD1B54A32D192ED03)
+                h0 = mix(seeds[r] + <uint64_t>0x9E3779B97F4A7C15)
+                h1 = mix(seeds[r] ^ <uint64_t>0xD1B54A32D192ED03)
                 for k in range(touched):
                     b = seen[k]
-                    t = mix(<uint64>b * <uint64>0x9E3779B97F4A7C15 + 1)
-                    u = bits_of(total[b])
+                    t = mix(<uint64_t>b * <uint64_t>0x9E3779B97F4A7C15 + 1)
+                    u = bits_of(shortened(total[b]))
                     h0 += mix(t ^ u)
-                    h1 += mix(t + mix(u + <uint64>0x632BE59BD9B4E019))
+                    h1 += mix(t + mix(u + <uint64_t>0x632BE59BD9B4E019))
                     total[b] = -1.0
                 for j in range(rows):
                     if hashes[2 * j] == h0 and hashes[2 * j + 1] == h1:
