@@ -18,7 +18,7 @@ from syntax.samples import MODEL, PROPERTIES
 SAME = """
 a | b & c                      : a | (b & c)
 a & b | c                      : (a & b) | c
-a => b => c                    : (a => b) => c
+a => b => c                    : a => (b => c)
 a <=> b => c                   : (a <=> b) => c
 a => b <=> c                   : a => (b <=> c)
 a | b <=> c & d                : (a | b) <=> (c & d)
@@ -33,8 +33,9 @@ a - b + c                      : (a - b) + c
 a / b * c                      : (a / b) * c
 a + b * c                      : a + (b * c)
 -a * b                         : (-a) * b
--a ^ 2                         : -(a ^ 2)
-a ^ b ^ c                      : a ^ (b ^ c)
+-a ^ 2                         : (-a) ^ 2
+a ^ b ^ c                      : (a ^ b) ^ c
+a * b ^ c                      : a * (b ^ c)
 2 ^ -1 * 3                     : (2 ^ (-1)) * 3
 a ? b : c ? d : e              : a ? b : (c ? d : e)
 a => b ? c | d : e & f         : (a => b) ? (c | d) : (e & f)

@@ -12,7 +12,7 @@ from symcheck.syntax.walk import Tree
 __all__ = ["pretty", "pretty_number"]
 
 # How tightly an operator binds; its operands must bind as tightly or more.
-_PATH, _TEMPORAL, _CONDITIONAL, _NOT, _SIGN, _POWER, _ATOM = 0, 1, 2, 7, 12, 13, 14
+_PATH, _TEMPORAL, _CONDITIONAL, _NOT, _SIGN, _ATOM = 0, 1, 2, 7, 13, 14
 _BINARY = {
     "=>": 3,
     "<=>": 4,
@@ -28,7 +28,7 @@ _BINARY = {
     "-": 10,
     "*": 11,
     "/": 11,
-    "^": 13,
+    "^": 12,
 }
 
 Printable = Tree | ast.Program | ast.PropertiesFile | ast.Property | ast.Composition
@@ -128,8 +128,8 @@ def _literal(value: bool | int | Fraction) -> tuple[str, int]:
 def _binary(node: ast.Binary) -> str:
     """An operation with all that hangs on its left at the same level, so that long chains need no recursion."""
     operator, strength = node.operator, _BINARY[node.operator]
-    if operator == "^":
-        return f"{_tree(node.left, _ATOM)}^{_tree(node.right, _SIGN)}"
+    if operator == "=>":
+        return _implications(node, strength)
     spine = [node]
     while isinstance(node.left, ast.Binary) and _BINARY[node.left.operator] == strength:
         node = node.left
@@ -144,6 +144,16 @@ def _binary(node: ast.Binary) -> str:
         text += _glued(f"{space}{part.operator}", space + _tree(part.right, strength + 1))
         length += 1
     return text
+
+
+def _implications(node: ast.Binary, strength: int) -> str:
+    """The same for =>, which associates to the right."""
+    parts: list[str] = []
+    rest: Tree = node
+    while isinstance(rest, ast.Binary) and rest.operator == "=>":
+        parts.append(_tree(rest.left, strength + 1))
+        rest = rest.right
+    return " => ".join((*parts, _tree(rest, strength)))
 
 
 def _glued(operator: str, operand: str) -> str:
