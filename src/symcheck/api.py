@@ -23,6 +23,7 @@ from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
 
 if TYPE_CHECKING:
+    from symcheck.check.bisimulation import Common
     from symcheck.check.distribution import Distribution
     from symcheck.simulate.path import Path as RandomPath
 
@@ -72,7 +73,10 @@ class Model:
         return self._check(file, 0, constants)[1]
 
     def check_all(self, properties: str | Path | PropertiesFile, constants: Given | None = None) -> Iterator[tuple[BoundProperty, Result]]:
-        """Check the properties of a file (a Path), of a text, or parsed already, one after the other."""
+        """Check the properties of a file (a Path), of a text, or parsed already, one after the other.
+
+        With the option `bisim`, one quotient serves all of them where that is a gain.
+        """
         match properties:
             case PropertiesFile():
                 file = properties
@@ -80,8 +84,9 @@ class Model:
                 file = parse_properties_file(properties)
             case str():
                 file = parse_properties(properties)
+        shared = self._shared(file, constants)
         for i in range(len(file.properties)):
-            yield self._check(file, i, constants)
+            yield self._check(file, i, constants, shared)
 
     def properties(self, file: PropertiesFile, constants: Given | None = None) -> BoundProperties:
         """Properties bound to this model."""
@@ -125,14 +130,27 @@ class Model:
         fixed = self.options.fix_deadlocks
         return check_by_sampling(self.bound, bound.properties[0].formula, Plan(**plan), labels=bound.labels, fix_deadlocks=fixed)
 
-    def _check(self, file: PropertiesFile, index: int, constants: Given | None) -> tuple[BoundProperty, Result]:
+    def _check(
+        self, file: PropertiesFile, index: int, constants: Given | None, shared: Common | None = None
+    ) -> tuple[BoundProperty, Result]:
         bound = self.properties(file, constants)
         one = bound.properties[index]
 
         def rebind(model: BoundModel) -> Expression:
             return bind_properties(file, model, constants).properties[index].formula
 
-        return one, check(self._engine_for(file, constants), one.formula, self.options, labels=bound.labels, rebind=rebind)
+        engine = self._engine_for(file, constants)
+        return one, check(engine, one.formula, self.options, labels=bound.labels, rebind=rebind, shared=shared)
+
+    def _shared(self, file: PropertiesFile, constants: Given | None) -> Common | None:
+        """One quotient for the properties of a file, with the option `bisim`."""
+        if not self.options.bisim or len(file.properties) < 2:
+            return None
+        from symcheck.check.bisimulation import common
+
+        bound = self.properties(file, constants)
+        formulas = [(p.formula, bound.labels) for p in bound.properties if p.fault is None]
+        return common(self._engine_for(file, constants), formulas, self.options)
 
     @cached_property
     def _reduced(self) -> dict[Any, Engine]:

@@ -279,3 +279,13 @@ def test_stages_are_shown_in_a_line() -> None:
     stages = (model, model.program, symcheck.parse_properties_file(DIE_PCTL), model.bound, model.engine, model.check("P=? [ F d=6 ]"))
     assert [repr(stage) for stage in stages if len(repr(stage)) > 200] == []
     assert "module" in repr(model.program)
+
+
+def test_one_quotient_for_several_properties(capsys):
+    assert main([DIE, "-pf", "P=? [ F d=6 ]; P=? [ F<=4 d=6 ]; E [ F d=6 ]", "-bisim"]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"Bisimulation: 13 states -> 5, common to 2 of 3 properties \(\d rounds on listed states; \d\.\d\d s in all\)", shown)
+    assert shown.count("13 states -> 5 by bisimulation") == 2
+    assert "arning" not in shown
+    main([DIE, "-pf", "P=? [ F d=6 ]", "-bisim"])
+    assert "Bisimulation:" not in capsys.readouterr().out

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model
+from symcheck.check import bisimulation
 from symcheck.engines import symbolic_lump
 from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.symbolic_lump import lump_diagrams
@@ -160,3 +161,20 @@ def test_giving_up():
         lump_diagrams(engine.diagrams, different, most=100)
     with pytest.raises(UnsupportedError, match="outgrows 1 MiB"):
         lump_diagrams(engine_of(symmetric(10), "sparse").diagrams, [], [0], limit=2**20)
+
+
+def test_giving_up_in_time():
+    engine = engine_of(symmetric(6), "sparse")
+    with pytest.raises(UnsupportedError, match=r"outgrows 0 s \(1 blocks after 0 rounds\)"):
+        lump_diagrams(engine.diagrams, [], seconds=0.0)
+    large = engine_of(symmetric(10), "sparse")  # here in the middle of a round
+    different = [where(large, " + ".join(f"{i}*x{i}" for i in range(10)) + f"={k}").bdd for k in (30, 31)]
+    with pytest.raises(UnsupportedError, match=r"outgrows 0.05 s"):
+        lump_diagrams(large.diagrams, different, seconds=0.05)
+
+
+def test_listed_states_where_diagrams_take_too_long(monkeypatch):
+    monkeypatch.setattr(bisimulation, "_PATIENCE", 0.0)
+    result = check_text(engine_of(symmetric(5), "sparse"), "R=? [ S ]", bisim=True)
+    assert "on listed states" in result.runs[0].explanation
+    assert "1024 states -> 56 by bisimulation" in result.explanation

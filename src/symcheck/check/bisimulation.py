@@ -2,66 +2,97 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from symcheck.check.context import Context
 from symcheck.check.filters import Outcome, apply_filter
 from symcheck.check.formulas import is_plain, modern_filter, numbers, satisfying, states_of
 from symcheck.check.lumped import BothQuotient, DiagramQuotient, ListedQuotient, Quotient, WrittenQuotient
-from symcheck.engines.base import StateSet
+from symcheck.check.observed import Observed, observed, together
+from symcheck.check.options import Options
+from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.explicit import ExplicitEngine
-from symcheck.errors import UnsupportedError
+from symcheck.errors import InputError, NumericalError, UnsupportedError
 from symcheck.numerics.lump import lump
-from symcheck.semantics.conditions import reward_index
-from symcheck.syntax.ast import (
-    Binary,
-    Expression,
-    Filter,
-    LabelReference,
-    MultiObjective,
-    Name,
-    PathQuantifier,
-    RewardBound,
-    RewardOperator,
-    StateFilter,
-    Type,
-    Unary,
-)
-from symcheck.syntax.walk import children
+from symcheck.syntax.ast import Expression, Filter, LabelReference, Name, StateFilter, Type
 
 if TYPE_CHECKING:
     from symcheck.engines.symbolic import SymbolicEngine
     from symcheck.engines.symbolic_lump import LumpedDiagrams
 
-__all__ = ["filtered", "quotient"]
+__all__ = ["Common", "common", "filtered", "quotient"]
 
 _ENTRY_BYTES = 12
 _ROWS_BYTES = 2**30  # of compressed rows that are written out where diagrams do not lump
 _ROWS_STATES = 20_000_000
 _LONG = 1_000_000  # listed states above which diagrams, where they are there, are asked first
 _ALIKE = 4  # states per block, on average, below which listing them is cheaper
+_GAIN = 2  # states per block, on average, below which a common quotient is not worth having
+_PATIENCE = 20.0  # seconds of processor time for a partition on diagrams where listed states are the alternative
+_LONG_PATIENCE = 600.0  # where the alternative is none
 
 
-@dataclass(frozen=True)
-class _Observed:
-    """What a formula speaks of: expressions over the variables, sets by name, and reward structures."""
+@dataclass(frozen=True, eq=False)
+class Common:
+    """One quotient for several formulas: coarse enough to be a gain, fine enough for whatever one of them speaks of.
 
-    expressions: list[Expression] = field(default_factory=list)
-    names: set[str] = field(default_factory=set)
-    structures: set[int] = field(default_factory=set)
-
-
-def quotient(context: Context, formula: Expression) -> Quotient:
-    """The quotient that is good enough for a formula: on diagrams where the engine has them, else of listed states.
-
-    Of a filter as the outermost operator, the formula within and what is not plain in its condition count. Raises
-    UnsupportedError for formulas with filters, A, E or multi(...) within, and for engines that have neither.
+    formulas: how many it was made for, of how many `asked`.
     """
+
+    quotient: Quotient
+    observed: Observed
+    formulas: int
+    asked: int
+    states: int
+    seconds: float
+
+    def __str__(self) -> str:
+        served = "all" if self.formulas == self.asked else f"{self.formulas} of"
+        cost = f"{self.quotient.cost}; {self.seconds:.2f} s in all"
+        return f"{self.states} states -> {self.quotient.engine.states}, common to {served} {self.asked} properties ({cost})"
+
+
+def common(engine: Engine, formulas: Sequence[tuple[Expression, Mapping[str, Expression]]], options: Options) -> Common | None:
+    """One quotient for all formulas (bound, each with the labels of its file) that have one: strong bisimulation keeps them all.
+
+    None where fewer than two have one, or it would be no gain: then each formula is better off with its own, or with none.
+    Raises ResourceError.
+    """
+    started = perf_counter()
+    seen, context = [], Context(engine, options)
+    for formula, labels in formulas:
+        try:
+            seen.append(observed(replace(context, labels=labels), formula))
+        except (UnsupportedError, InputError):
+            continue  # it is told of where the formula is checked
+    if len(seen) < 2:
+        return None
+    every = together(seen)
+    try:
+        smaller = _quotient(context, every)
+    except (UnsupportedError, NumericalError, InputError):
+        return None
+    if smaller.engine.states * _GAIN > engine.states:
+        return None
+    return Common(smaller, every, len(seen), len(formulas), engine.states, perf_counter() - started)
+
+
+def quotient(context: Context, formula: Expression, shared: Common | None = None) -> Quotient:
+    """The quotient that is good enough for a formula: the shared one if it is, else one on diagrams or of listed states.
+
+    Raises UnsupportedError for formulas with filters, A, E or multi(...) within, and for engines that have neither diagrams
+    nor listed states.
+    """
+    seen = observed(context, formula)
+    return shared.quotient if shared is not None and seen <= shared.observed else _quotient(context, seen)
+
+
+def _quotient(context: Context, observed: Observed) -> Quotient:
     if context.options.fairness:
         raise UnsupportedError("-bisim is not for fair strategies")
-    observed = _observed(context, formula)
     engine: Any = context.engine
     if isinstance(engine, ExplicitEngine):
         source = getattr(engine, "source", None)
@@ -95,11 +126,11 @@ def _condition(context: Context, smaller: Quotient, condition: Expression) -> St
 
 
 def _listed(
-    context: Context, engine: ExplicitEngine, observed: _Observed, make: Callable[..., ListedQuotient], **more: Any
+    context: Context, engine: ExplicitEngine, observed: Observed, make: Callable[..., ListedQuotient], **more: Any
 ) -> ListedQuotient:
     colours: list[Any] = [engine.initial.members for name in observed.names if name == "init"]
     colours += [engine.deadlocks.members for name in observed.names if name == "deadlock"]
-    for part in observed.expressions:
+    for part in observed.expressions.values():
         if _is_set(context, part):
             colours.append(satisfying(replace(context, engine=engine), part, engine.all).members)  # type: ignore[attr-defined]
         else:
@@ -109,7 +140,7 @@ def _listed(
     return make(engine, lump(engine.matrix, colours, [rows for _, rows in rewards]), **more)
 
 
-def _on_diagrams(context: Context, engine: SymbolicEngine, observed: _Observed) -> Quotient:
+def _on_diagrams(context: Context, engine: SymbolicEngine, observed: Observed) -> Quotient:
     """On diagrams; where few states are alike and their rows fit into memory, these are written out."""
     from symcheck.engines.written import written_out
 
@@ -122,76 +153,22 @@ def _on_diagrams(context: Context, engine: SymbolicEngine, observed: _Observed) 
     return _listed(context, written_out(engine), observed, WrittenQuotient, source=engine)
 
 
-def _lumped(context: Context, engine: SymbolicEngine, observed: _Observed, most: int | None) -> LumpedDiagrams:
+def _lumped(context: Context, engine: SymbolicEngine, observed: Observed, most: int | None) -> LumpedDiagrams:
     from symcheck.engines.symbolic_lump import lump_diagrams
 
     colours: list[Any] = [engine.initial.bdd for name in observed.names if name == "init"]
     colours += [engine.deadlocks.bdd for name in observed.names if name == "deadlock"]
-    for part in observed.expressions:
+    for part in observed.expressions.values():
         if _is_set(context, part):
             colours.append(satisfying(replace(context, engine=engine), part, engine.all).bdd)  # type: ignore[attr-defined]
         else:
             colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
-    return lump_diagrams(engine.diagrams, colours, sorted(observed.structures), most=most)
+    patience = _PATIENCE if most is not None else _LONG_PATIENCE
+    limit = context.options.time_limit
+    seconds = patience if limit is None else min(limit, patience)
+    return lump_diagrams(engine.diagrams, colours, sorted(observed.structures), most=most, seconds=seconds)
 
 
 def _is_set(context: Context, part: Expression) -> bool:
     # A model that was read has labels that are names of sets of states, which are no variables.
     return (isinstance(part, Name) and part.name.startswith('"')) or context.type(part) is Type.BOOL
-
-
-def _observed(context: Context, formula: Expression) -> _Observed:
-    found = _Observed()
-    parts: tuple[Expression | None, ...] = (formula,)
-    if isinstance(formula, Filter | StateFilter):
-        condition = formula.states
-        looked_up = condition is None or is_plain(condition) or isinstance(condition, LabelReference)
-        parts = (formula.formula, None if looked_up else condition)
-    for part in parts:
-        if part is not None:
-            _observe(context, part, found)
-    return found
-
-
-def _observe(context: Context, formula: Expression, found: _Observed) -> None:
-    for part in _parts(context, formula):
-        match part:
-            case Filter() | StateFilter() | MultiObjective() | PathQuantifier():
-                raise UnsupportedError("-bisim is not for filters within a formula, A and E, and multi(...)")
-            case LabelReference("init" | "deadlock"):
-                found.names.add(part.name)
-            case RewardOperator() | RewardBound():
-                if not (isinstance(part, RewardBound) and part.structure is None):
-                    found.structures.add(reward_index(part.structure, context.engine.model))
-            case _ if _is_combination(context, part):
-                found.expressions.append(part)
-            case _:
-                pass
-
-
-def _is_combination(context: Context, formula: Expression) -> bool:
-    """Whether a formula is about the variables only, labels looked up: then only the whole tells states apart."""
-    match formula:
-        case LabelReference("init" | "deadlock"):
-            return False
-        case LabelReference():
-            return _is_combination(context.inside(formula), context.referred(formula))
-        case Unary("!", operand):
-            return _is_combination(context, operand)
-        case Binary("&" | "|" | "=>" | "<=>", left, right):
-            return _is_combination(context, left) and _is_combination(context, right)
-        case _:
-            return is_plain(formula)
-
-
-def _parts(context: Context, formula: Expression) -> Iterator[Expression]:
-    """The largest expressions over variables only, the references to initial and deadlock states, and the operators above."""
-    yield formula
-    if _is_combination(context, formula):
-        return
-    if isinstance(formula, LabelReference):
-        if formula.name not in ("init", "deadlock"):
-            yield from _parts(context.inside(formula), context.referred(formula))
-        return
-    for child in children(formula):
-        yield from _parts(context, child)  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from fractions import Fraction
 from math import isinf, isnan
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,8 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, Property, StateFilter, Type
 
 if TYPE_CHECKING:
+    from symcheck.check.bisimulation import Common
+    from symcheck.check.lumped import Quotient
     from symcheck.check.strategy import Strategy
 
 __all__ = ["check"]
@@ -36,6 +39,7 @@ def check(
     properties: Mapping[str, Expression] | None = None,
     rebind: Callable[[BoundModel], Expression] | None = None,
     observer: Observer | None = None,
+    shared: Common | None = None,
 ) -> Result:
     """Check a bound formula (names resolved, constants folded) on a built model.
 
@@ -43,7 +47,8 @@ def check(
     them, and a number is the pair of the lowest and the highest. A filter as the outermost operator answers itself.
     `labels` are those of the properties file, `properties` the named ones that the formula may refer to. `rebind` gives
     the formula bound to an exactly bound model, for a comparison that only rational arithmetic decides. `observer` is told
-    of each step of a numerical computation, and may raise to end it.
+    of each step of a numerical computation, and may raise to end it. `shared`: a quotient for several formulas (see
+    `symcheck.check.bisimulation.common`), used with the option `bisim` where it is good enough for this one.
 
     Raises InputError, UnsupportedError, and NumericalError where the accuracy asked for is missed.
     """
@@ -53,7 +58,7 @@ def check(
     notes = Notes()
     context = Context(engine, options or Options(), labels or {}, properties or {}, notes, rebind, observer=observer)
     kind = context.type(formula)
-    lumped = _lumped(context, formula, kind) if context.options.bisim else None
+    lumped = _lumped(context, formula, kind, shared) if context.options.bisim else None
     if lumped is not None:
         result = lumped
     elif isinstance(formula, Filter | StateFilter):
@@ -79,20 +84,23 @@ def check(
     )
 
 
-def _lumped(context: Context, formula: Expression, kind: Type) -> Result | None:
-    """The result of the quotient, lifted to all states; None, with a warning, where it cannot be had."""
+def _lumped(context: Context, formula: Expression, kind: Type, shared: Common | None) -> Result | None:
+    """The result of the quotient, lifted to all states; None, with a warning, where it cannot be had.
+
+    A and E search, which costs no more than a partition, and show a path of the model's own states: they do without.
+    """
+    if isinstance(formula, PathQuantifier):
+        return None
     from symcheck.check.bisimulation import filtered, quotient
 
     try:
-        smaller = quotient(context, formula)
+        smaller = quotient(context, formula, shared)
         inner = replace(context, engine=smaller.engine)
         if isinstance(formula, Filter | StateFilter):
             result = _filter_result(context, formula, filtered(context, smaller, formula), kind)
         else:
             result = _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
-            values = None if result.values is None else smaller.lift(result.values)
-            satisfied = None if result.satisfying is None else smaller.lift_set(result.satisfying)
-            result = replace(result, values=values, satisfying=satisfied)
+            result = _lifted(result, smaller, context.engine.initial)
     except (UnsupportedError, NumericalError) as error:
         context.notes.warn(f"checked without -bisim: {error}")
         return None
@@ -100,6 +108,21 @@ def _lumped(context: Context, formula: Expression, kind: Type) -> Result | None:
     text = f"bisimulation: {size}, {smaller.cost}"
     context.notes.runs.insert(0, Run("graph", "bisimulation", context.engine.states, smaller.rounds, 0.0, text))
     return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
+
+
+def _lifted(result: Result, smaller: Quotient, initial: StateSet) -> Result:
+    """What was found of blocks, as said of states; several initial states have a range, if all are in one block too."""
+    values = None if result.values is None else smaller.lift(result.values)
+    satisfied = None if result.satisfying is None else smaller.lift_set(result.satisfying)
+    result = replace(result, values=values, satisfying=satisfied)
+    if initial.count == 1:
+        return result
+    if satisfied is not None:
+        return replace(result, explanation=_satisfied((satisfied & initial).count, initial.count))
+    value: Answer = result.value
+    if isinstance(value, int | float | Fraction):
+        value = value, value
+    return replace(result, value=value, explanation=_range_over(initial))
 
 
 def _strategy(context: Context, formula: Expression) -> Strategy | None:
@@ -136,7 +159,7 @@ def _numeric(context: Context, formula: Expression, type: Type) -> Result:
         single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
         return Result(single, accuracy, "value in the initial state", values=values)
     value, accuracy = _range(context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type)
-    return Result(value, accuracy, f"range of values over {_where(initial)}", values=values)
+    return Result(value, accuracy, _range_over(initial), values=values)
 
 
 def _filtered(context: Context, formula: Filter | StateFilter, type: Type) -> Result:
@@ -191,9 +214,8 @@ def _middle(low: float, high: float) -> float:
     return low + (high - low) / 2
 
 
-def _where(initial: StateSet) -> str:
-    count = initial.count
-    return "the initial state" if count == 1 else f"{count} initial states"
+def _range_over(initial: StateSet) -> str:
+    return f"range of values over {initial.count} initial states"
 
 
 def _satisfied(count: int, initial: int) -> str:

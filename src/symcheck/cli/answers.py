@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import traceback
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from symcheck.engines.base import Engine
 from symcheck.errors import ResourceError, SymcheckError
 from symcheck.experiment.table import Row
 
+if TYPE_CHECKING:
+    from symcheck.check.bisimulation import Common
+
 __all__ = ["Stop", "answer", "broken", "conclude", "internal", "unbuilt"]
 
 
@@ -29,11 +33,19 @@ class Stop(Exception):
 
 
 def answer(
-    job: Job, subject: Engine | Simulation, question: Question, options: Options, constants: Values, choice: Values, varying: Values
+    job: Job,
+    subject: Engine | Simulation,
+    question: Question,
+    options: Options,
+    constants: Values,
+    choice: Values,
+    varying: Values,
+    shared: Common | None = None,
 ) -> None:
     """Check a property and report what comes out; a fault of one property does not stop the others.
 
-    constants: of the model. choice: of the property. varying: what is in the names of the files that are written.
+    constants: of the model. choice: of the property. varying: what is in the names of the files that are written. shared: a
+    quotient by bisimulation for several questions.
     Raises ResourceError and MemoryError, UsageError for files that cannot be written, and Stop.
     """
     bound, labels = question.bind(subject.model)
@@ -45,7 +57,7 @@ def answer(
         if isinstance(subject, Simulation):
             outcome = subject.check(bound.formula, labels)
         else:
-            outcome = check(subject, bound.formula, options, labels=labels, rebind=question.formula)
+            outcome = check(subject, bound.formula, options, labels=labels, rebind=question.formula, shared=shared)
         job.report.result(outcome)
     except (ResourceError, MemoryError):
         raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from symcheck.check.options import Options
 from symcheck.check.question import Question, reduced
@@ -23,6 +24,9 @@ from symcheck.semantics.bind import bind, bind_properties, needed_constants, spl
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model_file
+
+if TYPE_CHECKING:
+    from symcheck.check.bisimulation import Common
 
 __all__ = ["run"]
 
@@ -165,9 +169,10 @@ def _instance(
         exports.export_constants(job.arguments, job.report, engine.model, varying)
         exports.export_model(job.arguments, job.report, engine, options, lambda: _labels(engine, file, others), varying)
         exports.report_distributions(job.arguments, job.report, engine, options, varying)
+    shared = None if isinstance(subject, Simulation) else _shared(job, subject, [question for question, _ in asked], options)
     for question, choice in asked:
         number = {"property": _file_name(file, question.index)} if len(chosen) > 1 else {}
-        answer(job, subject, question, options, constants, choice, {**varying, **_varied(choice, others), **number})
+        answer(job, subject, question, options, constants, choice, {**varying, **_varied(choice, others), **number}, shared)
 
 
 def _subject(job: Job, program: Program, questions: Sequence[Question], constants: Values, varying: Values) -> Engine | Simulation | None:
@@ -224,6 +229,19 @@ def _reduced(job: Job, model: BoundModel, questions: Sequence[Question]) -> Boun
     reduction = reduced(model, questions, steps=bool(shown))
     job.report.line(f"Reduction:   {reduction}")
     return reduction.model
+
+
+def _shared(job: Job, engine: Engine, questions: Sequence[Question], options: Options) -> Common | None:
+    """One quotient by bisimulation for all questions, where that is asked for and a gain."""
+    if not options.bisim or len(questions) < 2:
+        return None
+    from symcheck.check.bisimulation import common
+
+    bound = [(p.formula, labels) for p, labels in (q.bind(engine.model) for q in questions) if p.fault is None]
+    shared = common(engine, bound, options)
+    if shared is not None:
+        job.report.line(f"Bisimulation: {shared}")
+    return shared
 
 
 def _plain(text: str) -> bool | int | float:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import frexp
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,16 +150,19 @@ def lump_diagrams(
     observer: Callable[[Round], None] | None = None,
     limit: int = MEMORY,
     most: int | None = None,
+    seconds: float | None = None,
 ) -> LumpedDiagrams:
     """The coarsest bisimulation that keeps apart states at which one of the colours, or a reward of `structures`, differs.
 
-    Raises UnsupportedError where more than `limit` bytes would be needed, or there are more than `most` blocks: then few
-    states are alike, and a partition of listed states is cheaper.
+    Raises UnsupportedError where more than `limit` bytes or `seconds` of processor time would be needed, or there are more
+    than `most` blocks: then few states are alike, and a partition of listed states is cheaper.
     """
     from symcheck.dd.manager import Bdd
 
     started = perf_counter()
     partition = _matrices(diagrams, limit)
+    if seconds is not None:
+        partition.deadline = process_time() + seconds
     try:
         partition.start(*_rows_only(diagrams, diagrams.states.to_mtbdd(), np.array([0.0, 1.0])))
         for colour in [*colours, *(diagrams.state_rewards[i] for i in structures)]:
@@ -176,9 +179,10 @@ def lump_diagrams(
             if most is not None and partition.blocks > most:
                 raise UnsupportedError(f"few states are alike: there are more than {most:,} blocks")
         return _finished(diagrams, partition, structures, started)
-    except MemoryError:
+    except (MemoryError, TimeoutError) as error:
         found = f"{partition.blocks:,} blocks after {partition.rounds} rounds"
-        raise UnsupportedError(f"the partition by bisimulation outgrows {limit / 2**20:,.0f} MiB ({found}): few states are alike") from None
+        passed = f"{limit / 2**20:,.0f} MiB" if isinstance(error, MemoryError) else f"{seconds:g} s"
+        raise UnsupportedError(f"the partition by bisimulation outgrows {passed} ({found}): few states are alike") from None
 
 
 def _finished(diagrams: Diagrams, partition: Partition, structures: Sequence[int], started: float) -> LumpedDiagrams:

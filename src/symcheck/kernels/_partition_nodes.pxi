@@ -7,6 +7,7 @@ cdef class Nodes:
     cdef int64_t limit
     cdef Stop stop
     cdef uint64_t ticks
+    cdef public double deadline  # of processor time (time.process_time)
     cdef Buffer places, lows, highs
     cdef int32_t* table
     cdef int64_t mask, nodes
@@ -40,13 +41,15 @@ cdef class Nodes:
         return (self.ticks & 0xFFFF) == 0 and self.look_up()
 
     cdef bint look_up(self) noexcept nogil:
-        """Whether to stop: memory or a signal."""
+        """Whether to stop: memory, time or a signal."""
         if self.used() > self.limit:
             self.fail()
         else:
             with gil:
                 if PyErr_CheckSignals() != 0:
                     self.stop = SIGNAL
+                elif process_time() > self.deadline:
+                    self.stop = LATE
         return self.stop != GOES_ON
 
     @cython.final
@@ -114,4 +117,6 @@ cdef class Nodes:
             return pending()
         if stop == NO_MEMORY:
             raise MemoryError
+        if stop == LATE:
+            raise TimeoutError
         return 0

@@ -12,6 +12,7 @@ class Partition:
     blocks: int
     rounds: int
     threshold: int
+    deadline: float
     @property
     def memory(self) -> int: ...
     @property

@@ -7,9 +7,12 @@ that is negative is the leaf -1 - child. In a partition leaves are blocks, 0 bei
 sums in the place of the column bits. What was computed stays known from round to round, as long as blocks keep their numbers.
 """
 
+from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memset
+
+from time import process_time
 
 import cython
 import numpy as np
@@ -27,7 +30,7 @@ cdef enum:
     NOTHING = -1                 # the leaf 0: no state, the empty bag
 
 cdef enum Stop:
-    GOES_ON, NO_MEMORY, SIGNAL
+    GOES_ON, NO_MEMORY, SIGNAL, LATE
 
 # Nodes that are kept before those that are no longer needed are dropped; then as many times what is left.
 cdef enum:
@@ -74,7 +77,9 @@ cdef class Partition(Splitting):
     bits: of a state. level, low, high, weight, roots: the matrices as an exported diagram; leaves first, with `weight`; the
     level of a node is twice the number of its bit, plus one for a column bit; leaves have level 2 bits. choices: whether the
     matrices are the choices of a state, of which it has a set, or the only one. exponent: the lowest binary digit of weights,
-    negated; sums must stay below 2 ** (126 - exponent). limit: bytes that may be used.
+    negated; sums must stay below 2 ** (126 - exponent). limit: bytes that may be used. deadline: of processor time.
+
+    Methods raise MemoryError at the limit and TimeoutError after the deadline, and then the partition is of no use.
     """
 
     cdef public long long threshold
@@ -92,6 +97,7 @@ cdef class Partition(Splitting):
         self.roots = roots
         self.choices = choices
         self.limit = limit
+        self.deadline = INFINITY
         self.threshold = FIRST_COLLECTION
         self.bags = Bags(exponent)
         self.rewards = [NOTHING] * roots.shape[0]
@@ -188,6 +194,8 @@ cdef class Partition(Splitting):
         cdef int64_t before = self.blocks
         cdef Py_ssize_t i
         cdef int s, all = NOTHING, reward
+        if process_time() > self.deadline:
+            raise TimeoutError
         if self.nodes > self.threshold:
             self.collect()
         for i in range(self.roots.shape[0]):
