@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from math import isinf, isnan
-from typing import Any, assert_never
+from typing import Any
 
 from symcheck.engines.base import Engine, StateSet, Values
+from symcheck.semantics.literals import format_state, format_value
 
 __all__ = [
     "Accuracy",
@@ -21,7 +21,6 @@ __all__ = [
     "Result",
     "Run",
     "Statistical",
-    "show_number",
     "show_value",
 ]
 
@@ -88,8 +87,7 @@ class Line:
     value: bool | Number
 
     def __str__(self) -> str:
-        shown = ",".join(str(v).lower() if isinstance(v, bool) else str(v) for v in self.state)
-        return f"{self.index}:({shown})={show_number(self.value)}"
+        return f"{self.index}:{format_state(self.state)}={format_value(self.value)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,31 +147,14 @@ class Result:
         return shown if isinstance(self.value, bool) or self.value is None else f"{shown} ({self.accuracy})"
 
 
-def show_number(value: bool | Number) -> str:
-    """A number as results print it: shortest digits that give the double back, `Infinity`, `NaN`, `a/b`."""
-    match value:
-        case bool():
-            return str(value).lower()
-        case int() | Fraction():
-            return str(value)
-        case float():
-            if isnan(value):
-                return "NaN"
-            if isinf(value):
-                return "Infinity" if value > 0 else "-Infinity"
-            return repr(value)
-        case _:
-            assert_never(value)
-
-
 def show_value(value: Answer) -> str:
     """A result's value: a number, `true`, `[low,high]`, or a list of points."""
     match value:
         case None:
             return "none"
         case tuple():
-            return f"[{show_number(value[0])},{show_number(value[1])}]"
+            return f"[{format_value(value[0])},{format_value(value[1])}]"
         case list():
-            return "[" + ", ".join(f"({show_number(x)},{show_number(y)})" for x, y in value) + "]"
+            return "[" + ", ".join(f"({format_value(x)},{format_value(y)})" for x, y in value) + "]"
         case _:
-            return show_number(value)
+            return format_value(value)

@@ -15,6 +15,7 @@ from symcheck.cli.report import Report
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.experiment.constants import combinations, parse_constants
+from symcheck.semantics.literals import format_state
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, LabelReference, ModelType, Program
 
@@ -234,8 +235,7 @@ def _tell(report: Report, kind: str, found: object, path: str | None, precision:
         place = np.arange(len(found)) if order is None else np.argsort(order)
         for own, state, value in found if order is None else sorted(found, key=lambda entry: int(place[entry[0]])):
             number = place[own]
-            shown = ",".join(str(x).lower() if isinstance(x, bool) else str(x) for x in state)
-            report.line(f"{number}:({shown})={number_text(value, precision)}")
+            report.line(f"{number}:{format_state(state)}={number_text(value, precision)}")
     else:
         write_text(path, lines("%s", len(found), found.values if order is None else found.values[order], precision=precision), report.out)
         report.line(f"Exported to '{path}'")

@@ -12,6 +12,7 @@ from symcheck.engines.auto import Choice
 from symcheck.engines.base import Engine
 from symcheck.semantics.bind import BoundProperty
 from symcheck.semantics.faults import describe_state
+from symcheck.semantics.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 
 __all__ = ["Report", "property_text"]
@@ -129,7 +130,7 @@ def _assignment(values: Mapping[str, str]) -> str:
 
 
 def _state(state: Mapping[str, Value]) -> str:
-    return ",".join(f"{n}={str(v).lower() if isinstance(v, bool) else v}" for n, v in state.items())
+    return ",".join(f"{n}={format_value(v)}" for n, v in state.items())
 
 
 def _example(engine: Engine) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from symcheck.check.strategy import Strategy
 from symcheck.errors import UsageError
 from symcheck.numerics.matrix import Bools
+from symcheck.semantics.literals import format_state
 
 __all__ = ["KINDS", "strategy_target", "strategy_texts", "write_strategy"]
 
@@ -60,14 +61,10 @@ def write_strategy(strategy: Strategy, out: TextIO, kind: str = "actions", *, re
     out.writelines(strategy_texts(strategy, kind, reach=reach))
 
 
-def _label(state: tuple[bool | int, ...]) -> str:
-    return "(" + ",".join(str(v).lower() if isinstance(v, bool) else str(v) for v in state) + ")"
-
-
 def _actions(strategy: Strategy, shown: Bools) -> Iterator[str]:
     for state, action, there in zip(strategy.states(), strategy.actions, shown.tolist(), strict=True):
         if there:
-            yield f"{_label(state)}:{action}\n"
+            yield f"{format_state(state)}:{action}\n"
 
 
 def _indices(strategy: Strategy, shown: Bools) -> Iterator[str]:
@@ -96,7 +93,7 @@ def _dot(strategy: Strategy, shown: Bools) -> Iterator[str]:
     yield "digraph strategy {\nnode [shape=box];\n"
     for s, state in enumerate(strategy.states()):
         if shown[s]:
-            yield f'{s} [label="{s}\\n{_label(state)}"];\n'
+            yield f'{s} [label="{s}\\n{format_state(state)}"];\n'
     for s, t, p in _entries(strategy, shown):
         label = f"{p:.6g}" + (f" : {actions[s]}" if actions[s] else "")
         yield f'{s} -> {t} [label="{label}"];\n'

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Span
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Binary, Expression, Literal, Type, Unary
 
-__all__ = ["as_expression", "convert", "format_value", "to_float", "type_of_value"]
+__all__ = ["as_expression", "convert", "format_state", "format_value", "to_float", "type_of_value"]
 
 
 def to_float(value: Value) -> float:
@@ -68,3 +69,8 @@ def format_value(value: Value) -> str:
     if isinstance(value, Fraction) and value.denominator == 1:
         return str(value.numerator)
     return repr(value) if isinstance(value, float) else str(value)
+
+
+def format_state(values: Iterable[Value]) -> str:
+    """The values of a state's variables: `(0,true)`."""
+    return f"({','.join(map(format_value, values))})"

@@ -13,10 +13,11 @@ from time import perf_counter
 
 import numpy as np
 
-from symcheck.check.result import Exact, Result, Statistical, show_number
+from symcheck.check.result import Exact, Result, Statistical
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.semantics.conditions import reward_index
 from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.simulate.questions import Question, path_question, reward_question
 from symcheck.simulate.sampling import Sampler
@@ -82,7 +83,7 @@ def _by_interval(sampler: Sampler, plan: Plan, bound: Bound | None, probability:
     accuracy = Statistical(found.confidence, found.lower, found.upper, found.samples)
     if bound is None:
         return Result(found.mean, accuracy, method)
-    return Result(_verdict(found, bound), accuracy, f"{method}: {show_number(found.mean)} ({accuracy})")
+    return Result(_verdict(found, bound), accuracy, f"{method}: {format_value(found.mean)} ({accuracy})")
 
 
 def _compare(value: float, bound: Bound) -> bool:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from symcheck.errors import UsageError
+from symcheck.semantics.literals import format_value
 from symcheck.simulate.path import Path, Step
 from symcheck.syntax.ast import ModelType
 
@@ -135,7 +136,7 @@ def rows(path: Path, layout: Layout | None = None) -> list[list[str]]:
     titles += ["step", *(["time"] if timed else []), *names, *(_reward_titles(len(path.model.rewards)) if layout.rewards else [])]
     found, last = [titles], None
     for number, time, step in _shown(path, layout):
-        cells = [_cell(step.state[i]) for i in chosen]
+        cells = [format_value(step.state[i]) for i in chosen]
         if layout.rewards:
             cells += [repr(x) for pair in _rewards(step, len(path.model.rewards)) for x in pair]
         if layout.changes and cells == last:
@@ -168,7 +169,3 @@ def _rewards(step: Step, count: int) -> list[tuple[float, float]]:
 
 def _probability(step: Step) -> str:
     return "-" if step.probability is None else repr(step.probability)
-
-
-def _cell(value: bool | int) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
