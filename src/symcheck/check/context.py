@@ -11,6 +11,7 @@ from symcheck.check.result import Line, Run
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.numerics.problem import Observer
+from symcheck.semantics.faults import describe_state
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.types import type_of
 from symcheck.syntax.ast import Expression, LabelReference, Type
@@ -77,6 +78,11 @@ class Context:
     def tighter(self, epsilon: float) -> Context:
         """The same with another accuracy wanted; notes are shared."""
         return replace(self, options=replace(self.options, epsilon=epsilon))
+
+    def example(self, states: StateSet) -> str:
+        """One of the states, of which there must be one, as it is shown."""
+        values = next(iter(self.engine.valuations(self.engine.first(states))))
+        return describe_state(self.engine.model.variables, values)
 
     @cached_property
     def _names(self) -> Mapping[str, Type]:

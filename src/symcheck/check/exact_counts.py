@@ -16,7 +16,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.rational import Entries, RationalProblem, least_solution
 from symcheck.check.result import Run
-from symcheck.check.reward_bound import check_even, state_name
+from symcheck.check.reward_bound import check_even
 from symcheck.check.scale import Limits, common_step, in_steps, main_first
 from symcheck.check.window import Count
 from symcheck.engines.arrays import ArraySet
@@ -55,7 +55,7 @@ def _limits(context: Context, engine: ExactEngine, count: Count) -> Limits:
     for r, value in enumerate(total):
         if value < 0:
             place = r if groups is None else int(np.searchsorted(groups, r, side="right")) - 1
-            where = state_name(context, ArraySet(np.arange(engine.states) == place))
+            where = context.example(ArraySet(np.arange(engine.states) == place))
             raise UnsupportedError(f"a bound on a reward needs rewards that are not negative: {value} in state {where} is")
     step = common_step([Fraction(v) for v in set(total)])
     return Limits(np.array([int(v / step) for v in total], np.int64), *in_steps(count.window, step))

@@ -28,7 +28,7 @@ from symcheck.semantics.conditions import reward_index
 from symcheck.semantics.model import BoundReward
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
 
-__all__ = ["check_even", "counted_next", "counted_until", "state_name"]
+__all__ = ["check_even", "counted_next", "counted_until"]
 
 
 def counted_until(context: Context, left: StateSet, right: StateSet, counts: Sequence[Count], direction: str | None) -> Values:
@@ -129,7 +129,7 @@ def check_even(context: Context, structure: int, *, paying: bool) -> None:
         raise UnsupportedError("bounds on transition rewards of a chain are not checked on a quotient")
     uneven = _uneven(context, items)
     if uneven:
-        where = state_name(context, uneven)
+        where = context.example(uneven)
         raise UnsupportedError(f"a bound on a reward that differs between the transitions of one state is not supported, as in {where}")
 
 
@@ -157,15 +157,6 @@ def _uneven(context: Context, items: Sequence[BoundReward]) -> StateSet:
 
 def _or(a: Expression, b: Expression) -> Expression:
     return Binary("|", a, b)
-
-
-def state_name(context: Context, states: StateSet) -> str:
-    """One of the states, written out."""
-    engine = context.engine
-    names = [v.name for v in engine.model.variables]
-    example = next(iter(engine.valuations(engine.first(states))))
-    shown = (f"{n}={str(v).lower() if isinstance(v, bool) else v}" for n, v in zip(names, example, strict=True))
-    return f"({','.join(shown)})"
 
 
 def _problem(context: Context, system: System, left: StateSet, right: StateSet, limit: Limits, direction: str | None) -> Epochs:

@@ -104,12 +104,10 @@ def _meant(window: Window) -> Window:
 
 
 def _refused(context: Context, system: System, value: float, row: int) -> UnsupportedError:
-    from symcheck.check.reward_bound import state_name
-
     groups = system.groups
     place = row if groups is None else int(np.searchsorted(groups, row, side="right")) - 1
     members = np.zeros(context.engine.states, np.bool_)
     members[np.flatnonzero(context.engine.to_bools(system.states))[place]] = True
-    state = state_name(context, context.engine.from_bools(members))
+    state = context.example(context.engine.from_bools(members))
     what = "negative" if value < 0 else "infinite" if np.isinf(value) else "no fraction with a denominator up to a million"
     return UnsupportedError(f"a bound on a reward needs rewards that are multiples of a common step: {value!r} in state {state} is {what}")

@@ -75,11 +75,7 @@ def _by_rationals(context: Context, formula: Expression) -> StateSet | SymcheckE
 
 
 def _undecided(context: Context, operator: str, threshold: Fraction | float, states: StateSet, reason: SymcheckError) -> NumericalError:
-    engine = context.engine
-    names = [v.name for v in engine.model.variables]
-    example = next(iter(engine.valuations(engine.first(states))))
-    state = ",".join(f"{n}={str(v).lower() if isinstance(v, bool) else v}" for n, v in zip(names, example, strict=True))
     return NumericalError(
-        f"cannot tell whether the value is {operator} {float(threshold)!r}, for example in state ({state}): "
+        f"cannot tell whether the value is {operator} {float(threshold)!r}, for example in state {context.example(states)}: "
         f"the two are too close for the accuracy reached ({reason}); a method that is exact (-exact) may decide it"
     )
