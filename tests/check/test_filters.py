@@ -50,7 +50,7 @@ def test_values(name, formula, value):
 @pytest.mark.parametrize("name", BUILDERS)
 def test_printed_lines(name):
     result = check_text(engine_of(MANY, name), "filter(printall, P=? [ F x=4 ])")
-    assert result.value is None
+    assert result.value == pytest.approx((0, 1))  # over the five initial states, as the formula itself
     assert [(line.index, line.state, pytest.approx(float(line.value))) for line in result.lines] == [
         (0, (0,), 0.0),
         (1, (1,), 0.25),
@@ -60,7 +60,9 @@ def test_printed_lines(name):
     ]
     nonzero = check_text(engine_of(MANY, name), "filter(print, P=? [ F x=4 ], x<3)")
     assert [line.index for line in nonzero.lines] == [1, 2]
+    assert nonzero.value == pytest.approx((0, 1))
     true = check_text(engine_of(MANY, name), "filter(print, x>2)")
+    assert true.value is False
     assert [str(line) for line in true.lines] == ["3:(3)=true", "4:(4)=true"]
 
 

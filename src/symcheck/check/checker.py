@@ -16,7 +16,7 @@ from symcheck.check.formulas import filter_outcome, numbers, satisfying, states_
 from symcheck.check.options import Options
 from symcheck.check.paths import negated, resolve
 from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result, Run
-from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.numerics.problem import Observer
 from symcheck.semantics.model import BoundModel
@@ -153,8 +153,12 @@ def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
 
 
 def _numeric(context: Context, formula: Expression, type: Type) -> Result:
+    return _initially(context, numbers(context, formula, context.engine.initial), type)
+
+
+def _initially(context: Context, values: Values, type: Type) -> Result:
+    """What a formula with a number at each state says: the one of the initial state, or the range over several."""
     initial = context.engine.initial
-    values = numbers(context, formula, initial)
     if initial.count == 1:
         single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
         return Result(single, accuracy, "value in the initial state", values=values)
@@ -169,10 +173,19 @@ def _filtered(context: Context, formula: Filter | StateFilter, type: Type) -> Re
 def _filter_result(context: Context, formula: Filter | StateFilter, outcome: Outcome, type: Type) -> Result:
     everywhere: dict[str, Any] = {"satisfying" if type is Type.BOOL else "values": outcome.everywhere}
     about = "+".join(formula.operators) if isinstance(formula, StateFilter) else formula.operator
-    if isinstance(outcome.value, bool):
-        return Result(outcome.value, Exact(), f"filter '{about}'", **everywhere)
+    if outcome.value is None:
+        return _each_state(context, outcome, type)
     value, accuracy = _outcome(context, outcome, type)
     return Result(value, accuracy, f"filter '{about}'", **everywhere)
+
+
+def _each_state(context: Context, outcome: Outcome, type: Type) -> Result:
+    """A filter that leaves each state its own answer (print, argmin, …) says what any formula would of the initial states."""
+    if type is not Type.BOOL:
+        return _initially(context, outcome.everywhere, type)  # type: ignore[arg-type]
+    states: StateSet = outcome.everywhere  # type: ignore[assignment]
+    initial = context.engine.initial
+    return Result(initial <= states, Exact(), _satisfied((states & initial).count, initial.count), satisfying=states)
 
 
 def _outcome(context: Context, outcome: Outcome, type: Type) -> tuple[Answer, Accuracy]:

@@ -149,12 +149,13 @@ def states_of(context: Context) -> StatesOf:
     return lambda formula: satisfying(context, formula, context.engine.all)
 
 
-def filter_outcome(context: Context, formula: Filter | StateFilter, matter: StateSet) -> Outcome:  # noqa: ARG001
-    """What a filter says, and what it is at each state."""
+def filter_outcome(context: Context, formula: Filter | StateFilter, matter: StateSet) -> Outcome:
+    """What a filter says, and what it is at each state that matters."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     states = context.engine.all if node.states is None else states_of(context)(node.states)
     kind = context.type(node.formula)
-    inner = satisfying(context, node.formula, states) if kind is Type.BOOL else numbers(context, node.formula, states)
+    also = states | matter if node.operator in ("print", "printall") else states
+    inner = satisfying(context, node.formula, also) if kind is Type.BOOL else numbers(context, node.formula, also)
     return apply_filter(context, node, inner, states, kind)
 
 
