@@ -226,6 +226,24 @@ def test_haddad_monmege(n: int, choices: bool) -> None:
     assert solution.lower[-2] > solution.upper[0]
 
 
+@pytest.mark.parametrize("choices", [False, True])
+@pytest.mark.parametrize("n", [40, 1100, 2000])
+def test_numbers_below_the_smallest_double_are_not_taken_for_0(n: int, choices: bool) -> None:
+    """From the middle, one try succeeds with probability 2^(1 - n)."""
+    solution = solve_linear(haddad_monmege(n, choices), Accuracy(max_iterations=2000))
+    middle = 2 * (n - 1)
+    assert solution.lower[middle] <= 0.5 <= solution.upper[middle]
+    assert (solution.width() <= 1e-6) == (n < 1000)
+    assert not solution.exact or n < 1000
+
+
+def test_a_value_below_the_smallest_double_is_not_exact() -> None:
+    steps: System = [[({i + 1: Fraction(1, 8)}, Fraction(0), Fraction(7, 8))] for i in range(399)]
+    solution = solve_linear(problem_of([*steps, [({}, Fraction(1, 8), Fraction(7, 8))]], None), Accuracy())
+    assert not solution.exact
+    assert Fraction(float(solution.lower[0])) <= Fraction(1, 8) ** 400 <= Fraction(float(solution.upper[0]))
+
+
 def test_plain_methods_are_estimates() -> None:
     for name in ("gauss-seidel", "jacobi", "power"):
         solution = solve_linear(walk(20, 0.5), Accuracy(method=name))

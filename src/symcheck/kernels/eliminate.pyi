@@ -3,6 +3,7 @@ from symcheck.numerics.matrix import Floats, Int32s, Int64s
 class Elimination:
     error: float
     complete: bool
+    lost: bool
     operations: int
     updates: int
     def __init__(self, indptr: Int64s, indices: Int32s, data: Floats, exit: Floats, limit: int) -> None: ...

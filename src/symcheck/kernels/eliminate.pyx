@@ -9,6 +9,7 @@ edge per state, this moves each solution entry by at most 10 roundings relative 
 
 import numpy as np
 
+from libc.float cimport DBL_MAX, DBL_MIN
 from libc.stdint cimport int32_t, int64_t
 from libc.stdlib cimport free, malloc, realloc
 
@@ -41,9 +42,10 @@ cdef inline int push(List* row, int32_t i, double v, bint values) noexcept nogil
 cdef class Elimination:
     """Factors of I - A, for substochastic A with the leaving mass `exit` per row.
 
-    complete: False where it was given up, for `limit` operations were not enough or a state cannot leave.
+    complete: False where it was given up: `limit` operations were not enough, a state cannot leave, or numbers became so small
+    that doubles lose their digits.
     error: bound on the relative error of each entry of a solution with non-negative right-hand side.
-
+    lost: whether doubles were too small or too large for some entry, which the bound does not hold for.
     """
 
     cdef List* rows
@@ -53,7 +55,7 @@ cdef class Elimination:
     cdef int64_t[::1] order
     cdef double[::1] total, leave
     cdef public double error
-    cdef public bint complete
+    cdef public bint complete, lost
     cdef public int64_t operations, updates
 
     def __cinit__(self, const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
@@ -77,7 +79,8 @@ cdef class Elimination:
                 if indices[k] != i:
                     push(&self.rows[i], indices[k], data[k], True)
                     push(&self.columns[indices[k]], <int32_t>i, 0.0, False)
-        self.complete = self.run(limit) == 0
+        self.lost = False
+        self.complete = self.run(limit) == 0 and not self.lost
         self.error = (10.0 * self.updates + 10.0 * n + 20.0) * U
 
     def __dealloc__(self):
@@ -120,7 +123,7 @@ cdef class Elimination:
                 self.order[done] = k
                 done += 1
                 status = self.step(k, place, done == n)
-                if status != 0 or self.operations > limit:
+                if status != 0 or self.lost or self.operations > limit:
                     status = 1
                     break
                 # Degrees changed for the neighbours of k.
@@ -183,7 +186,10 @@ cdef class Elimination:
             g = other.val[found] / self.total[k]
             if push(&self.ups[k], i, g, True):
                 return 1
+            # A sum that is a normal number has lost no more than a rounding, whatever its terms are.
             self.leave[i] += g * self.leave[k]
+            if g < DBL_MIN or (self.leave[i] < DBL_MIN and self.leave[k] > 0.0):
+                self.lost = True
             for e in range(row.size):
                 j = row.idx[e]
                 if j == i:
@@ -194,6 +200,8 @@ cdef class Elimination:
                     place[j] = other.size
                     if push(other, j, g * row.val[e], True) or push(&self.columns[j], i, 0.0, False):
                         return 1
+                if other.val[place[j]] < DBL_MIN:
+                    self.lost = True
             for e in range(other.size):
                 place[other.idx[e]] = -1
             other.size -= 1
@@ -208,22 +216,34 @@ cdef class Elimination:
         return 0
 
     def solve(self, const double[::1] right):
-        """x with x = A x + right, for right >= 0: relative error at most `error` in each entry (infinite: that state never leaves)."""
+        """x with x = A x + right, for right >= 0: relative error at most `error` in each entry (infinite: that state never leaves).
+
+        `lost` says afterwards whether that does not hold, for some entry left the range of normal doubles.
+        """
         cdef int64_t n = self.n, i, e
-        cdef int32_t k
+        cdef int32_t k, p
         cdef double[::1] x = np.array(right)
+        cdef double before
         cdef long double total
         with nogil:
             for i in range(n):
                 k = <int32_t>self.order[i]
+                if x[k] == 0.0:
+                    continue
                 for e in range(self.ups[k].size):
-                    x[self.ups[k].idx[e]] += self.ups[k].val[e] * x[k]
+                    p = self.ups[k].idx[e]
+                    before = x[p]
+                    x[p] += self.ups[k].val[e] * x[k]
+                    if x[p] < DBL_MIN or (x[p] > DBL_MAX >= x[k] and before <= DBL_MAX):
+                        self.lost = True
             for i in range(n - 1, -1, -1):
                 k = <int32_t>self.order[i]
                 total = x[k]
                 for e in range(self.rows[k].size):
-                    total = total + self.rows[k].val[e] * x[self.rows[k].idx[e]]
+                    total = total + <long double>self.rows[k].val[e] * x[self.rows[k].idx[e]]
                 x[k] = <double>(total / self.total[k])
+                if total > 0.0 and (x[k] < DBL_MIN or (x[k] > DBL_MAX and total <= DBL_MAX)):
+                    self.lost = True
         return np.asarray(x)
 
     def stationary(self):

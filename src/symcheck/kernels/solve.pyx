@@ -8,6 +8,7 @@ Values are pairs (lower, upper), side by side. A sum of k products of non-negati
 
 import numpy as np
 
+from libc.float cimport DBL_MAX, DBL_MIN
 from libc.math cimport fabs, log, INFINITY
 from libc.stdint cimport int32_t, int64_t
 
@@ -465,13 +466,15 @@ cdef class Block:
     cpdef bint eliminate(self):
         """Solve a block without choices by elimination without subtraction (Grassmann, Taksar & Heyman 1985).
 
-        In a full matrix, for few states; the error is bounded as in kernels/eliminate. False where some state cannot leave.
+        In a full matrix, for few states; the error is bounded as in kernels/eliminate. False where some state cannot leave, or
+        where numbers leave the range of normal doubles: sums that are normal have lost no more than a rounding.
         """
         cdef int64_t n = self.n, i, j, k, e
         cdef double[:, ::1] m = np.zeros((n, n))
         cdef double[::1] v = np.empty(n)
         cdef double[::1] s = np.empty(n)
         cdef double g, error
+        cdef bint lost = False
         cdef int64_t updates = 0
         cdef long double total, lo, hi
         with nogil:
@@ -493,22 +496,28 @@ cdef class Block:
                         updates += 1
                         for j in range(k):
                             m[i, j] += g * m[k, j]
+                            if m[i, j] < DBL_MIN and m[k, j] > 0.0:
+                                lost = True
                         v[i] += g * v[k]
                         self.bl[i] += g * self.bl[k]
                         self.bh[i] += g * self.bh[k]
+                        if g < DBL_MIN or (v[i] < DBL_MIN and v[k] > 0.0) or (self.bl[i] < DBL_MIN and self.bl[k] > 0.0):
+                            lost = True
             error = (10.0 * updates + 10.0 * n + 20.0) * U
             for k in range(n):
                 lo = self.bl[k]
                 hi = self.bh[k]
                 for j in range(k):
-                    lo = lo + m[k, j] * self.x[j, 0]
-                    hi = hi + m[k, j] * self.x[j, 1]
+                    lo = lo + <long double>m[k, j] * self.x[j, 0]
+                    hi = hi + <long double>m[k, j] * self.x[j, 1]
                 self.x[k, 0] = <double>(lo / s[k])
                 self.x[k, 1] = <double>(hi / s[k])
+                if (lo > 0.0 and self.x[k, 0] < DBL_MIN) or (self.x[k, 1] > DBL_MAX and hi <= DBL_MAX):
+                    lost = True
             for k in range(n):
                 self.x[k, 0] = self.x[k, 0] * (1.0 - error)
                 self.x[k, 1] = self.x[k, 1] * (1.0 + error) + (TINY if self.x[k, 1] > 0.0 else 0.0)
-        return True
+        return not lost
 
 
 cdef class System:

@@ -118,13 +118,18 @@ def _around(x: Floats, weight: Floats, below: float, above: float) -> Bounds | N
 
 
 def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
-    """Sparse elimination without subtraction. None where it needs more than `limit` operations, or some state never leaves."""
+    """Sparse elimination without subtraction.
+
+    None where it needs more than `limit` operations, some state never leaves, or doubles are too small or too large for it.
+    """
     m = local.matrix
     factors = Elimination(m.indptr, m.indices, m.data, local.exit, limit)
     if not factors.complete:
         return None
     lower = factors.solve(local.low) * (1.0 - factors.error)
     upper = factors.solve(local.high)
+    if factors.lost:
+        return None
     upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + 1e-307, 0.0)
     return Bounds(lower, upper)
 

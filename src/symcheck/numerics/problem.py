@@ -154,6 +154,8 @@ class Solution:
             return 0.0
         with np.errstate(invalid="ignore"):
             width = np.where(self.lower == self.upper, 0.0, self.upper - self.lower)
-        if relative:
-            width = width / np.maximum(np.maximum(np.abs(self.lower), np.abs(self.upper)), 1e-300)
-        return float(np.nanmax(width))
+            if relative:
+                width = width / np.maximum(np.maximum(np.abs(self.lower), np.abs(self.upper)), 1e-300)
+        # Without an upper bound, the width has no number relative to it.
+        width[np.isnan(width)] = np.inf
+        return float(width.max())

@@ -33,6 +33,7 @@ OPERATIONS = 4_000_000_000  # of a sparse elimination, before it is given up
 MANY = 5_000_000  # entries beyond which it is not tried at all
 LARGE = 20_000  # states from which on sweeping pays even where it is slow
 SLICE = 32  # sweeps between looks at the rate
+TINY = 1e-290  # below, bounds that are rounded outwards come apart
 CHEAP = 20_000_000  # entries that sweeps go over in some hundredths of a second
 
 
@@ -283,12 +284,19 @@ def _finish(run: _Run, explanation: str, exact: bool) -> Solution:
         lower, upper = unit(lower), unit(upper)
     if exact and run.problem.upper is not None:
         exact = bool(np.array_equal(run.problem.constant, run.problem.upper))
+    exact = exact and not _below_doubles(lower, upper)
     names = ("single", "eliminated", "swept", "sweeps", "largest_eliminated", "largest_swept")
     statistics = {name: int(c) for name, c in zip(names, run.counters, strict=True)} | {"unfinished": run.failed}
     return Solution(
         lower, upper, "topological", exact, True, int(run.counters[3]) + run.iterations, explanation, statistics,
         None if run.problem.mode == 0 else run.strategy,
     )  # fmt: skip
+
+
+def _below_doubles(lower: Floats, upper: Floats) -> bool:
+    """Whether some value is so small that the bounds are apart, though no step of the solution was inexact by itself."""
+    small = np.flatnonzero(lower < TINY)
+    return bool(np.any(upper[small] - lower[small] > 1e-9 * upper[small]))
 
 
 def _explain(run: _Run, parts: graph.Components) -> str:
