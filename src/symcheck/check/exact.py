@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from symcheck.check.context import Context
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.matrix import Bools
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.walk import nodes
@@ -15,20 +14,7 @@ from symcheck.syntax.walk import nodes
 if TYPE_CHECKING:
     from symcheck.engines.exact import ExactEngine
 
-__all__ = ["exact_twin", "exactly_bound", "satisfying_exactly"]
-
-
-def satisfying_exactly(context: Context, formula: Expression) -> Bools:
-    """The states (bool[states], in index order) that satisfy a part of the formula that is being checked.
-
-    Raises UnsupportedError where the formula cannot be evaluated exactly.
-    """
-    from symcheck.check.formulas import satisfying
-
-    engine = _exact_engine(context)
-    exact = replace(context, engine=engine, matter=None)
-    states = satisfying(exact, _twin(context, engine.model, formula), engine.all)
-    return engine.to_bools(states)  # type: ignore[arg-type]
+__all__ = ["exact_twin", "exactly_bound"]
 
 
 def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expression]:

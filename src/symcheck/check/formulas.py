@@ -8,6 +8,7 @@ from functools import partial
 
 from symcheck.check import ctl
 from symcheck.check.context import Context
+from symcheck.check.exact import exact_twin
 from symcheck.check.filters import Outcome, apply_filter
 from symcheck.check.paths import StatesOf, resolve
 from symcheck.check.probabilities import probability, qualitative
@@ -190,12 +191,12 @@ def _comparison(context: Context, formula: Binary, matter: StateSet) -> StateSet
         return same if formula.operator == "=" else ~same
     if isinstance(right, Literal):
         threshold = Fraction(right.value)
-        return decide(context, lambda c: numbers(c, left, matter), formula.operator, threshold, matter, formula)
+        return decide(context, lambda c: numbers(c, left, matter), formula.operator, threshold, matter, partial(_exactly, context, formula))
 
     def difference(c: Context) -> Values:
         return numbers(c, left, matter).map("-", numbers(c, right, matter))
 
-    return decide(context, difference, formula.operator, 0, matter, formula)
+    return decide(context, difference, formula.operator, 0, matter, partial(_exactly, context, formula))
 
 
 def _bounded_probability(context: Context, formula: ProbabilityOperator, matter: StateSet) -> StateSet:
@@ -207,7 +208,7 @@ def _bounded_probability(context: Context, formula: ProbabilityOperator, matter:
     by_graph = qualitative(context, path, operator, threshold, direction)
     if by_graph is not None:
         return by_graph
-    return decide(context, lambda c: probability(c, path, direction), operator, threshold, matter, formula)
+    return decide(context, lambda c: probability(c, path, direction), operator, threshold, matter, partial(_exactly, context, formula))
 
 
 def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet) -> StateSet:
@@ -220,7 +221,7 @@ def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet)
     def compute(c: Context) -> Values:
         return reward_values(c, formula, structure, states_of(c), direction)
 
-    return decide(context, compute, operator, threshold, matter, formula)
+    return decide(context, compute, operator, threshold, matter, partial(_exactly, context, formula))
 
 
 def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) -> StateSet:
@@ -229,7 +230,16 @@ def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) ->
     context = replace(context, matter=matter)
     threshold, operator = _threshold(formula.bound), formula.bound.operator
     direction = _direction(context, formula, formula.direction, operator)
-    return decide(context, lambda c: steady_values(c, states, direction), operator, threshold, matter, formula)
+    return decide(context, lambda c: steady_values(c, states, direction), operator, threshold, matter, partial(_exactly, context, formula))
+
+
+def _exactly(context: Context, formula: Expression) -> StateSet:
+    """The states that satisfy a part of the formula that is being checked, in rational arithmetic.
+
+    Raises UnsupportedError where the formula cannot be evaluated exactly.
+    """
+    exact, twin = exact_twin(context, formula)
+    return context.engine.from_bools(exact.engine.to_bools(satisfying(exact, twin, exact.engine.all)))
 
 
 def _threshold(bound: Bound) -> Fraction:

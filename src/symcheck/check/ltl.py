@@ -22,7 +22,7 @@ from symcheck.engines.product import Product
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.syntax.ast import Expression, ModelType
 
-__all__ = ["co_safe_reward", "linear_product", "path_probability_ltl"]
+__all__ = ["as_until", "co_safe_reward", "linear_product", "path_probability_ltl"]
 
 _BITS = 8
 """Up to so many atoms, letters of the product are valuations of the atoms; of more, only those that occur are numbered."""
@@ -30,27 +30,17 @@ _LETTERS = 1 << 14
 
 
 def path_probability_ltl(context: Context, path: TemporalPath, direction: str | None) -> Values:
-    """Probability of a formula of linear time at each state: the only, the least ('min') or the greatest ('max') one.
+    """Probability of a formula of linear time at each state: the only (None) or the greatest ('max') one.
 
     Raises UnsupportedError where the automaton would be too large, and for bounds on time within such formulas.
     """
-    simple = _as_until(context, path)
-    if simple is not None:
-        from symcheck.check.probabilities import probability
-
-        return probability(context, simple, direction)
-    if direction == "min":
-        from symcheck.check.probabilities import complement
-
-        greatest = path_probability_ltl(context, replace(path, negative=not path.negative), "max")
-        return complement(context, greatest)
     product, pairs = linear_product(context, path)
     inner = replace(context, engine=product.engine)
     good = _accepted(inner, context, product, pairs)
     return product.project(measures(inner).until(inner, inner.engine.all, good, direction))
 
 
-def _as_until(context: Context, path: TemporalPath) -> UntilPath | None:
+def as_until(context: Context, path: TemporalPath) -> UntilPath | None:
     """The path formula as `left U right` over sets of states, if it is found to be no more: F (a U b) is F b."""
     formulas = Formulas()
     alphabet, formula = _read(context, formulas, path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from typing import assert_never
 
@@ -53,11 +54,21 @@ def probability(context: Context, path: Path, direction: str | None) -> Values:
                 return measures(context).counted_next(context, inner.target, counts, direction)
             return measures(context).counted_until(context, inner.left, inner.right, counts, direction)
         case TemporalPath():
-            from symcheck.check.ltl import path_probability_ltl
-
-            return path_probability_ltl(context, path, direction)
+            return _linear_time(context, path, direction)
         case _:
             assert_never(path)
+
+
+def _linear_time(context: Context, path: TemporalPath, direction: str | None) -> Values:
+    """By way of an automaton, unless the formula turns out to be an until; the least probability by way of the negation's."""
+    from symcheck.check.ltl import as_until, path_probability_ltl
+
+    simple = as_until(context, path)
+    if simple is not None:
+        return probability(context, simple, direction)
+    if direction == "min":
+        return complement(context, path_probability_ltl(context, replace(path, negative=not path.negative), "max"))
+    return path_probability_ltl(context, path, direction)
 
 
 def _never(context: Context, left: StateSet, right: StateSet, direction: str | None) -> Values:

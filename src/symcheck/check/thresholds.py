@@ -12,7 +12,6 @@ from fractions import Fraction
 from symcheck.check.context import Context
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, SymcheckError
-from symcheck.syntax.ast import Expression
 
 __all__ = ["EXACT_LIMIT", "decide"]
 
@@ -28,12 +27,12 @@ def decide(
     operator: str,
     threshold: Fraction | float,
     matter: StateSet,
-    formula: Expression,
+    exactly: Callable[[], StateSet],
 ) -> StateSet:
     """The states at which `value operator threshold` holds; right at the states that matter, elsewhere where decided.
 
-    `compute` gives the values at the accuracy of the context that it gets; `formula` is the comparison itself, to be
-    checked in rational arithmetic if need be.
+    `compute` gives the values at the accuracy of the context that it gets; `exactly` checks the comparison itself in rational
+    arithmetic, if need be, and may raise SymcheckError.
     """
     tighter = [e for e in _REFINEMENTS if e < context.options.epsilon] if context.options.certify else []
     failure: SymcheckError | None = None
@@ -52,24 +51,21 @@ def decide(
             break
     if failure is not None and undecided is matter:
         raise failure
-    exact = _by_rationals(context, formula)
+    exact = _by_rationals(context.engine, exactly)
     if isinstance(exact, SymcheckError):
         raise _undecided(context, operator, threshold, undecided & matter, failure or exact)
     context.notes.warn("a threshold was too close to the value for floating point: decided by rational arithmetic")
     return (sure - undecided) | (exact & undecided)
 
 
-def _by_rationals(context: Context, formula: Expression) -> StateSet | SymcheckError:
-    """The states that satisfy the formula, in rational arithmetic; or why it cannot be had."""
-    engine: Engine = context.engine
+def _by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet | SymcheckError:
+    """The states that satisfy the comparison, in rational arithmetic; or why it cannot be had."""
     if engine.exact:
         return NumericalError("the value is not a number")
     if engine.states > EXACT_LIMIT:
         return NumericalError(f"rational arithmetic is tried up to {EXACT_LIMIT:,} states, and this model has {engine.states:,}")
-    from symcheck.check.exact import satisfying_exactly
-
     try:
-        return engine.from_bools(satisfying_exactly(context, formula))
+        return exactly()
     except SymcheckError as error:
         return error
 
