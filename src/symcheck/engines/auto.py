@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 __all__ = ["Choice", "choose"]
 
 _SMALL = 50_000  # states that explicit search explores sooner than diagrams are loaded
-_MORE = 200_000  # states that it goes on to where they have few transitions: below, diagrams cost more than they save
-_DENSE = 3_000_000  # transitions that are not few
+_MORE = 1_000_000  # states that it goes on to where they have few transitions: it makes that many in half a second
+_DENSE = 4_000_000  # transitions that are not few
 _ENUMERATED = 10_000_000  # valuations that a search tries for the initial states of `init … endinit`
 _TURNS = ((1.5, 4_000_000), (10.0, 30_000_000))  # seconds for diagrams, then states for the search; and so on in turn
 _STRETCH = 8.0  # how much longer turns may take by the clock, on a busy machine
