@@ -85,7 +85,22 @@ def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatc
 
 
 def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
-    engine, _ = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _SPARSE_NODES=0.0, _TURNS=((1.0, 1000),))
+    def too_long_at_first(model, options, seconds, reach=auto._reach):
+        if seconds is not None:
+            raise TimeLimitError("time")
+        return reach(model, options, seconds)
+
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long_at_first, _TURNS=((1.0, 1000),))
+    assert isinstance(engine, WrittenEngine)
+    assert "more than 1,000 states" in choice.reason
+
+
+def test_where_diagrams_are_no_help_the_search_goes_on_as_far_as_memory_reaches(monkeypatch):
+    settings = {"_SMALL": 100, "_MORE": 100, "_SPARSE_NODES": 0.0, "_TURNS": ((1.0, 1000),)}
+    engine, choice = chosen(COUNTER, monkeypatch, **settings)
+    assert engine.name == "explicit"
+    assert "compress nothing" in choice.reason
+    engine, _ = chosen(COUNTER, monkeypatch, **settings, _SEARCH_SHARE=0.0)
     assert isinstance(engine, WrittenEngine)
 
 

@@ -5,7 +5,8 @@
 2. Diagrams, for a limited time. If they compress the states, the model is explored with them; then it is written out as
    compressed rows where those fit well into memory, and stays with the diagrams where not.
 3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped, up to a number of states;
-   then the diagrams get a longer turn, and so on. In the end the diagrams get all the time there is.
+   then the diagrams get a longer turn, and so on. In the end the diagrams get all the time there is; but where they were
+   finished and compressed nothing, or would have to learn what updates do, the search goes on as far as memory reaches.
 
 So a wrong guess costs a bounded share of the run, and what the search has explored is kept.
 """
@@ -44,6 +45,7 @@ _ENTRY_BYTES = 12
 _ROUNDED_BITS = 30  # read by the argument of one ceil or floor: no diagram of it will be small
 _TOO_MUCH = "updates read too much for diagrams"
 _ROWS_SHARE = 0.2  # of the machine's memory that compressed rows may take
+_SEARCH_SHARE = 0.7  # of the machine's memory that a search may take where diagrams are no help
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,22 +80,52 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
         return _explicit(exploration, observer, "there are integers without bounds")
     # Turns are of processor time: on a machine that others use as well, diagrams get as far as on an idle one.
     stretch = min(max((perf_counter() - wall) / max(process_time() - busy, 1e-3), 1.0), _STRETCH)
-    for seconds, states in _TURNS:
-        reason = ""
-        try:
-            if seconds == _TURNS[0][0] and _rounds_too_much(model):
-                raise UnsupportedError(_TOO_MUCH)
-            space = _reach(model, options, seconds * stretch)
-            nodes = space.states.node_count
-            if nodes <= _SPARSE_NODES * space.count:
-                return _symbolic(space, options, observer, f"{nodes:,} nodes hold {space.count:,} states")
-            reason = f"{nodes:,} nodes for {space.count:,} states compress nothing"
-        except (TimeLimitError, MemoryLimitError, UnsupportedError) as error:
-            reason = f"diagrams did not finish within {seconds:g} s" if isinstance(error, TimeLimitError) else str(error)
+    for turn, (seconds, states) in enumerate(_TURNS):
+        if turn == 0 and _rounds_too_much(model):
+            missed = _Missed(_TOO_MUCH)
+        else:
+            match _try_diagrams(model, options, seconds, stretch):
+                case _Missed() as missed:
+                    pass
+                case space:
+                    del exploration  # its states take memory that the diagrams' numbers want
+                    return _symbolic(space, options, observer, f"{space.states.node_count:,} nodes hold {space.count:,} states")
+        if missed.hopeless:
+            states = max(states, _that_fit(exploration))
         if exploration.run(states, observer):
-            return _explicit(exploration, observer, reason)
+            return _explicit(exploration, observer, missed.reason)
     del exploration
     return _symbolic(_reach(model, options, None), options, observer, f"there are more than {states:,} states")
+
+
+@dataclass(frozen=True, slots=True)
+class _Missed:
+    """Why diagrams missed their turn, and whether more time would help them no more."""
+
+    reason: str
+    hopeless: bool = False
+
+
+def _try_diagrams(model: BoundModel, options: Options, seconds: float, stretch: float) -> StateSpace | _Missed:
+    """The states as a diagram that compresses them, made within `seconds` times `stretch`."""
+    try:
+        space = _reach(model, options, seconds * stretch)
+    except UnsupportedError as error:
+        return _Missed(str(error), hopeless=True)
+    except TimeLimitError:
+        return _Missed(f"diagrams did not finish within {seconds:g} s")
+    except MemoryLimitError as error:
+        return _Missed(str(error))
+    nodes = space.states.node_count
+    if nodes > _SPARSE_NODES * space.count:
+        return _Missed(f"{nodes:,} nodes for {space.count:,} states compress nothing", hopeless=True)
+    return space
+
+
+def _that_fit(exploration: Exploration) -> int:
+    """How many states a search may hold, going by what it has taken so far."""
+    progress = exploration.progress
+    return int(_SEARCH_SHARE * _memory() * progress.states / max(progress.memory, 1))
 
 
 class _Dense(Exception):
