@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.commands import encode_event
-from symcheck.symbolic.encode import Encoding, encode
-from symcheck.symbolic.model import EncodedEvent, Relation, StateSpace, SymbolicModel, Transitions
+from symcheck.symbolic.encode import encode
+from symcheck.symbolic.model import EncodedEvent, StateSpace, SymbolicModel, Transitions
 from symcheck.symbolic.order import variable_order
+from symcheck.symbolic.reach import reach
+from symcheck.symbolic.relations import group_relations
 from symcheck.symbolic.translate import Limits, Translator
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd, DiagramManager
 
-__all__ = ["Observer", "build", "construct", "explored", "group_relations", "initial_states"]
+__all__ = ["Observer", "build", "construct", "explored", "initial_states"]
 
 Observer = Callable[[object], None]
 
@@ -65,8 +67,6 @@ def construct(model: BoundModel, options: Options, observer: Observer | None = N
 
 def explored(model: BoundModel, options: Options, observer: Observer | None = None, *, order: Sequence[str] | None = None) -> StateSpace:
     """Build and explore: what `construct` does before the matrices are made."""
-    from symcheck.symbolic.reach import reach
-
     space = reach(build(model, options, observer, order=order), options, observer)
     if observer is not None:
         observer(space)
@@ -80,25 +80,3 @@ def initial_states(model: BoundModel, translator: Translator) -> Bdd:
         return translator.state({v.name: v.variable.initial for v in encoding.variables if v.variable.initial is not None})
     valuations = translator.manager.conjunction([translator.valid(v) for v in reversed(encoding.ordered)])
     return valuations & translator.boolean_on(model.initial, valuations)
-
-
-def group_relations(manager: DiagramManager, encoding: Encoding, events: Sequence[EncodedEvent]) -> tuple[Relation, ...]:
-    """One relation for all events that touch the same variables, from the lowest-touching to the highest."""
-    groups: dict[tuple[int, ...], list[int]] = {}
-    for number, event in enumerate(events):
-        if event.relation or event.learned is not None:
-            groups.setdefault(event.touched, []).append(number)
-    relations = [make_relation(manager, encoding, events, numbers) for numbers in groups.values()]
-    return tuple(sorted(relations, key=lambda r: -r.top))
-
-
-def make_relation(manager: DiagramManager, encoding: Encoding, events: Sequence[EncodedEvent], numbers: Iterable[int]) -> Relation:
-    """The union of events that touch the same variables."""
-    numbers = tuple(numbers)
-    touched = events[numbers[0]].touched
-    relation = manager.disjunction([events[n].relation for n in numbers])
-    variables = encoding.sorted(encoding.variables[i].name for i in touched)
-    rows = [bit for v in variables for bit in v.rows]
-    columns = [bit for v in variables for bit in v.columns]
-    top = min((encoding.rank[v.name] for v in variables), default=len(encoding.variables))
-    return Relation(numbers, touched, relation, manager.transition(rows, columns), top)

@@ -17,10 +17,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from symcheck.symbolic.build import group_relations
 from symcheck.symbolic.checks import check_initial
 from symcheck.symbolic.commands import encode_event, knowledge
 from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
+from symcheck.symbolic.relations import group_relations
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
