@@ -14,7 +14,7 @@ from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
-from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
@@ -30,7 +30,7 @@ from symcheck.syntax.ast import (
     VariableDeclaration,
 )
 
-__all__ = ["Given", "GivenRewards", "ImportedEngine", "imported_engine"]
+__all__ = ["Given", "GivenRewards", "ImportedEngine", "expected_rewards", "imported_engine"]
 
 _LARGEST_DENOMINATOR = 10**6
 _TRUE = Literal(True, Type.BOOL)
@@ -43,6 +43,19 @@ class GivenRewards(NamedTuple):
     states: Any
     rows: Any
     entries: Any = None
+
+
+def expected_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Floats:
+    """Per row (float64[rows]): the sum of probability (rate) times reward, of rewards per transition (float64[entries])."""
+    of = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
+    total: Floats = np.bincount(of, matrix.data * rewards, matrix.rows).astype(np.float64)
+    if kind is ModelType.CTMC:
+        return total
+    # Where all transitions of a row have the same reward, it is the expected one: rounding must not blur it.
+    least, most = np.full(matrix.rows, np.inf), np.full(matrix.rows, -np.inf)
+    np.minimum.at(least, of, rewards)
+    np.maximum.at(most, of, rewards)
+    return np.where(least == most, least, total)
 
 
 @dataclass(frozen=True, eq=False)

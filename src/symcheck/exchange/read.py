@@ -13,12 +13,12 @@ import numpy as np
 
 from symcheck.errors import UsageError
 from symcheck.exchange.fields import Fields, number_table, read_fields
-from symcheck.exchange.imported import Given, GivenRewards
+from symcheck.exchange.imported import Given, GivenRewards, expected_rewards
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
 
-__all__ = ["ModelFiles", "expected", "model_files", "read_files", "read_model"]
+__all__ = ["ModelFiles", "model_files", "read_files", "read_model"]
 
 _INT_LIMIT = 1 << 62
 _KINDS = ("tra", "sta", "lab", "srew", "trew")
@@ -324,7 +324,7 @@ def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) ->
     if pair[1] is not None:
         file = read_fields(pair[1])
         entries = _transition_rewards(file, model)
-        found = found._replace(name=found.name or _reward_name(file), rows=expected(model.type, m, entries), entries=entries)
+        found = found._replace(name=found.name or _reward_name(file), rows=expected_rewards(model.type, m, entries), entries=entries)
     return found
 
 
@@ -365,19 +365,6 @@ def _transition_rewards(file: Fields, model: _Transitions) -> Floats:
     found = np.zeros(m.entries)
     found[place] = rewards
     return found
-
-
-def expected(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Floats:
-    """Per row: the sum of probability (rate) times reward, of rewards per transition."""
-    of = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
-    total: Floats = np.bincount(of, matrix.data * rewards, matrix.rows).astype(np.float64)
-    if kind is ModelType.CTMC:
-        return total
-    # Where all transitions of a row have the same reward, it is the expected one: rounding must not blur it.
-    least, most = np.full(matrix.rows, np.inf), np.full(matrix.rows, -np.inf)
-    np.minimum.at(least, of, rewards)
-    np.maximum.at(most, of, rewards)
-    return np.where(least == most, least, total)
 
 
 def _offsets(counts: Any) -> Int64s:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
-from symcheck.exchange.imported import Given, GivenRewards
-from symcheck.exchange.read import expected
+from symcheck.exchange.imported import Given, GivenRewards, expected_rewards
 from symcheck.exchange.umb import umbi_package
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.faults import SUM_TOLERANCE
@@ -157,7 +156,7 @@ def _rewards(name: str, values: Mapping[str, Any], matrix: SparseMatrix, kind: M
         filled[np.unique(row_of_entry)] = choices
         choices = filled
     entries = choices[row_of_entry] + (numbers("branches", 0)[by] if values.get("branches") else 0.0)
-    return GivenRewards(name, states, expected(kind, matrix, entries), entries)
+    return GivenRewards(name, states, expected_rewards(kind, matrix, entries), entries)
 
 
 def _columns(raw: Any, n: int) -> list[tuple[str, Type, Int64s]]:
