@@ -111,7 +111,7 @@ class Model:
         self, steps: int | None = None, *, time: float | None = None, seed: int | None = None, loop_check: bool = True
     ) -> RandomPath:
         """A random path of so many steps (or until a time), without building the model. The same seed gives the same path."""
-        from symcheck.simulate.path import simulate
+        from symcheck.simulate.walk import simulate
 
         return simulate(self.bound, steps, time=time, seed=seed, loop_check=loop_check)
 

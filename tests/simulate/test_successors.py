@@ -18,8 +18,8 @@ from symcheck.semantics.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.step import state_rewards, transitions
 from symcheck.simulate.chain import Chain
-from symcheck.simulate.path import simulate
 from symcheck.simulate.successors import Expander
+from symcheck.simulate.walk import simulate
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.parse import parse_model
 

@@ -17,8 +17,8 @@ from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do without
     from symcheck.simulate.path import Path
+    from symcheck.simulate.request import Request
     from symcheck.simulate.statistics import Plan
-    from symcheck.simulate.table import Request
 
 __all__ = ["Simulation", "plan_of", "simulation", "write_path"]
 
@@ -53,7 +53,8 @@ def plan_of(arguments: argparse.Namespace) -> Plan:
 
 def write_path(arguments: argparse.Namespace, report: Report, model: BoundModel, varying: Values = NOTHING) -> None:
     """Make the path that -simpath describes, and write it to the file (or 'stdout'). Raises UsageError, ModelFault."""
-    from symcheck.simulate.table import parse_request, table
+    from symcheck.simulate.path import table
+    from symcheck.simulate.request import parse_request
 
     text, where = arguments.simpath
     request = parse_request(text)
@@ -75,7 +76,7 @@ def write_path(arguments: argparse.Namespace, report: Report, model: BoundModel,
 
 
 def _path(arguments: argparse.Namespace, model: BoundModel, request: Request) -> Path:
-    from symcheck.simulate.path import simulate
+    from symcheck.simulate.walk import simulate
 
     for attempt in range(request.repeat):
         path = simulate(

@@ -1,20 +1,21 @@
-"""One random path through a model, state by state, by the scalar semantics."""
+"""Random paths as values, and as text in the layout that PRISM's -simpath writes and other tools read.
+
+One line per state: the transition that led there, its probability or rate (probs), the number of the step, the time
+(in a CTMC), the values of the variables, and the rewards (rewards): per structure, of the state and of the transition.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from symcheck.errors import Diagnostic, NameFault
-from symcheck.explicit.initial import initial_rows
-from symcheck.explicit.states import Layout
-from symcheck.semantics.model import BoundModel, Value
-from symcheck.semantics.step import Choice, State, choices, state_rewards
+from symcheck.semantics.literals import format_value
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.step import State
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["Path", "Step", "simulate"]
+__all__ = ["Layout", "Path", "Step", "rows", "table"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,84 +85,76 @@ class Path:
         return [s.state[index] for s in self.steps]
 
     def __str__(self) -> str:
-        from symcheck.simulate.table import table
-
         return table(self).rstrip("\n")
 
     def _repr_html_(self) -> str:
         """The path as a table, for notebooks."""
-        from symcheck.simulate.table import rows
-
         head, *body = rows(self)
         cells = ["".join(f"<td>{c}</td>" for c in row) for row in body]
         return f"<table><tr>{''.join(f'<th>{c}</th>' for c in head)}</tr>{''.join(f'<tr>{c}</tr>' for c in cells)}</table>"
 
 
-def simulate(
-    model: BoundModel,
-    steps: int | None = None,
-    *,
-    time: float | None = None,
-    seed: int | None = None,
-    loop_check: bool = True,
-    max_steps: int = 10_000,
-    check_sums: bool = True,
-) -> Path:
-    """A random path from an initial state (one of several with equal probability).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """What a table shows. `variables` None: all; `changes`: only states in which one of them (or a reward) is new."""
 
-    It ends after `steps` steps, when `time` is reached (the last state is the one occupied then), in any
-    case in a deadlock, where it can only repeat itself (loop_check), and after max_steps. The choices of an MDP are equally
-    likely. The same seed gives the same path; None draws one. Raises ModelFault.
-    """
-    chosen = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
-    generator = np.random.default_rng(chosen)
-    state = _first(model, generator)
-    wanted = max_steps if steps is None else min(steps, max_steps)
-    found = [Step(state, 0.0, _floats(state_rewards(model, state)))]
-    forced: set[State] = set()  # states since the last one with an alternative
-    end = "length" if steps is None or steps > max_steps else "steps"
-    while len(found) <= wanted:
-        offered = choices(model, found[-1].state, check_sums=check_sums)
-        if not offered:
-            end = "deadlock"
-            break
-        branches = sum(len(c.branches) for c in offered)
-        if branches > 1:
-            forced.clear()
-        elif loop_check and found[-1].state in forced:
-            end = "loop"
-            break
-        else:
-            forced.add(found[-1].state)
-        found.append(_next(model, found[-1], offered, generator))
-        if time is not None and found[-1].time >= time:
-            end = "time"
-            break
-    return Path(model, tuple(found), end, chosen)
+    variables: tuple[str, ...] | None = None
+    separator: str = " "
+    rewards: bool = False
+    probabilities: bool = False
+    changes: bool = False
+    snapshot: float | None = None
 
 
-def _first(model: BoundModel, generator: np.random.Generator) -> State:
-    layout = Layout.of(model.variables)
-    rows = initial_rows(model, layout)
-    return layout.unpack(rows[int(generator.integers(len(rows)))] if len(rows) > 1 else rows[0])
+def table(path: Path, layout: Layout | None = None) -> str:
+    """The path as text: a line of titles, then a line per state. Raises NameFault for an unknown variable."""
+    layout = layout or Layout()
+    return "\n".join(layout.separator.join(row) for row in rows(path, layout)) + "\n"
 
 
-def _floats(values: tuple[Value, ...]) -> tuple[float, ...]:
-    return tuple(float(v) for v in values)
+def rows(path: Path, layout: Layout | None = None) -> list[list[str]]:
+    """The cells of the table, titles first."""
+    layout = layout or Layout()
+    names = path.variables if layout.variables is None else layout.variables
+    for name in names:
+        path.values(name)  # complains about an unknown one
+    chosen = [path.variables.index(n) for n in names]
+    timed = path.model.type is ModelType.CTMC
+    snapshot = layout.snapshot is not None
+    titles = [] if snapshot else ["action", *(["probability"] if layout.probabilities else [])]
+    titles += ["step", *(["time"] if timed else []), *names, *(_reward_titles(len(path.model.rewards)) if layout.rewards else [])]
+    found, last = [titles], None
+    for number, time, step in _shown(path, layout):
+        cells = [format_value(step.state[i]) for i in chosen]
+        if layout.rewards:
+            cells += [repr(x) for pair in _rewards(step, len(path.model.rewards)) for x in pair]
+        if layout.changes and cells == last:
+            continue
+        last = cells
+        lead = [] if snapshot else [step.transition, *([_probability(step)] if layout.probabilities else [])]
+        found.append([*lead, str(number), *([repr(time)] if timed else []), *cells])
+    return found
 
 
-def _next(model: BoundModel, here: Step, offered: tuple[Choice, ...], generator: np.random.Generator) -> Step:
-    """Choose a transition, and the time until it."""
-    continuous = model.type is ModelType.CTMC
-    share = 1 if continuous else len(offered)
-    weighted = [(float(p) / share, p, s, c) for c in offered for p, s in c.branches]
-    total = sum(w for w, _, _, _ in weighted)
-    duration = float(generator.standard_exponential()) / total if continuous else 1.0
-    ends = np.cumsum([w for w, _, _, _ in weighted])
-    place = int(np.searchsorted(ends, generator.random() * ends[-1], side="right"))
-    weight, own, state, choice = weighted[min(place, len(weighted) - 1)]
-    modules = {c.module for c in choice.commands}
-    module = model.modules[modules.pop()].name if len(modules) == 1 else None
-    shown = float(own) if model.type is ModelType.MDP else weight
-    rewards = _floats(state_rewards(model, state))
-    return Step(state, here.time + duration, rewards, choice.action, module, shown, _floats(choice.rewards))
+def _shown(path: Path, layout: Layout) -> Iterator[tuple[int, float, Step]]:
+    """Number, time and step of the lines: all steps, or who is there at the multiples of the snapshot's time."""
+    if layout.snapshot is None:
+        yield from ((i, s.time, s) for i, s in enumerate(path.steps))
+        return
+    tick = 0
+    for number, (step, following) in enumerate(zip(path.steps, [*path.steps[1:], None], strict=True)):
+        while tick * layout.snapshot < following.time if following else tick * layout.snapshot <= step.time:
+            yield number, tick * layout.snapshot, step
+            tick += 1
+
+
+def _reward_titles(count: int) -> Sequence[str]:
+    return [f"{kind}_reward{i + 1}" for i in range(count) for kind in ("state", "transition")]
+
+
+def _rewards(step: Step, count: int) -> list[tuple[float, float]]:
+    return list(zip(step.rewards, step.earned or (0.0,) * count, strict=True))
+
+
+def _probability(step: Step) -> str:
+    return "-" if step.probability is None else repr(step.probability)

@@ -11,8 +11,9 @@ from symcheck.cli.entry import run_safely
 from symcheck.errors import NameFault, UsageError
 from symcheck.semantics.bind import bind
 from symcheck.semantics.model import BoundModel
-from symcheck.simulate.path import simulate
-from symcheck.simulate.table import Layout, parse_request, rows, table
+from symcheck.simulate.path import Layout, rows, table
+from symcheck.simulate.request import parse_request
+from symcheck.simulate.walk import simulate
 from symcheck.syntax.parse import parse_model
 
 COUNTER = """dtmc
