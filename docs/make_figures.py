@@ -72,7 +72,9 @@ def bounds() -> Any:
     """Interval iteration on a fair game of the gambler."""
     engine = symcheck.load(ROOT / "models" / "gambler" / "gambler.pm").engine
     seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval"))
-    return view.plot_bounds(seen.steps[:600], state=4, truth=0.25, title="the gambler wins 20, starting with 5")
+    axes = view.plot_bounds(seen.steps[:600], state=4, truth=0.25, title="the gambler wins 20, starting with 5")
+    axes.set(xlim=(0, 600), ylabel="probability of winning")
+    return axes
 
 
 def blocks() -> Any:

@@ -50,6 +50,11 @@ class Measure:
         """Its value for an instance."""
         return done.value(self.property, **self.constants)
 
+    def show(self, done: Finished) -> str:
+        """The same for a table: yes and no for what is true or false."""
+        value = self.of(done)
+        return f"{'yes' if value else 'no':>9}" if self.words == "yes" else f"{value:9.4f}"
+
 
 MEASURES = (
     Measure("position error > 7 %", "position_error", {}, 0.2, 0.2, "about 0.2"),
@@ -162,7 +167,7 @@ def show_positions(results: Sequence[Finished]) -> None:
     heads = [f"{d.constants['CellBoundaryX']},{d.constants['CellBoundaryY']}" for d in results]
     print(f"\n{'':24}" + "".join(f"{h:>9}" for h in heads) + "   paper")
     for m in MEASURES:
-        print(f"{m.title:24}" + "".join(f"{m.of(d):9.4f}" for d in results) + f"   {m.words}")
+        print(f"{m.title:24}" + "".join(m.show(d) for d in results) + f"   {m.words}")
     print(f"{'states':24}" + "".join(f"{d.states:9d}" for d in results))
 
 
@@ -172,7 +177,7 @@ def show_variations(results: Sequence[Finished]) -> None:
         head = f"{m.title}; step, noise"
         print(f"\n{head:38}" + "".join(f"{n:>9}" for n in NOISES))
         for step in STEPS:
-            print(f"{step:38}" + "".join(f"{m.of(d):9.4f}" for d in results if d.constants["StepSizeXY"] == step))
+            print(f"{step:38}" + "".join(m.show(d) for d in results if d.constants["StepSizeXY"] == step))
 
 
 def write(path: Path, results: Iterable[Finished], names: Sequence[str]) -> None:

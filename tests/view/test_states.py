@@ -10,6 +10,7 @@ from symcheck.check.options import Options
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.syntax.parse import parse_expression
+from symcheck.view.layout import place, routes
 
 MDP = """mdp
 module m
@@ -52,3 +53,31 @@ def test_chains_have_an_edge_per_transition() -> None:
 def test_large_models_are_refused() -> None:
     with pytest.raises(UnsupportedError, match="max_states"):
         view.state_graph(explored("dtmc module m x : [0..9] init 0; [] true -> (x'=mod(x+1,10)); endmodule"), max_states=9)
+
+
+BACK = """mdp
+module robot
+  at : [0..3] init 0;
+  [wait]  at=0 -> true;
+  [safe]  at=0 -> 0.9 : (at'=1) + 0.1 : true;
+  [risky] at=0 -> 0.5 : (at'=2) + 0.5 : (at'=3);
+  [go]    at=1 -> 0.8 : (at'=2) + 0.2 : (at'=0);
+  [back]  at=3 -> 0.5 : (at'=0) + 0.5 : (at'=3);
+endmodule
+"""
+
+
+def test_edges_go_round_the_states_between() -> None:
+    picture = view.state_graph(explored(BACK))
+    placed = place(picture)
+    layer = {n.name: n.layer for n in picture.nodes}
+    back = [(e, way.points) for e, way in routes(picture, placed) if layer[e.source] > layer[e.target]]
+    assert len(back) == 5
+    for edge, (p0, p1, p2, p3) in back:
+        for t in (k / 50 for k in range(1, 50)):
+            weights = ((1 - t) ** 3, 3 * (1 - t) ** 2 * t, 3 * (1 - t) * t**2, t**3)
+            x, y = (sum(w * p[i] for w, p in zip(weights, (p0, p1, p2, p3), strict=True)) for i in (0, 1))
+            assert 0 < x < placed.width
+            for name in layer.keys() - {edge.source, edge.target}:
+                (cx, cy), (w, h) = placed.at[name], placed.size[name]
+                assert abs(x - cx) > w / 2 or abs(y - cy) > h / 2, (edge, name)

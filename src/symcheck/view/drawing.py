@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-from symcheck.view.layout import Placed, label_shares, place
+from symcheck.view.layout import Placed, Route, place, routes
 from symcheck.view.picture import Edge, Node, Picture
 from symcheck.view.plots import axes_of
 from symcheck.view.style import STYLES
@@ -20,42 +19,27 @@ def draw(picture: Picture, axes: Any = None) -> Any:
     """A picture in the given axes, or in new ones of its size; returns the axes."""
     placed = place(picture)
     axes = axes_of(axes, (placed.width / _POINTS, placed.height / _POINTS))
-    shares = label_shares(picture)
-    for edge in picture.edges:
-        _edge(axes, edge, placed, shares)
+    for edge, route in routes(picture, placed):
+        _edge(axes, edge, route)
     for node in picture.nodes:
         _node(axes, node, placed)
     axes.set(xlim=(0, placed.width), ylim=(placed.height, 0))
-    axes.set_title(picture.title, fontsize="medium")
-    axes.set_aspect("equal")
+    axes.set_title(picture.title, fontsize="medium", pad=0)
+    axes.set_aspect("equal", anchor="N")  # titles of pictures side by side stand in one line
     axes.axis("off")
     return axes
 
 
-def _edge(axes: Any, edge: Edge, placed: Placed, shares: Mapping[tuple[str, str], float]) -> None:
+def _edge(axes: Any, edge: Edge, route: Route) -> None:
     from matplotlib.patches import FancyArrowPatch
+    from matplotlib.path import Path
 
-    (x1, y1), (x2, y2) = placed.at[edge.source], placed.at[edge.target]
-    (w1, h1), (w2, h2) = placed.size[edge.source], placed.size[edge.target]
-    if edge.source == edge.target:
-        side = x1 + w1 / 2 - 4
-        start, end, bend, label = (side, y1 - h1 / 4), (side, y1 + h1 / 4), -2.2, (side + 22, y1)
-    elif y2 > y1:
-        start, end, bend = (x1, y1 + h1 / 2), (x2, y2 - h2 / 2), 0.06
-        share = shares[edge.source, edge.target]
-        label = (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
-    else:  # back to a layer above, or to a neighbour: round on the right
-        start, end, bend = (x1 + w1 / 2, y1), (x2 + w2 / 2, y2), 0.5 if y2 < y1 else -0.5
-        label = ((start[0] + end[0]) / 2 + abs(y1 - y2) / 4, (y1 + y2) / 2 + abs(end[0] - start[0]) / 4)
-    axes.add_patch(
-        FancyArrowPatch(
-            start, end, connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", mutation_scale=8,
-            linewidth=0.8, linestyle="--" if edge.dashed else "-", color=_LINE,
-        )
-    )  # fmt: skip
+    way = Path(route.points, [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4])
+    look = {"linewidth": 0.8, "linestyle": "--" if edge.dashed else "-", "color": _LINE}
+    axes.add_patch(FancyArrowPatch(path=way, arrowstyle="-|>", mutation_scale=8, **look))
     if edge.label:
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
-        axes.text(*label, edge.label, fontsize=7, ha="center", va="center", bbox=box)
+        axes.text(*route.label, edge.label, fontsize=7, ha="left" if route.beside else "center", va="center", bbox=box)
 
 
 def _node(axes: Any, node: Node, placed: Placed) -> None:
