@@ -59,6 +59,10 @@ class SymbolicSystem:
     @cached_property
     def actions(self) -> Int32s | None:
         """Per row of an MDP: the number of its action among the model's, -1 for none."""
+        return self.row_actions()
+
+    def row_actions(self) -> Int32s | None:
+        """`actions`, made anew and not kept."""
         if self.layout is None:
             return None
         numbers = {name: i for i, name in enumerate(self.engine.model.actions)}

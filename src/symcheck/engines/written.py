@@ -7,24 +7,28 @@ explored as a diagram and checked as arrays.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
+from symcheck.dd.quad import flatten, quad_dag
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit import ExplicitEngine
-from symcheck.explicit.model import ExplicitModel
+from symcheck.engines.symbolic_system import SymbolicSystem
+from symcheck.explicit.model import evaluate_states
 from symcheck.explicit.states import Layout, Rows, StateTable
-from symcheck.numerics.matrix import Int64s
+from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
     from symcheck.engines.symbolic import SymbolicEngine
 
-__all__ = ["WrittenEngine", "stored_states", "written_out"]
+__all__ = ["WrittenEngine", "WrittenModel", "stored_states", "written_out"]
 
 
 @dataclass(frozen=True)
@@ -46,26 +50,96 @@ class WrittenEngine(ExplicitEngine):
         return self.source.valuations(self.source.from_bools(states.members), limit)
 
 
+@dataclass(frozen=True, eq=False)
+class WrittenModel:
+    """An explored model (see `symcheck.explicit.model.ExplicitModel`) of which only the rows are arrays.
+
+    Rewards and actions are read off the diagrams whenever they are asked for, and not kept: most properties ask for none of
+    them, and each takes as much memory as a vector of values.
+    """
+
+    system: SymbolicSystem = field(repr=False)
+    matrix: SparseMatrix
+
+    @property
+    def source(self) -> SymbolicEngine:
+        """The diagrams."""
+        return self.system.engine
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        return self.source.model
+
+    @cached_property
+    def states(self) -> StateTable:
+        """The states in the order of their numbers."""
+        return stored_states(self.source)
+
+    @cached_property
+    def initial(self) -> Int64s:
+        """Numbers of the initial states, ascending."""
+        return np.flatnonzero(self.source.to_bools(self.source.initial))
+
+    @cached_property
+    def deadlocks(self) -> Int64s:
+        """Numbers of the states that had no transition, ascending."""
+        return np.flatnonzero(self.source.to_bools(self.source.deadlocks))
+
+    @property
+    def state_rewards(self) -> Sequence[Floats]:
+        """Per structure, the reward of each state: float64[states]."""
+        functions = self.source.diagrams.state_rewards
+        return _Asked(len(functions), lambda i: self.system.odd.to_vector(functions[i]))
+
+    @property
+    def choice_rewards(self) -> Sequence[Floats]:
+        """Per structure, the expected transition reward of each row: float64[rows]."""
+        functions = self.source.diagrams.transition_rewards
+        return _Asked(len(functions), lambda i: self.system.per_row(functions[i]))
+
+    @property
+    def choice_actions(self) -> Int32s:
+        """Per row, the number of its action among the model's, -1 for none."""
+        actions = self.system.row_actions()
+        return np.full(self.matrix.rows, -1, np.int32) if actions is None else actions
+
+    def evaluate(self, expression: Expression) -> NDArray[Any]:
+        """The value of an expression over the variables in each state. Raises ModelFault if it has none in some state."""
+        return evaluate_states(self.model, self.states, expression)
+
+
+class _Asked(Sequence[Floats]):
+    """Arrays that are made each time one is asked for."""
+
+    def __init__(self, size: int, make: Callable[[int], Floats]) -> None:
+        self._size, self._make = size, make
+
+    def __len__(self) -> int:
+        return self._size
+
+    @overload
+    def __getitem__(self, index: int) -> Floats: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Floats]: ...
+    def __getitem__(self, index: int | slice) -> Floats | Sequence[Floats]:
+        numbers = range(self._size)[index]
+        return self._make(numbers) if isinstance(numbers, int) else [self._make(i) for i in numbers]
+
+
 def written_out(engine: SymbolicEngine) -> WrittenEngine:
-    """The same model with its states and rows as arrays, under the name 'sparse'. Its states must be in declaration order.
+    """The same model with its rows as arrays, under the name 'sparse'. Its states must be in declaration order.
 
     Raises OverflowError for more than 2**31 - 1 states, ModelFault for a reward that has no value.
     """
-    system = engine.system(engine.all)
-    matrix = system.matrix
-    actions = system.actions
-    rewards = [system.rewards(i) for i in range(len(engine.model.rewards))]
-    model = ExplicitModel(
-        engine.model,
-        _States(engine),
-        matrix,
-        np.full(matrix.rows, -1, np.int32) if actions is None else actions,
-        np.flatnonzero(engine.to_bools(engine.initial)),
-        np.flatnonzero(engine.to_bools(engine.deadlocks)),
-        [r[0] for r in rewards],
-        [r[1] for r in rewards],
-    )
-    return WrittenEngine(model, name="sparse", source=engine)
+    diagrams = engine.diagrams
+    for rewards in (diagrams.state_rewards, diagrams.transition_rewards):
+        list(rewards)  # what is wrong with one is said now
+    # A system of its own, which does not keep its rows: the engine keeps its last one, and that would be a second copy.
+    system = SymbolicSystem(engine, engine.all)
+    indptr, indices, data = flatten(quad_dag(system.roots, system.odd, system.odd, diagrams.columns), system.layout)
+    model = WrittenModel(system, SparseMatrix(indptr, indices, data, system.n, system.groups))
+    return WrittenEngine(model, name="sparse", source=engine)  # type: ignore[arg-type]
 
 
 def stored_states(engine: SymbolicEngine) -> StateTable:
