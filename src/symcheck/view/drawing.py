@@ -35,8 +35,8 @@ def _edge(axes: Any, edge: Edge, route: Route) -> None:
     from matplotlib.path import Path
 
     way = Path(route.points, [Path.MOVETO, Path.CURVE4, Path.CURVE4, Path.CURVE4])
-    look = {"linewidth": 0.8, "linestyle": "--" if edge.dashed else "-", "color": _LINE}
-    axes.add_patch(FancyArrowPatch(path=way, arrowstyle="-|>", mutation_scale=8, **look))
+    dashes = "--" if edge.dashed else "-"
+    axes.add_patch(FancyArrowPatch(path=way, arrowstyle="-|>", mutation_scale=8, linewidth=0.8, linestyle=dashes, color=_LINE))
     if edge.label:
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
         axes.text(*route.label, edge.label, fontsize=7, ha="left" if route.beside else "center", va="center", bbox=box)
