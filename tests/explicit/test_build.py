@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import event, given, settings
@@ -17,7 +19,9 @@ from symcheck.semantics.bind import bind
 from symcheck.semantics.model import Variable
 from symcheck.semantics.step import initial_states, state_rewards, transitions
 from symcheck.syntax.ast import Type
-from symcheck.syntax.parse import parse_expression, parse_model
+from symcheck.syntax.parse import parse_expression, parse_model, parse_model_file
+
+MODELS = Path(__file__).parents[2] / "models"
 
 
 def _scalar(model):
@@ -94,21 +98,6 @@ def _row(matrix, r):
     return dict(zip(columns, matrix.data[matrix.indptr[r] : matrix.indptr[r + 1]].tolist(), strict=True))
 
 
-DIE = """dtmc
-module die
-  s : [0..7] init 0;
-  d : [0..6] init 0;
-  [] s=0 -> 0.5:(s'=1) + 0.5:(s'=2);
-  [] s=1 -> 0.5:(s'=3) + 0.5:(s'=4);
-  [] s=2 -> 0.5:(s'=5) + 0.5:(s'=6);
-  [] s=3 -> 0.5:(s'=1) + 0.5:(s'=7)&(d'=1);
-  [] s=4 -> 0.5:(s'=7)&(d'=2) + 0.5:(s'=7)&(d'=3);
-  [] s=5 -> 0.5:(s'=7)&(d'=4) + 0.5:(s'=7)&(d'=5);
-  [] s=6 -> 0.5:(s'=2) + 0.5:(s'=7)&(d'=6);
-  [] s=7 -> true;
-endmodule
-"""
-
 COUNTER = """dtmc
 const int N;
 module c
@@ -124,7 +113,7 @@ def _explore(text, constants=None, **options):
 
 
 def test_die():
-    result = _explore(DIE)
+    result = explore(bind(parse_model_file(MODELS / "die" / "die.pm"), {}), Options())
     assert len(result.states) == 13
     assert result.matrix.entries == 20
     assert result.levels == 4

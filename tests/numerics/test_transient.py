@@ -152,18 +152,23 @@ def queue(n: int, arrive: float, serve: float) -> tuple[SparseMatrix, Floats, Fl
     return sparse_of(rates), rates.sum(1) + overflow, overflow
 
 
+def beside(slow: SparseMatrix, leave: Floats, m: int, arrive: float, serve: float) -> tuple[SparseMatrix, Floats]:
+    """A model and, independent of it, a queue of m states that turns away who finds it full: state (s, q) is s m + q."""
+    fast = np.zeros((m, m))
+    fast[np.arange(m - 1), np.arange(1, m)] = arrive
+    fast[np.arange(1, m), np.arange(m - 1)] = serve
+    n = slow.states
+    dense = np.zeros((n, n))
+    dense[np.repeat(np.arange(n), np.diff(slow.indptr)), slow.indices] = slow.data
+    both = sparse_of(np.kron(dense, np.eye(m)) + np.kron(np.eye(n), fast))
+    return both, np.repeat(leave, m) + np.tile(fast.sum(1), n)
+
+
 @pytest.mark.parametrize("interest", [[0], [0, 3]])
 def test_cutting_states_off_keeps_rare_events_right(monkeypatch: pytest.MonkeyPatch, interest: list[int]) -> None:
     """Two queues, of which one is fast and never overflows in effect: most of its states do not matter, by 1e-60 or so."""
     slow, leave, overflow = queue(40, 1.0, 4.0)
-    m = 30
-    fast = np.zeros((m, m))
-    fast[np.arange(m - 1), np.arange(1, m)] = 1.0
-    fast[np.arange(1, m), np.arange(m - 1)] = 200.0
-    dense = np.zeros((40, 40))
-    dense[np.repeat(np.arange(40), np.diff(slow.indptr)), slow.indices] = slow.data
-    both = sparse_of(np.kron(dense, np.eye(m)) + np.kron(np.eye(40), fast))
-    exits = np.repeat(leave, m) + np.tile(fast.sum(1), 40)
+    both, exits = beside(slow, leave, m := 30, 1.0, 200.0)
     gain = np.repeat(overflow, m)
     starts = np.array(interest) * m
     alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-9), gain=overflow)
@@ -184,14 +189,7 @@ def test_cutting_states_off_keeps_rare_events_right(monkeypatch: pytest.MonkeyPa
 def test_states_of_the_beginning_are_not_kept_for_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     """A buffer fills up within a hundredth of the time and stays full; what happens beside it is rare."""
     slow, leave, overflow = queue(30, 1.0, 3.0)
-    m = 60
-    fast = np.zeros((m, m))
-    fast[np.arange(m - 1), np.arange(1, m)] = 200.0
-    fast[np.arange(1, m), np.arange(m - 1)] = 1.0
-    dense = np.zeros((30, 30))
-    dense[np.repeat(np.arange(30), np.diff(slow.indptr)), slow.indices] = slow.data
-    both = sparse_of(np.kron(dense, np.eye(m)) + np.kron(np.eye(30), fast))
-    exits = np.repeat(leave, m) + np.tile(fast.sum(1), 30)
+    both, exits = beside(slow, leave, m := 60, 200.0, 1.0)
     alone = transient_values(slow, leave, 100.0, Accuracy(epsilon=1e-9), gain=overflow)
     monkeypatch.setattr(transient, "BUDGET", 1.0)
     monkeypatch.setattr(transient, "EARLY", 200.0)

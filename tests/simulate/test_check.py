@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -16,20 +17,7 @@ from symcheck.simulate.check import check_by_sampling
 from symcheck.simulate.statistics import Plan
 from symcheck.syntax.parse import parse_model, parse_properties
 
-DIE = """dtmc
-module die
-  s : [0..7]; d : [0..6];
-  [] s=0 -> 0.5:(s'=1) + 0.5:(s'=2);
-  [] s=1 -> 0.5:(s'=3) + 0.5:(s'=4);
-  [] s=2 -> 0.5:(s'=5) + 0.5:(s'=6);
-  [] s=3 -> 0.5:(s'=1) + 0.5:(s'=7)&(d'=1);
-  [] s=4 -> 0.5:(s'=7)&(d'=2) + 0.5:(s'=7)&(d'=3);
-  [] s=5 -> 0.5:(s'=7)&(d'=4) + 0.5:(s'=7)&(d'=5);
-  [] s=6 -> 0.5:(s'=2) + 0.5:(s'=7)&(d'=6);
-  [] s=7 -> true;
-endmodule
-rewards "tosses" [] s<7 : 1; endrewards
-"""
+DIE = (Path(__file__).parents[2] / "models" / "die" / "die.pm").read_text()
 
 
 def sample(text: str, formula: str, **plan: object) -> Result:
