@@ -70,7 +70,7 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=30, help="seconds per run")
     parser.add_argument("--out", type=Path, help="append results here, one JSON object a line")
     arguments = parser.parse_args()
-    peers = Path(os.environ.get("SYMCHECK_PEERS", "../shared/peers"))
+    peers = Path(os.environ["SYMCHECK_PEERS"])
     context = multiprocessing.get_context("spawn")
     for path, constants, states in instances(peers, arguments.only):
         for schedule in arguments.schedule:

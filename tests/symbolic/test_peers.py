@@ -13,7 +13,7 @@ from symcheck.semantics.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_model_file
 
-PEERS = Path(os.environ.get("SYMCHECK_PEERS", Path(__file__).parents[3] / "shared" / "peers")) / "prism-benchmarks"
+PEERS = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set")) / "prism-benchmarks"
 
 INSTANCES = [
     ("dtmcs/crowds/crowds.pm", "TotalRuns=5,CrowdSize=20"),
@@ -33,7 +33,7 @@ INSTANCES = [
 ]
 
 
-@pytest.mark.skipif(not PEERS.is_dir(), reason="the PRISM benchmark suite is not there: set SYMCHECK_PEERS")
+@pytest.mark.skipif(not PEERS.is_dir(), reason="needs the peers' models: set SYMCHECK_PEERS")
 @pytest.mark.parametrize(("path", "constants"), INSTANCES)
 def test_published_numbers_of_states(path, constants):
     with (PEERS / path).parent.joinpath("models.csv").open() as file:
