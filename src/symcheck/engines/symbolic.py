@@ -15,7 +15,7 @@ from symcheck.engines.symbolic_sets import SymbolicSet, SymbolicValues, constant
 from symcheck.engines.symbolic_system import SymbolicSystem
 from symcheck.numerics.matrix import Bools
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Type
+from symcheck.syntax.ast import Expression, ModelType, Type
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
@@ -47,6 +47,10 @@ class SymbolicEngine:
     def of(cls, transitions: Transitions) -> SymbolicEngine:
         """The engine of a built model."""
         return cls(diagrams_of(transitions), transitions.space)
+
+    def over(self, diagrams: Diagrams) -> SymbolicEngine:
+        """The same kind of engine over other diagrams, of which those of the space are a part."""
+        return type(self)(diagrams, self.space)
 
     def operator(self, system: SymbolicSystem) -> Any:
         """The matrix of a system in this engine's form."""
@@ -162,7 +166,7 @@ class SymbolicEngine:
         """The equations over very many states of a chain without cycles, solved on diagrams; None elsewhere (symbolic_acyclic.py)."""
         from symcheck.engines.symbolic_acyclic import solve_acyclic
 
-        return solve_acyclic(self, states, target, reward, rest)
+        return solve_acyclic(self.diagrams, states, target, reward, rest) if self.model.type is ModelType.DTMC else None
 
     def valuations(self, states: SymbolicSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +19,6 @@ from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_sets import FEW_LEAVES, MANY_STATES, Piece, SymbolicSet, SymbolicValues, array_piece, constant_piece, merged
 from symcheck.numerics.matrix import Floats
-from symcheck.syntax.ast import ModelType
-
-if TYPE_CHECKING:
-    from symcheck.engines.symbolic import SymbolicEngine
 
 __all__ = ["Acyclic", "solve_acyclic"]
 
@@ -43,15 +38,14 @@ class Acyclic:
 
 
 def solve_acyclic(
-    engine: SymbolicEngine, states: SymbolicSet, target: SymbolicSet | None, reward: int | None, rest: Sequence[tuple[SymbolicSet, float]]
+    d: Diagrams, states: SymbolicSet, target: SymbolicSet | None, reward: int | None, rest: Sequence[tuple[SymbolicSet, float]]
 ) -> Acyclic | None:
     """Solve x = A x + b over `states` of a DTMC, b the probability of entering `target` next, or a reward structure's reward of a step.
 
-    `rest`: constants on other sets, 0 elsewhere. None where the states are few, run in circles, or their values are no small
-    diagrams; and for rewards that are negative or infinite.
+    d: the diagrams of a chain. rest: constants on other sets, 0 elsewhere. None where the states are few, run in circles, or
+    their values are no small diagrams; and for rewards that are negative or infinite.
     """
-    d = engine.diagrams
-    if engine.model.type is not ModelType.DTMC or states.count < LARGE:
+    if states.count < LARGE:
         return None
     budget = BUDGET * min(100, 1 + states.count // 100_000_000)
     allowed = int(min(SHARE * states.count, budget))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -18,14 +18,12 @@ from symcheck.dd.manager import Bdd
 from symcheck.dd.odd import Odd
 from symcheck.engines.diagrams import Diagrams, Step
 from symcheck.engines.symbolic_sets import SymbolicSet
+from symcheck.engines.symbolic_system import Owner as SystemOwner
+from symcheck.engines.symbolic_system import SymbolicSystem
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Int32s
 
-if TYPE_CHECKING:
-    from symcheck.engines.symbolic import SymbolicEngine
-    from symcheck.engines.symbolic_system import SymbolicSystem
-
-__all__ = ["SymbolicGraph"]
+__all__ = ["Owner", "SymbolicGraph"]
 
 PIVOTS = 12
 """Bottom components are looked for with so many pivots on diagrams before the rows of what is left are enumerated."""
@@ -44,11 +42,41 @@ class TooSlowError(Exception):
     """A search on diagrams takes long; never leaves this module."""
 
 
+class Owner(SystemOwner, Protocol):
+    """What graph questions ask of their engine."""
+
+    @property
+    def transitions(self) -> int:
+        """Number of transitions."""
+        ...
+
+    @property
+    def all(self) -> SymbolicSet:
+        """Every reachable state."""
+        ...
+
+    def lowest(self, states: Bdd) -> Bdd:
+        """The state of the lowest number of a set that is not empty, as a set."""
+        ...
+
+    def to_bools(self, states: SymbolicSet) -> Bools:
+        """Membership of each state, in index order."""
+        ...
+
+    def valuations(self, states: SymbolicSet) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order."""
+        ...
+
+    def system(self, states: SymbolicSet) -> SymbolicSystem:
+        """The equations over some states."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class SymbolicGraph:
     """See `symcheck.engines.base.Graph`. `observer` is told of each set on the way to a fixpoint, and what it is."""
 
-    engine: SymbolicEngine = field(repr=False)
+    engine: Owner = field(repr=False)
     observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
 
     @property

@@ -4,20 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from symcheck.dd.odd import Odd
-from symcheck.engines.diagrams import Step
+from symcheck.engines.base import Engine
+from symcheck.engines.diagrams import Diagrams, Step
+from symcheck.engines.symbolic_graph import SymbolicGraph
 from symcheck.engines.symbolic_sets import Piece, SymbolicSet, SymbolicValues, merged, picked
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager
     from symcheck.engines.product import Automaton
-    from symcheck.engines.symbolic import SymbolicEngine
 
-__all__ = ["SymbolicProduct", "product"]
+__all__ = ["Base", "SymbolicProduct", "product"]
+
+
+class Base(Engine, Protocol):
+    """What a product asks of the engine that it is made with, and of."""
+
+    @property
+    def diagrams(self) -> Diagrams:
+        """The matrices."""
+        ...
+
+    @property
+    def graph(self) -> SymbolicGraph:
+        """Questions that need no numbers."""
+        ...
+
+    def over(self, diagrams: Diagrams) -> Base:
+        """The same kind of engine over other diagrams."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +63,8 @@ class Counter:
 class SymbolicProduct:
     """See `symcheck.engines.product.Product`. `letters`: the base states with each letter that occurs."""
 
-    engine: SymbolicEngine
-    base: SymbolicEngine = field(repr=False)
+    engine: Base
+    base: Base = field(repr=False)
     counter: Counter = field(repr=False)
     letters: dict[int, Bdd] = field(repr=False)
     entry: Bdd = field(repr=False)
@@ -90,7 +109,7 @@ class SymbolicProduct:
         return SymbolicSet(self.base.diagrams, (states.bdd & self.entry).cofactor(self.entry))
 
 
-def product(base: SymbolicEngine, letters: Sequence[SymbolicSet], automaton: Automaton) -> SymbolicProduct:
+def product(base: Base, letters: Sequence[SymbolicSet], automaton: Automaton) -> SymbolicProduct:
     """The pairs reachable from (s, initial state) for every state s of the base model."""
     d = base.diagrams
     table = np.asarray(automaton.table)
@@ -103,7 +122,7 @@ def product(base: SymbolicEngine, letters: Sequence[SymbolicSet], automaton: Aut
     entry = counter.at(automaton.initial)
     rows, columns = (*counter.rows, *d.rows), (*counter.columns, *d.columns)
     draft = replace(d, rows=rows, columns=columns, steps=steps, loops=d.manager.false, states=d.states & entry)
-    states = type(base)(draft, base.space).graph.reachable(draft.states)
+    states = base.over(draft).graph.reachable(draft.states)
     diagrams = replace(
         draft,
         states=states,
@@ -113,7 +132,7 @@ def product(base: SymbolicEngine, letters: Sequence[SymbolicSet], automaton: Aut
         guards=None if d.guards is None else tuple(guard & states for guard in d.guards),
         actions={key: where & states for key, where in d.actions.items()},
     )
-    return SymbolicProduct(type(base)(diagrams, base.space), base, counter, classes, entry)
+    return SymbolicProduct(base.over(diagrams), base, counter, classes, entry)
 
 
 def _counter(manager: DiagramManager, size: int) -> Counter:

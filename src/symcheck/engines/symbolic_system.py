@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,18 +16,39 @@ from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_sets import Piece, SymbolicSet, SymbolicValues, array_piece, constant_piece, merged
 from symcheck.kernels.quad import Quad
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
 
-if TYPE_CHECKING:
-    from symcheck.engines.symbolic import SymbolicEngine
+__all__ = ["Owner", "SymbolicSystem"]
 
-__all__ = ["SymbolicSystem"]
+
+class Owner(Protocol):
+    """What a system asks of its engine."""
+
+    @property
+    def diagrams(self) -> Diagrams:
+        """The matrices."""
+        ...
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    @property
+    def rows_limit(self) -> int | None:
+        """Entries up to which the rows of a system are written out to solve equations on them; None: always."""
+        ...
+
+    def operator(self, system: SymbolicSystem) -> Any:
+        """The matrix of a system in the engine's form."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
 class SymbolicSystem:
     """See `symcheck.engines.base.System`. States are numbered by an ODD of their own."""
 
-    engine: SymbolicEngine = field(repr=False)
+    engine: Owner = field(repr=False)
     states: SymbolicSet
 
     @property

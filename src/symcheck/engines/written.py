@@ -58,13 +58,9 @@ class WrittenModel:
     them, and each takes as much memory as a vector of values.
     """
 
+    source: SymbolicEngine = field(repr=False)
     system: SymbolicSystem = field(repr=False)
     matrix: SparseMatrix
-
-    @property
-    def source(self) -> SymbolicEngine:
-        """The diagrams."""
-        return self.system.engine
 
     @property
     def model(self) -> BoundModel:
@@ -138,7 +134,7 @@ def written_out(engine: SymbolicEngine) -> WrittenEngine:
     # A system of its own, which does not keep its rows: the engine keeps its last one, and that would be a second copy.
     system = SymbolicSystem(engine, engine.all)
     indptr, indices, data = flatten(quad_dag(system.roots, system.odd, system.odd, diagrams.columns), system.layout)
-    model = WrittenModel(system, SparseMatrix(indptr, indices, data, system.n, system.groups))
+    model = WrittenModel(engine, system, SparseMatrix(indptr, indices, data, system.n, system.groups))
     return WrittenEngine(model, name="sparse", source=engine)  # type: ignore[arg-type]
 
 
