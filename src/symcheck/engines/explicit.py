@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import NDArray
 import numpy as np
 
 from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.explicit_graph import ExplicitGraph
-from symcheck.kernels.rows import sum_into, sum_values
-from symcheck.kernels.sparse import multiply, select
+from symcheck.kernels.rows import groups_among, select_states, sum_among, take_rows
+from symcheck.kernels.sparse import multiply
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
@@ -27,6 +28,9 @@ __all__ = ["ExplicitEngine", "ExplicitSystem", "SparseOperator"]
 _REMEMBERED = 16
 _REMEMBERED_BYTES = 2**28
 """Sets of states that are kept, and their memory."""
+
+_MANY = 1_000_000
+"""Transitions from which on the transposed matrix is not kept while equations over most of the states are solved."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +142,8 @@ class ExplicitEngine:
 
     def system(self, states: ArraySet) -> ExplicitSystem:
         """The equations over some states."""
+        if self.transitions > _MANY and 2 * states.count > self.states:
+            self.graph.forget()
         return ExplicitSystem(self, states)
 
     def rewards(self, structure: int) -> tuple[Floats, Floats]:
@@ -190,36 +196,27 @@ class ExplicitSystem:
         return self.states.count
 
     @cached_property
-    def chosen(self) -> Int64s:
-        """Indices of the states, ascending."""
-        return np.flatnonzero(self.states.members)
-
-    @cached_property
-    def rows(self) -> Int64s:
-        """Row numbers, in the whole matrix, of the choices of the states."""
-        groups = self.engine.matrix.groups
-        if groups is None:
-            return self.chosen
-        return np.flatnonzero(np.repeat(self.states.members, np.diff(groups)))
-
-    @cached_property
     def groups(self) -> Int64s | None:
         """Which of the rows belong to which state; None where each has one."""
         groups = self.engine.matrix.groups
-        if groups is None:
-            return None
-        return np.concatenate(([0], np.cumsum(np.diff(groups)[self.chosen])))
+        return groups if groups is None or self._whole else groups_among(groups, self._mask)
 
     @cached_property
     def matrix(self) -> SparseMatrix:
         """The matrix among the states."""
         whole = self.engine.matrix
-        if self.n == whole.states:
+        if self._whole:
             return whole
-        number = np.full(whole.states, -1, np.int32)
-        number[self.chosen] = np.arange(self.n, dtype=np.int32)
-        parts = select(whole.indptr, whole.indices, whole.data, self.rows, number)
+        parts = select_states(whole.indptr, whole.indices, whole.data, whole.groups, self._mask)
         return SparseMatrix(*parts, self.n, self.groups)
+
+    @property
+    def _whole(self) -> bool:
+        return self.n == self.engine.states
+
+    @property
+    def _mask(self) -> NDArray[np.uint8]:
+        return self.states.members.view(np.uint8)
 
     @property
     def has_rows(self) -> bool:
@@ -233,20 +230,17 @@ class ExplicitSystem:
 
     def into(self, target: ArraySet) -> Floats:
         """Per row: the one-step probability (rate) of entering the target."""
-        whole, out = self.engine.matrix, np.empty(len(self.rows))
-        sum_into(whole.indptr, whole.indices, whole.data, self.rows, target.members.view(np.uint8), out)
-        return out
+        return self._sums(target.members, None)
 
     def into_values(self, values: ArrayValues) -> tuple[Floats, Floats]:
         """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
-        outside = (~self.states.members).view(np.uint8)
-        lower = self._weighted(outside, values.lower)
-        return lower, lower if values.exact else self._weighted(outside, values.upper)
+        outside = ~self.states.members
+        lower = self._sums(outside, values.lower)
+        return lower, lower if values.exact else self._sums(outside, values.upper)
 
-    def _weighted(self, outside: Any, values: Floats) -> Floats:
-        whole, out = self.engine.matrix, np.empty(len(self.rows))
-        sum_values(whole.indptr, whole.indices, whole.data, self.rows, outside, values, out)
-        return out
+    def _sums(self, columns: Bools, values: Floats | None) -> Floats:
+        whole = self.engine.matrix
+        return sum_among(whole.indptr, whole.indices, whole.data, whole.groups, self._mask, columns.view(np.uint8), values)
 
     def row_sums(self) -> Floats:
         """Per row: the total probability (exit rate)."""
@@ -255,12 +249,15 @@ class ExplicitSystem:
     def rewards(self, structure: int) -> tuple[Floats, Floats]:
         """State rewards per state and transition rewards per row."""
         states, rows = self.engine.rewards(structure)
-        return states[self.chosen], rows[self.rows]
+        if self._whole:
+            return states, rows
+        groups, inside = self.engine.matrix.groups, self.states.members
+        return states[inside], rows[inside] if groups is None else take_rows(rows, groups, self._mask)
 
     def restrict(self, values: ArrayValues | ArraySet) -> Floats:
         """A lower value (or 0/1 membership) per state of the system."""
         array = values.members if isinstance(values, ArraySet) else values.lower
-        return array[self.chosen].astype(np.float64)
+        return array[self.states.members].astype(np.float64, copy=False)
 
     def lift(self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[ArraySet, float]] = (), exact: bool = False) -> ArrayValues:
         """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
@@ -272,5 +269,5 @@ class ExplicitSystem:
         out = np.zeros(self.engine.states)
         for states, constant in rest:
             out[states.members] = constant
-        out[self.chosen] = values
+        out[self.states.members] = values
         return out

@@ -30,6 +30,10 @@ class ExplicitGraph:
     def _edges(self) -> graph.Incidence:
         return graph.Incidence(self.engine.matrix)
 
+    def forget(self) -> None:
+        """Give the memory of the transposed matrix back; it is made again when it is asked for."""
+        vars(self).pop("_edges", None)
+
     def predecessors(self, states: ArraySet) -> ArraySet:
         """States with some transition (of some choice) into the set."""
         members = np.zeros(self.engine.states, bool)
