@@ -5,6 +5,7 @@ Source: Baier, Haverkort, Hermanns & Katoen (2003), 'Model-checking algorithms f
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from time import perf_counter
@@ -22,6 +23,7 @@ from symcheck.engines.base import StateSet, System, Values
 from symcheck.numerics.matrix import Floats
 
 __all__ = [
+    "bounded_miss",
     "bounded_until",
     "counted_next",
     "counted_until",
@@ -67,6 +69,20 @@ def bounded_until(context: Context, left: StateSet, right: StateSet, window: Win
     return _delayed(context, left, later, lower)
 
 
+def bounded_miss(context: Context, left: StateSet, right: StateSet, window: Window, miss: Callable[[Context], Values]) -> Values:
+    """Probability of not (left U[a,b] right): time b - a without getting there, after time a in which `left` may end too.
+
+    Without an upper bound the first part is `miss`.
+    """
+    lower, upper = window.times()
+    if lower == 0 and upper is not None:
+        return _missing(context, left, right, upper)
+    context = context.tighter(context.options.epsilon / 3)
+    everywhere = replace(context, matter=None)
+    later = miss(everywhere) if upper is None else _missing(everywhere, left, right, upper - lower)
+    return later if lower == 0 else _delayed(context, left, later, lower, 1.0)
+
+
 def positive(context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None) -> StateSet | None:  # noqa: ARG001
     """Where left U[a,b] right has a positive probability: any number of jumps happens within any time, however short."""
     graph = context.engine.graph
@@ -103,14 +119,26 @@ def _within(context: Context, left: StateSet, right: StateSet, time: float) -> V
     return system.lift(lower, np.minimum(upper, 1.0), [(right, 1.0)])
 
 
-def _delayed(context: Context, left: StateSet, values: Values, time: float) -> Values:
-    """The expected value at time t of runs that stay in `left` until then (0 for other runs)."""
+def _missing(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
+    """Probability of not (left U<=t right)."""
+    engine = context.engine
+    if time == 0:
+        return engine.indicator(~right)
+    possible = engine.graph.exists_until(left, right)
+    system = engine.system((left - right) & possible)
+    lower, upper = _values(context, system, time, terminal=np.ones(system.n), gain=system.into(~possible))
+    return system.lift(np.minimum(lower, 1.0), np.minimum(upper, 1.0), [(~possible, 1.0)])
+
+
+def _delayed(context: Context, left: StateSet, values: Values, time: float, outside: float = 0.0) -> Values:
+    """The expected value at time t of runs that stay in `left` until then (`outside` for other runs)."""
     system = context.engine.system(left)
     low, high = values.at(left)
-    lower, upper = _values(context, system, time, terminal=low)
+    gain = system.into(~left) if outside else None
+    lower, upper = _values(context, system, time, terminal=low, gain=gain)
     if not values.exact:
-        _, upper = _values(context, system, time, terminal=high)
-    return system.lift(lower, upper)
+        _, upper = _values(context, system, time, terminal=high, gain=gain)
+    return system.lift(lower, upper, [(~left, outside)])
 
 
 def _signed(context: Context, terminal: Floats | None, gain: Floats | None, time: float) -> Values:

@@ -18,7 +18,7 @@ from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.numerics.matrix import Floats
 from symcheck.numerics.problem import Step
 
-__all__ = ["Until", "best", "bounded_until", "cumulative_reward", "instantaneous_reward", "next_probability", "per_row"]
+__all__ = ["Until", "best", "bounded_miss", "bounded_until", "cumulative_reward", "instantaneous_reward", "next_probability", "per_row"]
 
 Until = Callable[[Context, StateSet, StateSet, str | None], Values]
 
@@ -59,18 +59,33 @@ def bounded_until(context: Context, left: StateSet, right: StateSet, window: Win
     if steps.upper is None:
         values = until(context, left, right, direction)
     else:
-        values = _within(context, left, right, steps.upper - steps.lower, direction)
-    return values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction)
+        between = (left - right) & context.engine.graph.exists_until(left, right)
+        values = _within(context, between, right, steps.upper - steps.lower, direction, 0.0)
+    return values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 0.0)
 
 
-def _within(context: Context, left: StateSet, right: StateSet, steps: int, direction: str | None) -> Values:
-    """Left U<=k right."""
+def bounded_miss(
+    context: Context, left: StateSet, right: StateSet, window: Window, direction: str | None, miss: Callable[[Context], Values]
+) -> Values:
+    """Probability of not (left U[a,b] right): b - a steps without getting there, then a steps in which `left` may end too.
+
+    Without an upper bound the first part is `miss`.
+    """
+    steps = window.steps()
+    if steps.upper is None:
+        values = miss(context)
+    else:
+        possible = context.engine.graph.exists_until(left, right)
+        values = _within(context, (left - right) & possible, ~possible, steps.upper - steps.lower, direction, 1.0)
+    return values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 1.0)
+
+
+def _within(context: Context, between: StateSet, goal: StateSet, steps: int, direction: str | None, end: float) -> Values:
+    """Probability of reaching `goal` through `between` within so many steps; runs that are still between count as `end`."""
     engine = context.engine
-    if steps == 0:
-        return engine.indicator(right)
-    system = engine.system((left - right) & engine.graph.exists_until(left, right))
-    enter = system.into(right)
-    x = np.zeros(system.n)
+    system = engine.system(between)
+    enter = system.into(goal)
+    x = np.full(system.n, end)
     taken = 0
     for taken in range(1, steps + 1):
         y = best(system.operator.multiply(x) + enter, system, direction)
@@ -79,12 +94,13 @@ def _within(context: Context, left: StateSet, right: StateSet, steps: int, direc
             break
         x = y
     _note(context, system.n, taken)
-    return _lift(context, system, x, x, [(right, 1.0)], taken)
+    return _lift(context, system, x, x, [(goal, 1.0)], taken)
 
 
-def _delayed(context: Context, left: StateSet, values: Values, steps: int, direction: str | None) -> Values:
-    """The expected value after `steps` steps, all of which begin in `left` (0 for other runs)."""
+def _delayed(context: Context, left: StateSet, values: Values, steps: int, direction: str | None, outside: float) -> Values:
+    """The expected value after `steps` steps, all of which begin in `left` (`outside` for other runs)."""
     system = context.engine.system(left)
+    lost = outside * system.into(~left)
 
     def step(x: Floats, enter: Floats | float = 0.0) -> Floats:
         return best(system.operator.multiply(x) + enter, system, direction)
@@ -94,13 +110,13 @@ def _delayed(context: Context, left: StateSet, values: Values, steps: int, direc
         sides = sides[:1]
     taken = 1
     for taken in range(2, steps + 1):
-        following = [step(x) for x in sides]
+        following = [step(x, lost) for x in sides]
         _observe(context, system, taken)
         if all(map(np.array_equal, sides, following)):
             break
         sides = following
     _note(context, system.n, taken)
-    return _lift(context, system, sides[0], sides[-1], [], taken)
+    return _lift(context, system, sides[0], sides[-1], [(~left, outside)], taken)
 
 
 def cumulative_reward(context: Context, structure: int, window: Window, direction: str | None) -> Values:

@@ -34,8 +34,13 @@ def complement(context: Context, values: Values) -> Values:
 
 def probability(context: Context, path: Path, direction: str | None) -> Values:
     """Probability of a path formula at each state (of an MDP: the least or greatest one)."""
-    if isinstance(path, UntilPath) and path.negative and path.window.trivial and direction != "min":
-        return _never(context, path.left, path.right, direction)
+    if isinstance(path, UntilPath) and path.negative and not context.engine.exact:
+        from symcheck.check.missed import missed
+
+        certain = _zero(context, path.left, path.right, flipped(direction))
+        return missed(context, path, direction, certain)
+    if isinstance(path, NextPath) and path.negative and path.window.trivial:
+        return measures(context).next_probability(context, ~path.target, path.window, direction)
     if path.negative and not isinstance(path, StatePath | TemporalPath):
         return complement(context, probability(context, negated(path), flipped(direction)))
     match path:
@@ -69,15 +74,6 @@ def _linear_time(context: Context, path: TemporalPath, direction: str | None) ->
     if direction == "min":
         return complement(context, path_probability_ltl(context, replace(path, negative=not path.negative), "max"))
     return path_probability_ltl(context, path, direction)
-
-
-def _never(context: Context, left: StateSet, right: StateSet, direction: str | None) -> Values:
-    """(Greatest) probability of not (left U right), as that of reaching where it can be had for certain.
-
-    1 minus the probability of left U right is the same number, but a small one would lose its digits.
-    """
-    certain = _zero(context, left, right, flipped(direction))
-    return measures(context).until(context, left - right, certain, direction)
 
 
 def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:

@@ -83,7 +83,8 @@ class Equations:
     def solve(self, problem: LinearProblem, rest: list[tuple[StateSet, float]], *, wait: bool = False) -> Values:
         """The solution, lifted to all states with constants on the sets in `rest`.
 
-        `wait`: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards).
+        `wait`: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards); or it
+        must not (least probabilities of what is met outside).
         """
         from symcheck.numerics.methods import solve_linear
 
@@ -92,7 +93,8 @@ class Equations:
         started, options, observer = perf_counter(), self.context.options, self.context.observer
         # End components without reward are made single states, as for least rewards; rewards are not negative, so
         # that waiting is never better than leaving and need not be among the choices of these states.
-        smaller = collapse(replace(problem, matrix=self._matrix(), direction="min")) if wait else None
+        against = "max" if problem.probability else "min"
+        smaller = collapse(replace(problem, matrix=self._matrix(), direction=against)) if wait else None
         if smaller is None:
             found = solve_linear(problem, options, observer)
         else:
