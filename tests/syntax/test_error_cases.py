@@ -25,6 +25,13 @@ def test_case(path: Path) -> None:
     assert sections["error"] != "no error\n"
 
 
+def test_what_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "model.pm"
+    path.write_bytes(b"\x7fELF\0\0")
+    with pytest.raises(UsageError, match="it is no text"):
+        parse_model_file(path)
+
+
 def reads_or_complains(text: str) -> None:
     for parse in (parse_model, parse_properties, parse_expression):
         try:

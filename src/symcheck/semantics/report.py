@@ -67,5 +67,6 @@ def suggest(name: str, known: Iterable[str]) -> str | None:
     """The hint 'did you mean …?' where a known name is close to `name`."""
     import difflib
 
-    close = difflib.get_close_matches(name, sorted(set(known)), n=1, cutoff=0.6)
+    names = sorted(set(known))
+    close = [k for k in names if k.casefold() == name.casefold()] or difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return f"did you mean {close[0]}?" if close else None

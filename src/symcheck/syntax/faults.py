@@ -96,7 +96,8 @@ def diagnose(fault: Fault, source: Source, grammar: Grammar, words: Words) -> Di
         at = max(fault.previous - 1, 0)
         return Diagnostic(f"{missing} is missing {where}", _span(source, at, fault.previous), "missing", f"put {missing} here")
     message = f"unexpected {_found(found)}; expected {_listed(expected, grammar)}"
-    return Diagnostic(message, _span(source, fault.start, fault.end), "syntax", _unclosed(fault, words, expected))
+    hint = _unclosed(fault, words, expected) or _keyword(found, expected, grammar)
+    return Diagnostic(message, _span(source, fault.start, fault.end), "syntax", hint)
 
 
 def _span(source: Source, start: int, end: int) -> Span:
@@ -129,6 +130,15 @@ def _listed(expected: set[str], grammar: Grammar) -> str:
     if not everything:
         return "something else"
     return everything[0] if len(everything) == 1 else f"{', '.join(everything[:-1])} or {everything[-1]}"
+
+
+def _keyword(found: str, expected: set[str], grammar: Grammar) -> str | None:
+    """A hint at a keyword that could stand there and is nearly what does."""
+    from difflib import get_close_matches
+
+    keywords = [grammar.spelling[k] for k, t in enumerate(grammar.terminals) if t in expected and k in grammar.spelling]
+    near = get_close_matches(found, [k for k in keywords if k.isalpha()], 1, 0.75) if found.isidentifier() else []
+    return f"did you mean '{near[0]}'?" if near else None
 
 
 def _named(terminal: str, kind: int, grammar: Grammar) -> bool:

@@ -64,6 +64,8 @@ def _read(path: str | Path) -> str:
         data = Path(path).read_bytes()
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
+    if b"\0" in data[:1000]:
+        raise UsageError(f"cannot read {path}: it is no text\n  hint: models of other tools are read with -import…; see symcheck --help")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
