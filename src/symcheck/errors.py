@@ -20,8 +20,9 @@ The tree::
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
 from functools import cached_property
+
+from symcheck.records import dataclass, field
 
 __all__ = [
     "NO_SPAN",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.numerics.matrix import Bools, Int32s
 

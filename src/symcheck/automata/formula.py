@@ -6,8 +6,9 @@ a W b = b R (a | b). U and R may have a bound on steps: `a U<=k b` asks for b wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+
+from symcheck.records import dataclass
 
 __all__ = ["Formula", "Kind"]
 

@@ -11,10 +11,12 @@ Only formulas that the conditions look at are guessed about, so that there are f
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from symcheck.automata.after import After, release_kept, until_kept
 from symcheck.automata.boolean import FALSE, TRUE
+from symcheck.records import dataclass
+
 from symcheck.automata.formula import Formula, Kind
 from symcheck.errors import UnsupportedError
 

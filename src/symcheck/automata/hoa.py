@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from symcheck.automata.reduce import reduced
+from symcheck.records import dataclass, field
 
 from symcheck.automata.automaton import Automaton, Pair
-from symcheck.automata.reduce import reduced
 from symcheck.errors import Diagnostic, InputError, Source, Span
 from symcheck.numerics.matrix import Bools
 

@@ -7,17 +7,17 @@ Sources: Stewart (1994), 'Introduction to the Numerical Solution of Markov Chain
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from symcheck.engines.base import ROUNDING, Engine
+from symcheck.kernels import sparse
+from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context
 from symcheck.check.options import Options
-from symcheck.engines.base import ROUNDING, Engine
 from symcheck.errors import NumericalError, UnsupportedError, UsageError
-from symcheck.kernels import sparse
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, SparseMatrix
 from symcheck.syntax.ast import ModelType

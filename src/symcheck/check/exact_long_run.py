@@ -7,10 +7,10 @@ g + h. Source: Puterman (1994), 8.6 and 9.5; how end components come together is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
+from symcheck.records import dataclass
 
 from symcheck.check.context import Context
 from symcheck.check.rational import Entries, RationalProblem, exact_matrix, least_solution

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
 from typing import Any
 
 import numpy as np
+from symcheck.engines.base import StateSet, Values
+from symcheck.records import dataclass
 
 from symcheck.check.context import Context
 from symcheck.check.rational import Entries, RationalProblem, exact_matrix, least_solution
 from symcheck.check.result import Run
 from symcheck.check.window import Count, Window
 from symcheck.engines.arrays import ArraySet
-from symcheck.engines.base import StateSet, Values
 from symcheck.engines.exact import ExactEngine, ExactMatrix
 from symcheck.engines.rationals import Rationals, RationalValues
 from symcheck.errors import UnsupportedError

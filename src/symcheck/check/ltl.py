@@ -8,17 +8,19 @@ MDP) that the automaton accepts. Sources: Baier & Katoen (2008), 10.3 and 10.6.4
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+
+from symcheck.automata.ltl import Formulas
+from symcheck.check.linear_time import read
+from symcheck.check.measures import measures
+from symcheck.engines.base import StateSet, Values
+from symcheck.engines.product import Product
+from symcheck.records import dataclass
 
 from symcheck.automata.automaton import Automaton
 from symcheck.automata.formula import Formula, Kind
-from symcheck.automata.ltl import Formulas
 from symcheck.check.context import Context
-from symcheck.check.linear_time import read
-from symcheck.check.measures import measures
 from symcheck.check.paths import TemporalPath, UntilPath
-from symcheck.engines.base import StateSet, Values
-from symcheck.engines.product import Product
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.syntax.ast import Expression, ModelType
 

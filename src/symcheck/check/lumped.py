@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from symcheck.engines.base import OwnSet, OwnValues
+from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet, ArrayValues
-from symcheck.engines.base import OwnSet, OwnValues
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.model import ExplicitModel

@@ -11,16 +11,18 @@ the model explored exactly; where they are not, numbers are estimates, and a ver
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from math import inf, isfinite, isinf, nan
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from symcheck.check.listed import listed
+from symcheck.records import dataclass
+from symcheck.semantics.evaluate import evaluate
 
 from symcheck.check.context import Context
-from symcheck.check.listed import listed
 from symcheck.check.multi_flow import Objective, flow_of
 from symcheck.check.paths import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Result, Run
@@ -28,7 +30,6 @@ from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedE
 from symcheck.numerics import multi as numerics
 from symcheck.numerics.multi_exact import ExactFlow, exact_corners
 from symcheck.numerics.program import ROWS
-from symcheck.semantics.evaluate import evaluate
 from symcheck.syntax.ast import (
     Bound,
     CumulativeReward,

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from math import inf
 from typing import Any
 
 import numpy as np
+from symcheck.check.discrete import per_row
+from symcheck.check.rewards import structure_number
+from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.product import Product
+from symcheck.records import dataclass
 
 from symcheck.check.context import Context
-from symcheck.check.discrete import per_row
 from symcheck.check.ltl import linear_product
 from symcheck.check.paths import StatesOf, TemporalPath, temporal
-from symcheck.check.rewards import structure_number
 from symcheck.check.window import window
-from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.exact import ExactEngine
-from symcheck.engines.product import Product
 from symcheck.errors import UnsupportedError
 from symcheck.numerics import multi as numerics
 from symcheck.numerics.graph import Incidence

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+
+from symcheck.check.formulas import is_plain
+from symcheck.records import dataclass, field
+from symcheck.semantics.conditions import reward_index
+from symcheck.syntax.pretty import pretty
+from symcheck.syntax.walk import children, names
 
 from symcheck.check.context import Context
-from symcheck.check.formulas import is_plain
 from symcheck.errors import UnsupportedError
-from symcheck.semantics.conditions import reward_index
 from symcheck.syntax.ast import (
     Binary,
     Expression,
@@ -21,8 +25,6 @@ from symcheck.syntax.ast import (
     StateFilter,
     Unary,
 )
-from symcheck.syntax.pretty import pretty
-from symcheck.syntax.walk import children, names
 
 __all__ = ["Observed", "observed", "together"]
 

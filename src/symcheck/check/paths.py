@@ -6,10 +6,13 @@ Dualities used: G a = !(F !a), a R b = !(!a U !b), a W b = !((a & !b) U (!a & !b
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+
+from symcheck.engines.base import StateSet
+from symcheck.records import dataclass, field
+from symcheck.syntax.walk import children
 
 from symcheck.check.window import Count, Window, counts, window
-from symcheck.engines.base import StateSet
 from symcheck.syntax.ast import (
     Binary,
     Conditional,
@@ -26,7 +29,6 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
-from symcheck.syntax.walk import children
 
 __all__ = [
     "NextPath",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from symcheck.records import dataclass, field
 from symcheck.semantics.bind import BoundProperty, bind_properties
+
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import Expression, PropertiesFile
 

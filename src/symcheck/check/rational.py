@@ -7,10 +7,10 @@ nothing in floating point is relied on. Sources: Howard (1960); Bertsekas & Tsit
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.numerics import graph
 from symcheck.numerics.exact import ExactMatrix, ExactProblem, solve_exact

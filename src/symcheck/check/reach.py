@@ -6,19 +6,20 @@ A CTMC is solved as its embedded DTMC: rates divided by the exit rate of their s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from symcheck.check.discrete import best, per_row
+from symcheck.engines.base import StateSet, System, Values
+from symcheck.kernels import sparse
+from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context
-from symcheck.check.discrete import best, per_row
 from symcheck.check.result import Run
-from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
-from symcheck.kernels import sparse
 from symcheck.numerics.collapse import collapse
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem

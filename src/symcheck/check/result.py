@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
 from symcheck.engines.base import Engine, StateSet, Values
+from symcheck.records import dataclass, field
 from symcheck.semantics.literals import format_state, format_value
 
 __all__ = [

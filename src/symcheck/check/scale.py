@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
 from math import ceil, floor, gcd
 
 import numpy as np
+from symcheck.engines.base import System
+from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context
 from symcheck.check.window import Count, Window
-from symcheck.engines.base import System
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.matrix import Floats, Int64s
 

@@ -13,22 +13,23 @@ visit to visit (10.6.4; de Alfaro 1997).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from symcheck.check.listed import listed
+from symcheck.check.probabilities import flipped
+from symcheck.check.rewards import structure_number
+from symcheck.engines.base import OwnSet
+from symcheck.kernels import sparse
+from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context
-from symcheck.check.listed import listed
 from symcheck.check.paths import NextPath, RewardPath, StatePath, StatesOf, TemporalPath, UntilPath, negated, resolve, temporal
-from symcheck.check.probabilities import flipped
 from symcheck.check.reach import chosen_rows, equations, step_rewards
-from symcheck.check.rewards import structure_number
 from symcheck.engines.arrays import spans
-from symcheck.engines.base import OwnSet
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import UnsupportedError
-from symcheck.kernels import sparse
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem
@@ -123,6 +124,7 @@ def _probability(context: Context, formula: ProbabilityOperator, states_of: Stat
 def _remembering(context: Context, path: TemporalPath, direction: str) -> Strategy:
     """A strategy of the product with an automaton. The least probability is missed with the greatest."""
     from symcheck.automata.acceptance import counted
+
     from symcheck.check.ltl import linear_product
     from symcheck.engines.explicit_product import ExplicitProduct
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from symcheck.check.options import Options
 from symcheck.cli.report import Report
 from symcheck.engines.base import Engine
+from symcheck.records import dataclass, field
+
+from symcheck.check.options import Options
 from symcheck.experiment.table import Row
 
 __all__ = ["Job", "options_of", "results_file", "sorted_rows"]

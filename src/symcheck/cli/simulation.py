@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from symcheck.check.result import Result
 from symcheck.cli.exports import MODEL_EXPORTS
 from symcheck.cli.naming import NOTHING, Values, own_file
 from symcheck.cli.report import Report
+from symcheck.records import dataclass
+
+from symcheck.check.result import Result
 from symcheck.errors import UsageError
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression

@@ -8,16 +8,16 @@ O(nodes + members), and a small subset of a huge set needs its own ODD only.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from symcheck.dd.export import BddTable, NodeTable
 from symcheck.kernels import odd as kernel
 from symcheck.kernels import vectors
+from symcheck.records import dataclass, field
+
+from symcheck.dd.export import BddTable, NodeTable
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from symcheck.dd.odd import Odd, levels_of
-from symcheck.errors import MemoryLimitError
 from symcheck.kernels.blocks import Blocks
 from symcheck.kernels.graph import components
 from symcheck.kernels.quad import Quad
+from symcheck.records import dataclass, field
+
+from symcheck.dd.odd import Odd, levels_of
+from symcheck.errors import MemoryLimitError
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-
 from symcheck.engines.base import ROUNDING, bracket
+from symcheck.records import dataclass, field
+
 from symcheck.numerics.matrix import Bools, Floats, Int64s
 
 __all__ = ["ArraySet", "ArrayValues", "spans"]

@@ -15,15 +15,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import prod
 from time import perf_counter, process_time
 from typing import TYPE_CHECKING
 
 from symcheck.engines.base import Engine
+from symcheck.records import dataclass
+from symcheck.syntax.walk import names, nodes
+
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 from symcheck.syntax.ast import Call
-from symcheck.syntax.walk import names, nodes
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
@@ -173,6 +175,7 @@ def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateS
     UnsupportedError says so.
     """
     from symcheck.symbolic.build import build
+
     from symcheck.symbolic.reach import reach
 
     limit = options.time_limit if seconds is None else min(seconds, options.time_limit or seconds)
@@ -187,8 +190,9 @@ def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateS
 def _symbolic(space: StateSpace, options: Options, observer: Observer | None, reason: str) -> Engine:
     from symcheck.engines.hybrid import HybridEngine
     from symcheck.engines.sparse import SparseEngine
-    from symcheck.engines.written import written_out
     from symcheck.symbolic.transitions import transitions
+
+    from symcheck.engines.written import written_out
 
     built: Transitions = transitions(space, options, observer)
     engine = SparseEngine.of(built)

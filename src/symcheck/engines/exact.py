@@ -6,7 +6,6 @@ It shares no code with the other builders (it uses `symcheck.semantics.step`), a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from math import isinf
@@ -14,6 +13,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from symcheck.records import dataclass, field
+from symcheck.semantics.evaluate import evaluate
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit_graph import ExplicitGraph
@@ -21,7 +22,6 @@ from symcheck.engines.rationals import Rationals, RationalValues
 from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.numerics.matrix import Bools, Int64s, SparseMatrix
 from symcheck.semantics import faults
-from symcheck.semantics.evaluate import evaluate
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.step import State, initial_states, state_rewards, transitions, valuation
 from symcheck.syntax.ast import Expression, ModelType, Type

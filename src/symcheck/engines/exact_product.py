@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.exact import ExactEngine, ExactMatrix

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from numpy.typing import NDArray
 import numpy as np
+from numpy.typing import NDArray
+from symcheck.kernels.rows import groups_among, select_states, sum_among, take_rows
+from symcheck.kernels.sparse import multiply
+from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.explicit_graph import ExplicitGraph
-from symcheck.kernels.rows import groups_among, select_states, sum_among, take_rows
-from symcheck.kernels.sparse import multiply
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type

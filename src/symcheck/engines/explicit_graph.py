@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet, spans
 from symcheck.numerics import graph

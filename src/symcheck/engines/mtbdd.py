@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.dd.quad import BlockMatrix
 from symcheck.engines.symbolic import SymbolicEngine

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from fractions import Fraction
 from math import ceil, floor, inf, isinf, nan
 from operator import eq, ge, gt, le, lt, ne
@@ -11,9 +10,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from symcheck.records import dataclass, field
+from symcheck.semantics.evaluate import evaluate
 
 from symcheck.engines.arrays import ArraySet
-from symcheck.semantics.evaluate import evaluate
 from symcheck.syntax.ast import Binary, Call, Name
 
 __all__ = ["RationalValues", "Rationals"]

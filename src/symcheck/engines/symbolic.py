@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.engines.diagrams import Diagrams, diagrams_of
 from symcheck.engines.symbolic_graph import SymbolicGraph
@@ -18,8 +18,9 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType, Type
 
 if TYPE_CHECKING:
-    from symcheck.dd.manager import Bdd
     from symcheck.engines.product import Automaton
+
+    from symcheck.dd.manager import Bdd
     from symcheck.engines.symbolic_acyclic import Acyclic
     from symcheck.engines.symbolic_product import SymbolicProduct
     from symcheck.symbolic.model import StateSpace, Transitions

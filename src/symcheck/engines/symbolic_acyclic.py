@@ -8,10 +8,10 @@ of 66 million states are a diagram of some 30 000 nodes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from symcheck.records import dataclass
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd

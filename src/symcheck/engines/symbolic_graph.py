@@ -6,14 +6,14 @@ Sources: Bianco & de Alfaro (1995) for prob0/prob1 of MDPs; Xie & Beerel (2000) 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
 from typing import Protocol
 
 import numpy as np
-
 from symcheck.dd.closing import close
+from symcheck.records import dataclass, field
+
 from symcheck.dd.manager import Bdd
 from symcheck.dd.odd import Odd
 from symcheck.engines.diagrams import Diagrams, Step

@@ -10,7 +10,6 @@ the quotient has them rounded to doubles only.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from math import frexp
 from time import perf_counter, process_time
@@ -18,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from symcheck.kernels.partition import Partition, largest_sum
+from symcheck.records import dataclass, field
 
 from symcheck.dd.export import NodeTable
 from symcheck.dd.odd import levels_of
@@ -25,7 +26,6 @@ from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_sets import FEW_LEAVES, MANY_STATES, Piece, SymbolicSet, SymbolicValues, picked
 from symcheck.errors import UnsupportedError
-from symcheck.kernels.partition import Partition, largest_sum
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 
 if TYPE_CHECKING:

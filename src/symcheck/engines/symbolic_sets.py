@@ -8,11 +8,11 @@ only the states between need an array, numbered by an ODD of their own. What is 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd

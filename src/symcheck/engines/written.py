@@ -8,12 +8,12 @@ explored as a diagram and checked as arrays.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
+from symcheck.records import dataclass, field
 
 from symcheck.dd.quad import flatten, quad_dag
 from symcheck.engines.arrays import ArraySet

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NoReturn
 
+from symcheck.check.formulas import satisfying
+from symcheck.engines.base import Engine, StateSet
+from symcheck.records import dataclass
+
 from symcheck.api import Model
 from symcheck.check.context import Context
-from symcheck.check.formulas import satisfying
 from symcheck.check.options import Options
-from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UnsupportedError
 from symcheck.exchange import targets
 from symcheck.exchange.imported import Given, imported_engine

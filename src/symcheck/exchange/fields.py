@@ -6,13 +6,13 @@ import gc
 import io
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.numerics.matrix import Floats, Int64s

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
+from symcheck.records import dataclass, field
+from symcheck.semantics.bind import bind
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit import ExplicitEngine
@@ -15,7 +17,6 @@ from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
-from symcheck.semantics.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Expression,

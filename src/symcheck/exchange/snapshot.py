@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
 from symcheck.engines.base import Engine, StateSet
+from symcheck.records import dataclass, field
+
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import ModelType, Type

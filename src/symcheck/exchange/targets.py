@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
+
+from symcheck.exchange.text import FULL_PRECISION, write_text
+from symcheck.records import dataclass, field
 
 from symcheck.errors import UsageError
 from symcheck.exchange import components, dot, drn, matlab, prism, umb
 from symcheck.exchange.snapshot import Snapshot
-from symcheck.exchange.text import FULL_PRECISION, write_text
 
 __all__ = ["EXTENSIONS", "ExportOptions", "Target", "export", "file_options", "parse_target"]
 

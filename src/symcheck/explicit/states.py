@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-
 from symcheck.kernels.packed import find_rows
+from symcheck.records import dataclass, field
+
 from symcheck.numerics.matrix import Int64s
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Type

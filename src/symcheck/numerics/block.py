@@ -8,16 +8,17 @@ With w about (I - A)^-1 x this is relative accuracy: w/x is the expected number 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-
 from symcheck.kernels import sparse, stationary
 from symcheck.kernels.checks import certify
 from symcheck.kernels.eliminate import Elimination
 from symcheck.kernels.solve import Block, System
-from symcheck.numerics import graph
 from symcheck.numerics.krylov import bicgstab
+from symcheck.records import dataclass
+
+from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy, Settings

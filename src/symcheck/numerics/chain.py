@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-
 from symcheck.kernels import sparse, uniform
+from symcheck.records import dataclass
+
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import Operator
 

@@ -7,11 +7,12 @@ Sources: Haddad & Monmege (2018); Baier, Klein, Leuschner, Parker & Wunderlich (
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-
 from symcheck.kernels import sparse
+from symcheck.records import dataclass
+
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Solution

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
 from symcheck.numerics import graph

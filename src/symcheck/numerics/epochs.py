@@ -11,12 +11,13 @@ states for 'max'; what remains leaves its cycles almost surely, so that the equa
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
+from symcheck.kernels.epochs import Levels
+from symcheck.records import dataclass
 
 from symcheck.errors import MemoryLimitError
-from symcheck.kernels.epochs import Levels
 from symcheck.numerics import graph
 from symcheck.numerics.epoch_layer import Epochs, Layer, layer_of, spans
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix

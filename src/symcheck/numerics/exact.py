@@ -8,11 +8,11 @@ two exact solutions decide as a rule.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from symcheck.records import dataclass
 
 from symcheck.errors import NumericalError
 from symcheck.numerics import graph

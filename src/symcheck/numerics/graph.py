@@ -7,13 +7,13 @@ with groups), 'min' and 'max' range over strategies. Sources: Baier & Katoen (20
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-
 from symcheck.kernels import choices, sparse
 from symcheck.kernels import graph as kernel
+from symcheck.records import dataclass
+
 from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
 
 __all__ = [

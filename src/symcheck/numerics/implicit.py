@@ -12,13 +12,13 @@ as exp(Q t) does not enlarge the greatest entry. p is a polynomial per interval 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-
 from symcheck.kernels import sparse, stationary
 from symcheck.numerics.krylov import bicgstab
+from symcheck.records import dataclass
+
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import Observer, Step
 from symcheck.numerics.settings import Settings

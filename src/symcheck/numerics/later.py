@@ -6,11 +6,10 @@ value = gain until an early time + sum over s of P(in s by then) * value of s at
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-
 from symcheck.kernels import sparse
+from symcheck.records import dataclass
+
 from symcheck.numerics.chain import ROUND, Chain, Visits, uniformise
 from symcheck.numerics.matrix import Floats, SparseMatrix
 from symcheck.numerics.poisson import poisson

@@ -10,13 +10,13 @@ than about 6e-14 of a sum may be taken for the same). Sources: Kanellakis & Smol
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
 from symcheck.kernels import sparse
 from symcheck.kernels.lump import signatures
+from symcheck.records import dataclass
+
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 

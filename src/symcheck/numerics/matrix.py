@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+from symcheck.records import dataclass
 
 __all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix"]
 

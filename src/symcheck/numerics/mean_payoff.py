@@ -12,11 +12,11 @@ so the value is that of the best way to end in them (Chatterjee & Henzinger 2011
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
-
 from symcheck.kernels import sparse
+from symcheck.records import dataclass, field
+
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Observer, Step

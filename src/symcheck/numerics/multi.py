@@ -12,12 +12,13 @@ Every objective is written so that more of it is better: costs are negative rewa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
 from symcheck.numerics import graph

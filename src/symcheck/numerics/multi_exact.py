@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
@@ -11,6 +11,7 @@ from math import isinf
 from typing import Any
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
 from symcheck.numerics.matrix import Bools

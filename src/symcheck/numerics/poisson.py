@@ -7,10 +7,10 @@ no large factorial is formed (Fox & Glynn 1988; Jansen 2011). Relative accuracy 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from symcheck.records import dataclass
 
 from symcheck.numerics.matrix import Floats
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+from symcheck.kernels import sparse
+from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
-from symcheck.kernels import sparse
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 
 __all__ = ["LinearProblem", "Observer", "Operator", "Solution", "Step"]

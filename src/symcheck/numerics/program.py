@@ -8,12 +8,12 @@ Sources: Dhiflaoui et al. (2003), 'Certifying and repairing solutions to large L
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from fractions import Fraction
 from math import inf
 from typing import Any
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
 from symcheck.numerics.matrix import Floats, Int64s

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
+
+from symcheck.records import dataclass
 
 __all__ = ["Accuracy", "Settings"]
 

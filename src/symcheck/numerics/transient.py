@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from symcheck.kernels import sparse
+from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
-from symcheck.kernels import sparse
 from symcheck.numerics.chain import ROUND, Chain, Visits, uniformise
 from symcheck.numerics.implicit import implicit_values
 from symcheck.numerics.later import value_from

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
-
 from symcheck.kernels import sparse
 from symcheck.kernels.solve import System
+from symcheck.records import dataclass
+
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 

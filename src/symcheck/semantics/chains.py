@@ -11,7 +11,10 @@ Faults of the model stay faults: a value that would be overwritten on the way mu
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+
+from symcheck.records import dataclass, field
+from symcheck.syntax.walk import names, nodes, substitute
 
 from symcheck.semantics.liveness import harmless, partial
 from symcheck.semantics.locations import Location, Locations, folded
@@ -34,7 +37,6 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
-from symcheck.syntax.walk import names, nodes, substitute
 
 __all__ = ["Shortened", "counts_steps", "shorten"]
 

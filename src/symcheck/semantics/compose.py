@@ -10,8 +10,9 @@ commands of its modules, whether they can happen or not.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import assert_never
+
+from symcheck.records import dataclass
 
 from symcheck.semantics.model import BoundCommand, BoundModule, Event
 from symcheck.syntax.ast import Composition, Hiding, Interleaving, ModuleReference, Parallel, Renaming, Synchronised

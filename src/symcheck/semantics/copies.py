@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+from symcheck.records import dataclass, field
+from symcheck.semantics.report import Report, suggest
 
 from symcheck.errors import Span
-from symcheck.semantics.report import Report, suggest
 from symcheck.syntax.ast import Module, Program, RenamedModule
 
 __all__ = ["Copy", "copies"]

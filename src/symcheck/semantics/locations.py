@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from itertools import product
 from math import prod
 
+from symcheck.records import dataclass, field
 from symcheck.semantics.fold import fold
+from symcheck.syntax.walk import names, nodes, substitute
+
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Variable
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type, Unary
-from symcheck.syntax.walk import names, nodes, substitute
 
 __all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "folded"]
 

@@ -7,8 +7,9 @@ renamings are expanded, and `LabelReference` does not occur.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from fractions import Fraction
+
+from symcheck.records import dataclass, field
 
 from symcheck.errors import NO_SPAN, Span
 from symcheck.syntax.ast import Composition, Expression, ModelType, Program, Type

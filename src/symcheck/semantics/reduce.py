@@ -12,8 +12,11 @@ A dead value is still checked against its variable's range, wherever it might le
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
+
+from symcheck.records import dataclass
+from symcheck.syntax.walk import Tree, children, nodes, transform
 
 from symcheck.semantics.chains import counts_steps, shorten
 from symcheck.semantics.liveness import Liveness, harmless, liveness
@@ -36,7 +39,6 @@ from symcheck.syntax.ast import (
     SteadyState,
     Type,
 )
-from symcheck.syntax.walk import Tree, children, nodes, transform
 
 __all__ = ["Observed", "Reduction", "observe", "reduce"]
 

@@ -7,10 +7,11 @@ One line per state: the transition that led there, its probability or rate (prob
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+
+from symcheck.records import dataclass, field
+from symcheck.semantics.literals import format_value
 
 from symcheck.errors import Diagnostic, NameFault
-from symcheck.semantics.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.step import State
 from symcheck.syntax.ast import ModelType

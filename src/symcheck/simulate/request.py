@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+
+from symcheck.records import dataclass, field
 
 from symcheck.errors import UsageError
 from symcheck.simulate.path import Layout

@@ -6,11 +6,11 @@ A confidence `c` is here the probability with which the interval holds the true 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import ceil, exp, isfinite, log, sqrt
 from typing import Literal
 
 import numpy as np
+from symcheck.records import dataclass
 
 from symcheck.errors import NumericalError, UsageError
 from symcheck.numerics.matrix import Floats

@@ -9,11 +9,11 @@ for the next state (`s.2'`), next to each other in the order. Rows and columns i
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from symcheck.records import dataclass
 
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel, Value, Variable

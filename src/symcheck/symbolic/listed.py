@@ -8,16 +8,16 @@ every reachable state, which the ODD lists, and the ODD gives the number of the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
 from symcheck.kernels.lookup import lookup
 from symcheck.kernels.sparse import merge
+from symcheck.records import dataclass
+
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.symbolic.model import EncodedEvent, EncodedUpdate, StateSpace
 from symcheck.syntax.ast import ModelType

@@ -14,13 +14,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from symcheck.records import dataclass
 from symcheck.symbolic.checks import check_initial
 from symcheck.symbolic.commands import encode_event, knowledge
-from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
 from symcheck.symbolic.relations import group_relations
+
+from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options

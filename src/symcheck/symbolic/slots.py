@@ -8,8 +8,9 @@ has one matrix over row and column bits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from symcheck.records import dataclass
 
 from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace
 

@@ -7,10 +7,11 @@ the boolean `Unary`, `Binary` and `Conditional` nodes of state formulas.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from typing import Literal as Choice
+
+from symcheck.records import dataclass, field
 
 from symcheck.errors import NO_SPAN, Span
 

@@ -10,9 +10,10 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
+
+from symcheck.records import dataclass
 
 __all__ = ["Grammar", "Packed", "Rule", "load", "read"]
 

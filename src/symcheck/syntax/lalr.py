@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from symcheck.records import dataclass
 from symcheck.syntax.build import Builder
+
 from symcheck.syntax.grammars import Grammar
 from symcheck.syntax.lexer import FOREIGN, Words
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from symcheck.records import dataclass, field
 
 from symcheck.dd.quad import blocks, quad_dag
 from symcheck.numerics.matrix import Int64s

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from symcheck.records import dataclass, field
 from symcheck.symbolic.commands import touched_by
 from symcheck.symbolic.transitions import full_matrix, participant_matrix, transitions
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from symcheck.records import dataclass, field
 
 from symcheck.engines.symbolic_graph import SymbolicGraph
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING
 
+from symcheck.records import dataclass, field
 from symcheck.symbolic.minterms import minterms
+
 from symcheck.symbolic.reach import search
 
 if TYPE_CHECKING:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice, permutations
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from symcheck.records import dataclass
 from symcheck.symbolic.build import construct
 
 if TYPE_CHECKING:

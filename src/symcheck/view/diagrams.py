@@ -7,15 +7,15 @@ Blue nodes read the present value of a variable, orange ones the next value (nam
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from symcheck.records import dataclass
+from symcheck.view.values import moves_text, values_text
 
 from symcheck.errors import UnsupportedError
 from symcheck.view.picture import Edge, Node, Picture
-from symcheck.view.values import moves_text, values_text
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from symcheck.records import dataclass
 
 from symcheck.view.picture import Edge, Node, Picture
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+
+from symcheck.records import dataclass
 
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.methods import interval, optimistic, plain, policy, topological

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-
 from symcheck.kernels import sparse
+from symcheck.records import dataclass
+
 from symcheck.numerics.matrix import Floats, Int64s
 from symcheck.numerics.problem import LinearProblem
 

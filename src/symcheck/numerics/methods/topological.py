@@ -10,15 +10,15 @@ Sources: Dai, Mausam, Weld & Goldsmith (2011); Baier, Klein, Leuschner, Parker &
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
-
 from symcheck.kernels import sparse
 from symcheck.kernels.checks import levels
 from symcheck.kernels.solve import Block, System
-from symcheck.numerics import graph
 from symcheck.numerics.accelerate import accelerated
+from symcheck.records import dataclass, field
+
+from symcheck.numerics import graph
 from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct, solve_krylov
 from symcheck.numerics.collapse import collapse, unit
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
