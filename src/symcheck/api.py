@@ -12,17 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symcheck.check.checker import check
-from symcheck.engines.base import Engine
-from symcheck.records import dataclass
-from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
-from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
-
 from symcheck.check.options import Options
 from symcheck.check.result import Result
 from symcheck.engines import registry
+from symcheck.engines.base import Engine
 from symcheck.errors import UsageError
+from symcheck.records import dataclass
+from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
+from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation import Common
@@ -124,7 +123,6 @@ class Model:
         accuracy is an interval with a confidence. Raises SymcheckError.
         """
         from symcheck.simulate.check import check_by_sampling
-
         from symcheck.simulate.statistics import Plan
 
         bound = self.properties(parse_properties(formula), constants)

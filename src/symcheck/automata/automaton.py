@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.numerics.matrix import Bools, Int32s
+from symcheck.records import dataclass, field
 
 __all__ = ["Automaton", "Pair"]
 

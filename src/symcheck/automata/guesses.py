@@ -15,10 +15,9 @@ from dataclasses import replace
 
 from symcheck.automata.after import After, release_kept, until_kept
 from symcheck.automata.boolean import FALSE, TRUE
-from symcheck.records import dataclass
-
 from symcheck.automata.formula import Formula, Kind
 from symcheck.errors import UnsupportedError
+from symcheck.records import dataclass
 
 __all__ = ["Again", "Guess", "Main", "Never", "Requirement", "guesses", "requirements"]
 

@@ -11,12 +11,12 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from symcheck.automata.reduce import reduced
-from symcheck.records import dataclass, field
 
 from symcheck.automata.automaton import Automaton, Pair
+from symcheck.automata.reduce import reduced
 from symcheck.errors import Diagnostic, InputError, Source, Span
 from symcheck.numerics.matrix import Bools
+from symcheck.records import dataclass, field
 
 __all__ = ["read", "write"]
 

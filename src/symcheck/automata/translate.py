@@ -12,18 +12,18 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import assert_never
 
 import numpy as np
+
 from symcheck.automata.acceptance import simplified
 from symcheck.automata.after import After
+from symcheck.automata.automaton import Automaton, Pair
 from symcheck.automata.boolean import FALSE, TRUE
 from symcheck.automata.compose import all_of, any_of, size
-from symcheck.automata.ltl import Formulas
-from symcheck.automata.reduce import reduced, strong_components
-from symcheck.records import dataclass, field
-
-from symcheck.automata.automaton import Automaton, Pair
 from symcheck.automata.formula import Formula, Kind
 from symcheck.automata.guesses import Again, Main, Never, Requirement, guesses, requirements
+from symcheck.automata.ltl import Formulas
+from symcheck.automata.reduce import reduced, strong_components
 from symcheck.errors import UnsupportedError
+from symcheck.records import dataclass, field
 
 __all__ = ["translate"]
 

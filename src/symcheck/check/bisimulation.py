@@ -7,18 +7,17 @@ from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from symcheck.check.formulas import is_plain, modern_filter, numbers, satisfying, states_of
-from symcheck.engines.base import Engine, StateSet
-from symcheck.records import dataclass
-
 from symcheck.check.context import Context
 from symcheck.check.filters import Outcome, apply_filter
+from symcheck.check.formulas import is_plain, modern_filter, numbers, satisfying, states_of
 from symcheck.check.lumped import BothQuotient, DiagramQuotient, ListedQuotient, Quotient, WrittenQuotient
 from symcheck.check.observed import Observed, observed, together
 from symcheck.check.options import Options
+from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import InputError, NumericalError, UnsupportedError
 from symcheck.numerics.lump import lump
+from symcheck.records import dataclass
 from symcheck.syntax.ast import Expression, Filter, LabelReference, Name, StateFilter, Type
 
 if TYPE_CHECKING:

@@ -6,16 +6,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
-from symcheck.engines.base import Engine, StateSet
-from symcheck.records import dataclass, field
-from symcheck.semantics.faults import describe_state
-from symcheck.semantics.types import type_of
-
 from symcheck.check.options import Options
 from symcheck.check.result import Line, Run
+from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.numerics.problem import Observer
+from symcheck.records import dataclass, field
+from symcheck.semantics.faults import describe_state
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.types import type_of
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
 __all__ = ["Context", "Notes"]

@@ -11,15 +11,15 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from symcheck.engines.base import ROUNDING, Engine
-from symcheck.kernels import sparse
-from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context
 from symcheck.check.options import Options
+from symcheck.engines.base import ROUNDING, Engine
 from symcheck.errors import NumericalError, UnsupportedError, UsageError
+from symcheck.kernels import sparse
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]

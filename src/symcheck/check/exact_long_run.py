@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from symcheck.records import dataclass
 
 from symcheck.check.context import Context
 from symcheck.check.rational import Entries, RationalProblem, exact_matrix, least_solution
@@ -21,6 +20,7 @@ from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.numerics import graph
 from symcheck.numerics.exact import ExactProblem, solve_exact, stationary_exact
 from symcheck.numerics.matrix import SparseMatrix
+from symcheck.records import dataclass
 
 __all__ = ["mean_payoff"]
 

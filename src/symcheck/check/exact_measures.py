@@ -8,20 +8,20 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from symcheck.engines.base import StateSet, Values
-from symcheck.records import dataclass
 
 from symcheck.check.context import Context
 from symcheck.check.rational import Entries, RationalProblem, exact_matrix, least_solution
 from symcheck.check.result import Run
 from symcheck.check.window import Count, Window
 from symcheck.engines.arrays import ArraySet
+from symcheck.engines.base import StateSet, Values
 from symcheck.engines.exact import ExactEngine, ExactMatrix
 from symcheck.engines.rationals import Rationals, RationalValues
 from symcheck.errors import UnsupportedError
 from symcheck.numerics import graph
 from symcheck.numerics.exact import stationary_exact
 from symcheck.numerics.matrix import Bools, Int64s
+from symcheck.records import dataclass
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["MEASURES", "ExactMeasures"]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from symcheck.engines.base import StateSet, Values
-from symcheck.records import dataclass
 
 from symcheck.check.context import Context
 from symcheck.check.result import Line
+from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError
+from symcheck.records import dataclass
 from symcheck.syntax.ast import Filter, Type
 
 __all__ = ["Outcome", "apply_filter", "lines"]

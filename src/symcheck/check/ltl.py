@@ -10,18 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from symcheck.automata.ltl import Formulas
-from symcheck.check.linear_time import read
-from symcheck.check.measures import measures
-from symcheck.engines.base import StateSet, Values
-from symcheck.engines.product import Product
-from symcheck.records import dataclass
-
 from symcheck.automata.automaton import Automaton
 from symcheck.automata.formula import Formula, Kind
+from symcheck.automata.ltl import Formulas
 from symcheck.check.context import Context
+from symcheck.check.linear_time import read
+from symcheck.check.measures import measures
 from symcheck.check.paths import TemporalPath, UntilPath
+from symcheck.engines.base import StateSet, Values
+from symcheck.engines.product import Product
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
+from symcheck.records import dataclass
 from symcheck.syntax.ast import Expression, ModelType
 
 __all__ = ["as_until", "co_safe_reward", "linear_product", "path_probability_ltl"]

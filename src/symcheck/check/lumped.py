@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.engines.base import OwnSet, OwnValues
-from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet, ArrayValues
+from symcheck.engines.base import OwnSet, OwnValues
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
 from symcheck.numerics.lump import Lumping
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 

@@ -18,11 +18,9 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from symcheck.check.listed import listed
-from symcheck.records import dataclass
-from symcheck.semantics.evaluate import evaluate
 
 from symcheck.check.context import Context
+from symcheck.check.listed import listed
 from symcheck.check.multi_flow import Objective, flow_of
 from symcheck.check.paths import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Result, Run
@@ -30,6 +28,8 @@ from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedE
 from symcheck.numerics import multi as numerics
 from symcheck.numerics.multi_exact import ExactFlow, exact_corners
 from symcheck.numerics.program import ROWS
+from symcheck.records import dataclass
+from symcheck.semantics.evaluate import evaluate
 from symcheck.syntax.ast import (
     Bound,
     CumulativeReward,

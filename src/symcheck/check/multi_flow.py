@@ -9,22 +9,22 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from symcheck.check.discrete import per_row
-from symcheck.check.rewards import structure_number
-from symcheck.engines.base import Engine, StateSet
-from symcheck.engines.product import Product
-from symcheck.records import dataclass
 
 from symcheck.check.context import Context
+from symcheck.check.discrete import per_row
 from symcheck.check.ltl import linear_product
 from symcheck.check.paths import StatesOf, TemporalPath, temporal
+from symcheck.check.rewards import structure_number
 from symcheck.check.window import window
+from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.exact import ExactEngine
+from symcheck.engines.product import Product
 from symcheck.errors import UnsupportedError
 from symcheck.numerics import multi as numerics
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.matrix import Bools, Int32s
 from symcheck.numerics.multi_exact import ExactFlow
+from symcheck.records import dataclass
 from symcheck.syntax.ast import CumulativeReward, ProbabilityOperator, RewardOperator
 
 __all__ = ["Objective", "flow_of"]

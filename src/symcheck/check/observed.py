@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
+from symcheck.check.context import Context
 from symcheck.check.formulas import is_plain
+from symcheck.errors import UnsupportedError
 from symcheck.records import dataclass, field
 from symcheck.semantics.conditions import reward_index
-from symcheck.syntax.pretty import pretty
-from symcheck.syntax.walk import children, names
-
-from symcheck.check.context import Context
-from symcheck.errors import UnsupportedError
 from symcheck.syntax.ast import (
     Binary,
     Expression,
@@ -25,6 +22,8 @@ from symcheck.syntax.ast import (
     StateFilter,
     Unary,
 )
+from symcheck.syntax.pretty import pretty
+from symcheck.syntax.walk import children, names
 
 __all__ = ["Observed", "observed", "together"]
 

@@ -8,11 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from symcheck.check.window import Count, Window, counts, window
 from symcheck.engines.base import StateSet
 from symcheck.records import dataclass, field
-from symcheck.syntax.walk import children
-
-from symcheck.check.window import Count, Window, counts, window
 from symcheck.syntax.ast import (
     Binary,
     Conditional,
@@ -29,6 +27,7 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
+from symcheck.syntax.walk import children
 
 __all__ = [
     "NextPath",

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from symcheck.records import dataclass, field
 from symcheck.semantics.bind import BoundProperty, bind_properties
-
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import Expression, PropertiesFile
 

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.numerics import graph
 from symcheck.numerics.exact import ExactMatrix, ExactProblem, solve_exact
+from symcheck.records import dataclass, field
 
 __all__ = ["Entries", "RationalProblem", "exact_matrix", "least_solution"]
 

@@ -12,17 +12,17 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from symcheck.check.discrete import best, per_row
-from symcheck.engines.base import StateSet, System, Values
-from symcheck.kernels import sparse
-from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context
+from symcheck.check.discrete import best, per_row
 from symcheck.check.result import Run
+from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
+from symcheck.kernels import sparse
 from symcheck.numerics.collapse import collapse
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem
+from symcheck.records import dataclass, field
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Equations", "boundary_values", "chosen_rows", "equations", "reach_reward", "step_rewards", "until"]

@@ -14,11 +14,10 @@ from fractions import Fraction
 from math import inf, isinf, isnan, nan
 from typing import Any
 
-from symcheck.records import dataclass
-from symcheck.semantics.evaluate import evaluate
-
 from symcheck.check.result import Number, Result, show_value
 from symcheck.errors import SymcheckError, UnsupportedError
+from symcheck.records import dataclass
+from symcheck.semantics.evaluate import evaluate
 from symcheck.semantics.model import Value
 
 __all__ = ["Verdict", "VerdictKind", "expected_value", "judge"]

@@ -8,13 +8,13 @@ from functools import reduce
 from math import ceil, floor, gcd
 
 import numpy as np
-from symcheck.engines.base import System
-from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context
 from symcheck.check.window import Count, Window
+from symcheck.engines.base import System
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.matrix import Floats, Int64s
+from symcheck.records import dataclass, field
 
 __all__ = ["Limits", "common_step", "in_steps", "main_first", "scaled"]
 

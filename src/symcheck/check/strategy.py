@@ -17,22 +17,22 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from symcheck.check.listed import listed
-from symcheck.check.probabilities import flipped
-from symcheck.check.rewards import structure_number
-from symcheck.engines.base import OwnSet
-from symcheck.kernels import sparse
-from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context
+from symcheck.check.listed import listed
 from symcheck.check.paths import NextPath, RewardPath, StatePath, StatesOf, TemporalPath, UntilPath, negated, resolve, temporal
+from symcheck.check.probabilities import flipped
 from symcheck.check.reach import chosen_rows, equations, step_rewards
+from symcheck.check.rewards import structure_number
 from symcheck.engines.arrays import spans
+from symcheck.engines.base import OwnSet
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import UnsupportedError
+from symcheck.kernels import sparse
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem
+from symcheck.records import dataclass, field
 from symcheck.syntax.ast import Eventually, Expression, ModelType, ProbabilityOperator, RewardOperator
 
 __all__ = ["Strategy", "strategy_of"]
@@ -124,7 +124,6 @@ def _probability(context: Context, formula: ProbabilityOperator, states_of: Stat
 def _remembering(context: Context, path: TemporalPath, direction: str) -> Strategy:
     """A strategy of the product with an automaton. The least probability is missed with the greatest."""
     from symcheck.automata.acceptance import counted
-
     from symcheck.check.ltl import linear_product
     from symcheck.engines.explicit_product import ExplicitProduct
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from fractions import Fraction
 from math import ceil, floor, isfinite
 
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span, UnsupportedError
 from symcheck.records import dataclass
 from symcheck.semantics.evaluate import evaluate
-
-from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span, UnsupportedError
 from symcheck.syntax.ast import Expression, PathBound, RewardBound, RewardBounds, TimeBound
 
 __all__ = ["Count", "Steps", "Window", "bound_value", "counts", "window"]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from symcheck.records import dataclass
-
 from symcheck.errors import UsageError
+from symcheck.records import dataclass
 
 __all__ = ["Adapted", "adapt"]
 

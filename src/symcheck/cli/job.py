@@ -6,12 +6,11 @@ import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from symcheck.check.options import Options
 from symcheck.cli.report import Report
 from symcheck.engines.base import Engine
-from symcheck.records import dataclass, field
-
-from symcheck.check.options import Options
 from symcheck.experiment.table import Row
+from symcheck.records import dataclass, field
 
 __all__ = ["Job", "options_of", "results_file", "sorted_rows"]
 

@@ -6,13 +6,12 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from symcheck.check.result import Result
 from symcheck.cli.exports import MODEL_EXPORTS
 from symcheck.cli.naming import NOTHING, Values, own_file
 from symcheck.cli.report import Report
-from symcheck.records import dataclass
-
-from symcheck.check.result import Result
 from symcheck.errors import UsageError
+from symcheck.records import dataclass
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from symcheck.records import dataclass, field
-from symcheck.syntax.parse import parse_properties, parse_properties_file
-
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
+from symcheck.records import dataclass, field
 from symcheck.syntax.ast import PropertiesFile
+from symcheck.syntax.parse import parse_properties, parse_properties_file
 
 __all__ = ["Broken", "Texts", "read_texts"]
 

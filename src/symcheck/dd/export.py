@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from symcheck.records import dataclass
 
 __all__ = ["BddTable", "NodeTable"]

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from symcheck.dd._cudd import Bdd, Closure, Core, Cube, Mtbdd, Renaming, Transition
-from symcheck.dd.library import cudd
-from symcheck.records import dataclass
 
 from symcheck.dd import _cudd, _layout
+from symcheck.dd._cudd import Bdd, Closure, Core, Cube, Mtbdd, Renaming, Transition
 from symcheck.dd.export import BddTable, NodeTable
+from symcheck.dd.library import cudd
+from symcheck.records import dataclass
 
 __all__ = ["Bdd", "Closure", "Cube", "DiagramManager", "Mtbdd", "Renaming", "Statistics", "Transition", "Variables"]
 

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from symcheck.dd.export import BddTable, NodeTable
 from symcheck.kernels import odd as kernel
 from symcheck.kernels import vectors
 from symcheck.records import dataclass, field
-
-from symcheck.dd.export import BddTable, NodeTable
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd

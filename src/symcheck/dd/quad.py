@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from symcheck.dd.odd import Odd, levels_of
+from symcheck.errors import MemoryLimitError
 from symcheck.kernels.blocks import Blocks
 from symcheck.kernels.graph import components
 from symcheck.kernels.quad import Quad
 from symcheck.records import dataclass, field
-
-from symcheck.dd.odd import Odd, levels_of
-from symcheck.errors import MemoryLimitError
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd

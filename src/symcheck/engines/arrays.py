@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from symcheck.engines.base import ROUNDING, bracket
-from symcheck.records import dataclass, field
 
+from symcheck.engines.base import ROUNDING, bracket
 from symcheck.numerics.matrix import Bools, Floats, Int64s
+from symcheck.records import dataclass, field
 
 __all__ = ["ArraySet", "ArrayValues", "spans"]
 

@@ -21,11 +21,10 @@ from time import perf_counter, process_time
 from typing import TYPE_CHECKING
 
 from symcheck.engines.base import Engine
-from symcheck.records import dataclass
-from symcheck.syntax.walk import names, nodes
-
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
+from symcheck.records import dataclass
 from symcheck.syntax.ast import Call
+from symcheck.syntax.walk import names, nodes
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
@@ -175,7 +174,6 @@ def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateS
     UnsupportedError says so.
     """
     from symcheck.symbolic.build import build
-
     from symcheck.symbolic.reach import reach
 
     limit = options.time_limit if seconds is None else min(seconds, options.time_limit or seconds)
@@ -190,9 +188,8 @@ def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateS
 def _symbolic(space: StateSpace, options: Options, observer: Observer | None, reason: str) -> Engine:
     from symcheck.engines.hybrid import HybridEngine
     from symcheck.engines.sparse import SparseEngine
-    from symcheck.symbolic.transitions import transitions
-
     from symcheck.engines.written import written_out
+    from symcheck.symbolic.transitions import transitions
 
     built: Transitions = transitions(space, options, observer)
     engine = SparseEngine.of(built)

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from symcheck.records import dataclass, field
-
 from symcheck.dd.odd import Odd
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Closure, Cube, DiagramManager, Mtbdd, Renaming, Transition

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.records import dataclass, field
-from symcheck.semantics.evaluate import evaluate
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit_graph import ExplicitGraph
 from symcheck.engines.rationals import Rationals, RationalValues
 from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.numerics.matrix import Bools, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics import faults
+from symcheck.semantics.evaluate import evaluate
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.step import State, initial_states, state_rewards, transitions, valuation
 from symcheck.syntax.ast import Expression, ModelType, Type

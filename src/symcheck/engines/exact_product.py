@@ -7,13 +7,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.exact import ExactEngine, ExactMatrix
 from symcheck.engines.explicit_product import pair_matrix, reachable_pairs
 from symcheck.engines.rationals import RationalValues
 from symcheck.numerics.matrix import Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
     from symcheck.engines.product import Automaton

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.kernels.rows import groups_among, select_states, sum_among, take_rows
-from symcheck.kernels.sparse import multiply
-from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.explicit_graph import ExplicitGraph
+from symcheck.kernels.rows import groups_among, select_states, sum_among, take_rows
+from symcheck.kernels.sparse import multiply
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
 

@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet, spans
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Int32s, Int64s
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
     from symcheck.engines.exact import ExactEngine

@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.kernels import pairs
-from symcheck.records import dataclass, field
 
 from symcheck.engines.arrays import ArraySet, ArrayValues, spans
 from symcheck.errors import MemoryLimitError
 from symcheck.explicit.states import StateTable
+from symcheck.kernels import pairs
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
-    from symcheck.engines.product import Automaton
-
     from symcheck.engines.explicit import ExplicitEngine
+    from symcheck.engines.product import Automaton
 
 __all__ = ["ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
 

@@ -10,19 +10,19 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from symcheck.engines.sparse import SparseEngine
-from symcheck.records import dataclass
-from symcheck.symbolic.checks import check_model
-from symcheck.symbolic.rewards import chain_rewards, state_rewards
-from symcheck.symbolic.transitions import choice_numbers, transitions
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.diagrams import Diagrams, Step
 from symcheck.engines.explicit import ExplicitEngine
+from symcheck.engines.sparse import SparseEngine
 from symcheck.engines.written import WrittenEngine, stored_states
 from symcheck.explicit.model import ExplicitModel
+from symcheck.records import dataclass
+from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.listed import listed_rows
 from symcheck.symbolic.model import Deferred, StateSpace
+from symcheck.symbolic.rewards import chain_rewards, state_rewards
+from symcheck.symbolic.transitions import choice_numbers, transitions
 from symcheck.syntax.ast import Expression, ModelType
 
 if TYPE_CHECKING:

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.dd.quad import BlockMatrix
 from symcheck.engines.symbolic import SymbolicEngine
 from symcheck.engines.symbolic_system import SymbolicSystem
 from symcheck.numerics.matrix import Floats
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd

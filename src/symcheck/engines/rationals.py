@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.records import dataclass, field
-from symcheck.semantics.evaluate import evaluate
 
 from symcheck.engines.arrays import ArraySet
+from symcheck.records import dataclass, field
+from symcheck.semantics.evaluate import evaluate
 from symcheck.syntax.ast import Binary, Call, Name
 
 __all__ = ["RationalValues", "Rationals"]

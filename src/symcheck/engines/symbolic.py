@@ -7,20 +7,19 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.engines.diagrams import Diagrams, diagrams_of
 from symcheck.engines.symbolic_graph import SymbolicGraph
 from symcheck.engines.symbolic_sets import SymbolicSet, SymbolicValues, constant_piece, values_of
 from symcheck.engines.symbolic_system import SymbolicSystem
 from symcheck.numerics.matrix import Bools
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType, Type
 
 if TYPE_CHECKING:
-    from symcheck.engines.product import Automaton
-
     from symcheck.dd.manager import Bdd
+    from symcheck.engines.product import Automaton
     from symcheck.engines.symbolic_acyclic import Acyclic
     from symcheck.engines.symbolic_product import SymbolicProduct
     from symcheck.symbolic.model import StateSpace, Transitions

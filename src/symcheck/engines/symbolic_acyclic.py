@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-from symcheck.records import dataclass
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
@@ -19,6 +18,7 @@ from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_sets import FEW_LEAVES, MANY_STATES, Piece, SymbolicSet, SymbolicValues, array_piece, constant_piece, merged
 from symcheck.numerics.matrix import Floats
+from symcheck.records import dataclass
 
 __all__ = ["Acyclic", "solve_acyclic"]
 

@@ -11,9 +11,8 @@ from time import perf_counter
 from typing import Protocol
 
 import numpy as np
-from symcheck.dd.closing import close
-from symcheck.records import dataclass, field
 
+from symcheck.dd.closing import close
 from symcheck.dd.manager import Bdd
 from symcheck.dd.odd import Odd
 from symcheck.engines.diagrams import Diagrams, Step
@@ -22,6 +21,7 @@ from symcheck.engines.symbolic_system import Owner as SystemOwner
 from symcheck.engines.symbolic_system import SymbolicSystem
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Int32s
+from symcheck.records import dataclass, field
 
 __all__ = ["Owner", "SymbolicGraph"]
 

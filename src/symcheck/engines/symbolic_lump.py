@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.kernels.partition import Partition, largest_sum
-from symcheck.records import dataclass, field
 
 from symcheck.dd.export import NodeTable
 from symcheck.dd.odd import levels_of
@@ -26,7 +24,9 @@ from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_sets import FEW_LEAVES, MANY_STATES, Piece, SymbolicSet, SymbolicValues, picked
 from symcheck.errors import UnsupportedError
+from symcheck.kernels.partition import Partition, largest_sum
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd

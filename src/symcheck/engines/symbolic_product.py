@@ -7,18 +7,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from symcheck.engines.base import Engine
-from symcheck.records import dataclass, field
 
 from symcheck.dd.odd import Odd
+from symcheck.engines.base import Engine
 from symcheck.engines.diagrams import Diagrams, Step
 from symcheck.engines.symbolic_graph import SymbolicGraph
 from symcheck.engines.symbolic_sets import Piece, SymbolicSet, SymbolicValues, merged, picked
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
-    from symcheck.engines.product import Automaton
-
     from symcheck.dd.manager import Bdd, DiagramManager
+    from symcheck.engines.product import Automaton
 
 __all__ = ["Base", "SymbolicProduct", "product"]
 

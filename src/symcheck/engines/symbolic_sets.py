@@ -12,13 +12,13 @@ from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.diagrams import Diagrams
 from symcheck.numerics.matrix import Bools, Floats, Int64s
+from symcheck.records import dataclass, field
 
 __all__ = ["Piece", "SymbolicSet", "SymbolicValues", "values_of"]
 

@@ -7,15 +7,15 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from symcheck.kernels.quad import Quad
-from symcheck.records import dataclass, field
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.dd.quad import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_sets import Piece, SymbolicSet, SymbolicValues, array_piece, constant_piece, merged
+from symcheck.kernels.quad import Quad
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 
 __all__ = ["Owner", "SymbolicSystem"]

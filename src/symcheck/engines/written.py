@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.records import dataclass, field
 
 from symcheck.dd.quad import flatten, quad_dag
 from symcheck.engines.arrays import ArraySet
@@ -22,6 +21,7 @@ from symcheck.engines.symbolic_system import SymbolicSystem
 from symcheck.explicit.model import evaluate_states
 from symcheck.explicit.states import Layout, Rows, StateTable
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 

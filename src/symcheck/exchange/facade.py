@@ -7,18 +7,17 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, NoReturn
 
-from symcheck.check.formulas import satisfying
-from symcheck.engines.base import Engine, StateSet
-from symcheck.records import dataclass
-
 from symcheck.api import Model
 from symcheck.check.context import Context
+from symcheck.check.formulas import satisfying
 from symcheck.check.options import Options
+from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UnsupportedError
 from symcheck.exchange import targets
 from symcheck.exchange.imported import Given, imported_engine
 from symcheck.exchange.read import read_files
 from symcheck.exchange.snapshot import snapshot
+from symcheck.records import dataclass
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import LabelReference, ModelType
 

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.numerics.matrix import Floats, Int64s
+from symcheck.records import dataclass, field
 
 __all__ = ["Fields", "number_table", "read_fields"]
 

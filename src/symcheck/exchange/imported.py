@@ -8,8 +8,6 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
-from symcheck.records import dataclass, field
-from symcheck.semantics.bind import bind
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit import ExplicitEngine
@@ -17,6 +15,8 @@ from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
+from symcheck.semantics.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Expression,

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from symcheck.records import dataclass, field
-from symcheck.semantics.faults import SUM_TOLERANCE
 
 from symcheck.errors import UsageError
 from symcheck.exchange.fields import Fields, number_table, read_fields
 from symcheck.exchange.imported import Given, GivenRewards, expected_rewards
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
+from symcheck.semantics.faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
 
 __all__ = ["ModelFiles", "model_files", "read_files", "read_model"]

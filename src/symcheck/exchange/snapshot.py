@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.engines.base import Engine, StateSet
-from symcheck.records import dataclass, field
 
+from symcheck.engines.base import Engine, StateSet
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import ModelType, Type
 

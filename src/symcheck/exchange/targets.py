@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
-from symcheck.exchange.text import FULL_PRECISION, write_text
-from symcheck.records import dataclass, field
-
 from symcheck.errors import UsageError
 from symcheck.exchange import components, dot, drn, matlab, prism, umb
 from symcheck.exchange.snapshot import Snapshot
+from symcheck.exchange.text import FULL_PRECISION, write_text
+from symcheck.records import dataclass, field
 
 __all__ = ["EXTENSIONS", "ExportOptions", "Target", "export", "file_options", "parse_target"]
 

@@ -21,19 +21,18 @@ from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter, process_time
 
-from symcheck.check.checker import check
-from symcheck.experiment.constants import combinations
-from symcheck.records import dataclass, field
-from symcheck.semantics.bind import bind, needed_constants
-from symcheck.syntax.parse import parse_model, parse_properties
-
 from symcheck import __version__
+from symcheck.check.checker import check
 from symcheck.check.options import Options
 from symcheck.check.question import Question, reduced
 from symcheck.check.result import show_value
 from symcheck.engines import registry
 from symcheck.errors import SymcheckError
+from symcheck.experiment.constants import combinations
 from symcheck.experiment.table import Row
+from symcheck.records import dataclass, field
+from symcheck.semantics.bind import bind, needed_constants
+from symcheck.syntax.parse import parse_model, parse_properties
 
 __all__ = ["Finished", "Instance", "check_instance", "read_journal", "sweep"]
 

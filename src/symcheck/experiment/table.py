@@ -7,9 +7,8 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 
-from symcheck.records import dataclass, field
-
 from symcheck.errors import UsageError
+from symcheck.records import dataclass, field
 
 __all__ = ["FORMATS", "Row", "render"]
 

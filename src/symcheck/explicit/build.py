@@ -11,9 +11,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
-from symcheck.kernels.explore import Explorer, Outcome
-from symcheck.kernels.packed import order_rows
-from symcheck.records import dataclass, field
 
 from symcheck.errors import (
     Diagnostic,
@@ -28,7 +25,10 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Layout, Rows, StateTable
 from symcheck.explicit.tables import Assignments, tables, total_reward
+from symcheck.kernels.explore import Explorer, Outcome
+from symcheck.kernels.packed import order_rows
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics import faults
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.step import transitions

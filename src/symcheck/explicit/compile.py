@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from symcheck.explicit.assembler import Assembler
 from symcheck.explicit.translate import Translator
 from symcheck.kernels.vm import Op, run_columns
+from symcheck.numerics.matrix import Bools, Int64s
 from symcheck.records import dataclass, field
 from symcheck.semantics.evaluate import evaluate
-
-from symcheck.numerics.matrix import Bools, Int64s
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.syntax.ast import Expression, Type
 

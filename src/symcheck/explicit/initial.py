@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from typing import cast
 
 import numpy as np
-from symcheck.explicit.candidates import conjuncts, masks
-from symcheck.records import dataclass
-from symcheck.semantics.faults import no_initial_state
 
 from symcheck.errors import ModelFault
+from symcheck.explicit.candidates import conjuncts, masks
 from symcheck.explicit.compile import Code, compile_expression
 from symcheck.explicit.states import Layout, Rows
 from symcheck.numerics.matrix import Int64s
+from symcheck.records import dataclass
+from symcheck.semantics.faults import no_initial_state
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.syntax.ast import Binary, Expression, Literal, Name
 

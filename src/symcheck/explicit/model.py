@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.kernels.vm import run_packed
-from symcheck.records import dataclass, field
 
 from symcheck.explicit.compile import compile_expression, raise_fault
 from symcheck.explicit.states import StateTable
+from symcheck.kernels.vm import run_packed
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
 

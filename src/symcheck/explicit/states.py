@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.kernels.packed import find_rows
-from symcheck.records import dataclass, field
 
+from symcheck.kernels.packed import find_rows
 from symcheck.numerics.matrix import Int64s
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Type
 

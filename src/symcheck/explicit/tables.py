@@ -8,14 +8,14 @@ from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
+
 from symcheck.explicit.assembler import Assembler, Register, is_constant
 from symcheck.explicit.candidates import Forest, Masks, conjuncts, every, masks, some
+from symcheck.explicit.states import Layout
 from symcheck.explicit.translate import Translator
+from symcheck.numerics.matrix import Int32s, Int64s
 from symcheck.records import dataclass, field
 from symcheck.semantics.faults import SUM_TOLERANCE
-
-from symcheck.explicit.states import Layout
-from symcheck.numerics.matrix import Int32s, Int64s
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
 

@@ -11,17 +11,17 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+
 from symcheck.kernels import sparse, stationary
 from symcheck.kernels.checks import certify
 from symcheck.kernels.eliminate import Elimination
 from symcheck.kernels.solve import Block, System
-from symcheck.numerics.krylov import bicgstab
-from symcheck.records import dataclass
-
 from symcheck.numerics import graph
+from symcheck.numerics.krylov import bicgstab
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.records import dataclass
 
 __all__ = ["Bounds", "LocalSystem", "policy_iteration", "proper", "solve_direct", "solve_krylov"]
 

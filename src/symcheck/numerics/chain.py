@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from symcheck.kernels import sparse, uniform
-from symcheck.records import dataclass
 
+from symcheck.kernels import sparse, uniform
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import Operator
+from symcheck.records import dataclass
 
 __all__ = ["ROUND", "Chain", "Visits", "uniformise"]
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from symcheck.kernels import sparse
-from symcheck.records import dataclass
 
+from symcheck.kernels import sparse
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Solution
+from symcheck.records import dataclass
 
 __all__ = ["Collapsed", "collapse"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem
+from symcheck.records import dataclass, field
 
 __all__ = ["Epochs", "Layer", "layer_of", "spans"]
 

@@ -14,15 +14,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from symcheck.kernels.epochs import Levels
-from symcheck.records import dataclass
 
 from symcheck.errors import MemoryLimitError
+from symcheck.kernels.epochs import Levels
 from symcheck.numerics import graph
 from symcheck.numerics.epoch_layer import Epochs, Layer, layer_of, spans
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Observer, Step
 from symcheck.numerics.settings import Settings
+from symcheck.records import dataclass
 
 __all__ = ["Found", "solve_epochs", "unfold"]
 

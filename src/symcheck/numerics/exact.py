@@ -12,7 +12,6 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from symcheck.records import dataclass
 
 from symcheck.errors import NumericalError
 from symcheck.numerics import graph
@@ -21,6 +20,7 @@ from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.methods import topological
 from symcheck.numerics.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy
+from symcheck.records import dataclass
 
 __all__ = ["ExactMatrix", "ExactProblem", "ExactSolution", "bounds", "solve_exact", "stationary_exact"]
 

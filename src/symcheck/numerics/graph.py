@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+
 from symcheck.kernels import choices, sparse
 from symcheck.kernels import graph as kernel
-from symcheck.records import dataclass
-
 from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass
 
 __all__ = [
     "Components",

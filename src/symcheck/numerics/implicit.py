@@ -15,13 +15,13 @@ import math
 from itertools import pairwise
 
 import numpy as np
+
 from symcheck.kernels import sparse, stationary
 from symcheck.numerics.krylov import bicgstab
-from symcheck.records import dataclass
-
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import Observer, Step
 from symcheck.numerics.settings import Settings
+from symcheck.records import dataclass
 
 __all__ = ["Implicit", "implicit_values"]
 

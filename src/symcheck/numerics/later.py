@@ -7,15 +7,15 @@ value = gain until an early time + sum over s of P(in s by then) * value of s at
 from __future__ import annotations
 
 import numpy as np
-from symcheck.kernels import sparse
-from symcheck.records import dataclass
 
+from symcheck.kernels import sparse
 from symcheck.numerics.chain import ROUND, Chain, Visits, uniformise
 from symcheck.numerics.matrix import Floats, SparseMatrix
 from symcheck.numerics.poisson import poisson
 from symcheck.numerics.problem import Observer, Step
 from symcheck.numerics.settings import Settings
 from symcheck.numerics.truncate import truncate
+from symcheck.records import dataclass
 
 __all__ = ["Later", "value_from"]
 

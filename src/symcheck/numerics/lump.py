@@ -13,12 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
 from symcheck.kernels import sparse
 from symcheck.kernels.lump import signatures
-from symcheck.records import dataclass
-
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.records import dataclass
 
 __all__ = ["Lumping", "lump"]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from symcheck.records import dataclass
 
 __all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix"]

@@ -14,13 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from symcheck.kernels import sparse
-from symcheck.records import dataclass, field
 
+from symcheck.kernels import sparse
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Observer, Step
 from symcheck.numerics.settings import Settings
+from symcheck.records import dataclass, field
 
 __all__ = ["Gain", "Gains", "component_gains", "ending"]
 

@@ -18,11 +18,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 
 __all__ = ["TOLERANCE", "Flow", "Outcome", "Stay", "corners", "settling"]
 

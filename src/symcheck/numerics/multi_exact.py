@@ -11,12 +11,12 @@ from math import isinf
 from typing import Any
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
 from symcheck.numerics.matrix import Bools
 from symcheck.numerics.multi import Flow
 from symcheck.numerics.program import Column, Program, solve_program
+from symcheck.records import dataclass, field
 
 __all__ = ["ExactFlow", "ExactOutcome", "exact_corners"]
 

@@ -10,9 +10,9 @@ import math
 from functools import cached_property
 
 import numpy as np
-from symcheck.records import dataclass
 
 from symcheck.numerics.matrix import Floats
+from symcheck.records import dataclass
 
 __all__ = ["Weighting", "Weights", "poisson"]
 

@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from symcheck.kernels import sparse
-from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
+from symcheck.kernels import sparse
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
+from symcheck.records import dataclass, field
 
 __all__ = ["LinearProblem", "Observer", "Operator", "Solution", "Step"]
 

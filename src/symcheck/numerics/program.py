@@ -13,10 +13,10 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
 from symcheck.numerics.matrix import Floats, Int64s
+from symcheck.records import dataclass, field
 
 __all__ = ["ROWS", "Optimum", "Program", "solve_program"]
 

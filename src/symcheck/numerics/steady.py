@@ -12,14 +12,14 @@ it leaves is the error.
 from __future__ import annotations
 
 import numpy as np
+
 from symcheck.kernels import sparse, stationary
 from symcheck.kernels.eliminate import Elimination
 from symcheck.numerics.krylov import bicgstab
-from symcheck.records import dataclass
-
 from symcheck.numerics.matrix import Floats, SparseMatrix
 from symcheck.numerics.problem import Observer, Step
 from symcheck.numerics.settings import Settings
+from symcheck.records import dataclass
 
 __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
 

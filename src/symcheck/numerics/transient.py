@@ -16,10 +16,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from symcheck.kernels import sparse
-from symcheck.records import dataclass, field
 
 from symcheck.errors import NumericalError
+from symcheck.kernels import sparse
 from symcheck.numerics.chain import ROUND, Chain, Visits, uniformise
 from symcheck.numerics.implicit import implicit_values
 from symcheck.numerics.later import value_from
@@ -28,6 +27,7 @@ from symcheck.numerics.poisson import poisson
 from symcheck.numerics.problem import Observer, Operator, Step
 from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.numerics.truncate import truncate
+from symcheck.records import dataclass, field
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
 

@@ -13,12 +13,12 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+
 from symcheck.kernels import sparse
 from symcheck.kernels.solve import System
-from symcheck.records import dataclass
-
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
+from symcheck.records import dataclass
 
 __all__ = ["Truncation", "truncate"]
 

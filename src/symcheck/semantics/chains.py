@@ -14,8 +14,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from symcheck.records import dataclass, field
-from symcheck.syntax.walk import names, nodes, substitute
-
 from symcheck.semantics.liveness import harmless, partial
 from symcheck.semantics.locations import Location, Locations, folded
 from symcheck.semantics.model import BoundModel, BoundUpdate, Event
@@ -37,6 +35,7 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
+from symcheck.syntax.walk import names, nodes, substitute
 
 __all__ = ["Shortened", "counts_steps", "shorten"]
 

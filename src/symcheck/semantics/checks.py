@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import assert_never
 
+from symcheck.errors import NO_SPAN, NameFault, Span
 from symcheck.records import dataclass
+from symcheck.semantics.copies import Copy, copies
 from symcheck.semantics.names import Given, Names, Table, names_in, undefined
 from symcheck.semantics.report import suggest
 from symcheck.semantics.types import article, rounding_hint
-
-from symcheck.errors import NO_SPAN, NameFault, Span
-from symcheck.semantics.copies import Copy, copies
 from symcheck.syntax.ast import (
     Assignment,
     Command,

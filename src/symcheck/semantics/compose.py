@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from typing import assert_never
 
 from symcheck.records import dataclass
-
 from symcheck.semantics.model import BoundCommand, BoundModule, Event
 from symcheck.syntax.ast import Composition, Hiding, Interleaving, ModuleReference, Parallel, Renaming, Synchronised
 

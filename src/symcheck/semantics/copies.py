@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from symcheck.errors import Span
 from symcheck.records import dataclass, field
 from symcheck.semantics.report import Report, suggest
-
-from symcheck.errors import Span
 from symcheck.syntax.ast import Module, Program, RenamedModule
 
 __all__ = ["Copy", "copies"]

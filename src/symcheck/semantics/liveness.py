@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from symcheck.records import dataclass, field
-from symcheck.syntax.walk import names, nodes
-
 from symcheck.semantics.locations import Location, Locations, Move, control_variables
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.walk import names, nodes
 
 __all__ = ["Liveness", "harmless", "liveness", "partial"]
 

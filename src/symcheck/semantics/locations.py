@@ -9,10 +9,9 @@ from math import prod
 
 from symcheck.records import dataclass, field
 from symcheck.semantics.fold import fold
-from symcheck.syntax.walk import names, nodes, substitute
-
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Variable
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.walk import names, nodes, substitute
 
 __all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "folded"]
 

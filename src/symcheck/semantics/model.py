@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 
-from symcheck.records import dataclass, field
-
 from symcheck.errors import NO_SPAN, Span
+from symcheck.records import dataclass, field
 from symcheck.syntax.ast import Composition, Expression, ModelType, Program, Type
 
 __all__ = ["BoundCommand", "BoundModel", "BoundModule", "BoundReward", "BoundRewards", "BoundUpdate", "Event", "Value", "Variable"]

@@ -8,18 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.records import dataclass, field
+from symcheck.semantics.checks import check_constants, check_labels, give
 from symcheck.semantics.conditions import check_conditions, reward_index
 from symcheck.semantics.depth import deeply
+from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.names import Given, Names, Table, undefined
 from symcheck.semantics.report import Report, suggest
 from symcheck.semantics.texts import PropertyTexts
-from symcheck.syntax.walk import Tree, transform
-
-from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
-from symcheck.semantics.checks import check_constants, check_labels, give
-from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import Constant, Expression, Formula, LabelReference, Program, PropertiesFile, Type
+from symcheck.syntax.walk import Tree, transform
 
 __all__ = [
     "BoundProperties",

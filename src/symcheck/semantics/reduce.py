@@ -16,8 +16,6 @@ from dataclasses import replace
 from functools import partial
 
 from symcheck.records import dataclass
-from symcheck.syntax.walk import Tree, children, nodes, transform
-
 from symcheck.semantics.chains import counts_steps, shorten
 from symcheck.semantics.liveness import Liveness, harmless, liveness
 from symcheck.semantics.locations import Location, Locations, control_variables
@@ -39,6 +37,7 @@ from symcheck.syntax.ast import (
     SteadyState,
     Type,
 )
+from symcheck.syntax.walk import Tree, children, nodes, transform
 
 __all__ = ["Observed", "Reduction", "observe", "reduce"]
 

@@ -13,12 +13,11 @@ from fractions import Fraction
 from itertools import product
 from typing import cast
 
+from symcheck.errors import InputError, ModelFault
 from symcheck.records import dataclass
+from symcheck.semantics import faults
 from symcheck.semantics.evaluate import evaluate
 from symcheck.semantics.literals import to_float
-
-from symcheck.errors import InputError, ModelFault
-from symcheck.semantics import faults
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Value
 from symcheck.syntax.ast import Expression, ModelType, Type
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from symcheck.errors import Diagnostic, NameFault
 from symcheck.records import dataclass, field
 from symcheck.semantics.literals import format_value
-
-from symcheck.errors import Diagnostic, NameFault
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.step import State
 from symcheck.syntax.ast import ModelType

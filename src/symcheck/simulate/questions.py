@@ -9,16 +9,15 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from symcheck.records import dataclass
-from symcheck.simulate.atoms import both, negation
-from symcheck.simulate.chain import Chain
-from symcheck.syntax.walk import nodes
 
 from symcheck.check.window import Window, bound_value, window
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.graph import backward_reachable
 from symcheck.numerics.matrix import Bools, Floats, Int32s
+from symcheck.records import dataclass
 from symcheck.semantics.model import BoundModel
+from symcheck.simulate.atoms import both, negation
+from symcheck.simulate.chain import Chain
 from symcheck.syntax.ast import (
     CumulativeReward,
     Eventually,
@@ -38,6 +37,7 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
+from symcheck.syntax.walk import nodes
 
 __all__ = ["Decision", "Goal", "Paths", "Question", "path_question", "reward_question"]
 

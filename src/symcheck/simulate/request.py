@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from symcheck.records import dataclass, field
-
 from symcheck.errors import UsageError
+from symcheck.records import dataclass, field
 from symcheck.simulate.path import Layout
 
 __all__ = ["Request", "parse_request"]

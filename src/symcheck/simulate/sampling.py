@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from symcheck.records import dataclass, field
-from symcheck.simulate.atoms import atom
-from symcheck.simulate.chain import LIMIT, Chain
 
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Layout, Rows
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
+from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
+from symcheck.simulate.atoms import atom
+from symcheck.simulate.chain import LIMIT, Chain
 from symcheck.simulate.questions import Paths, Question
 from symcheck.syntax.ast import Expression
 

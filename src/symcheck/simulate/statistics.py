@@ -10,10 +10,10 @@ from math import ceil, exp, isfinite, log, sqrt
 from typing import Literal
 
 import numpy as np
-from symcheck.records import dataclass
 
 from symcheck.errors import NumericalError, UsageError
 from symcheck.numerics.matrix import Floats
+from symcheck.records import dataclass
 from symcheck.simulate.sampling import Sampler
 
 __all__ = ["METHODS", "Estimated", "Plan", "estimate", "sequential_test"]

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from symcheck.records import dataclass, field
-from symcheck.semantics.faults import SUM_TOLERANCE, describe_state
 
 from symcheck.errors import Diagnostic, InputError, ModelFault
 from symcheck.explicit.compile import Code, compile_expression
 from symcheck.explicit.tables import total_reward
 from symcheck.numerics.matrix import Bools, Floats, Int64s
+from symcheck.records import dataclass, field
+from symcheck.semantics.faults import SUM_TOLERANCE, describe_state
 from symcheck.semantics.model import BoundCommand, BoundModel, Event
 from symcheck.semantics.step import choices, state_rewards
 from symcheck.syntax.ast import ModelType, Type

@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.records import dataclass
 
 from symcheck.errors import UnsupportedError
+from symcheck.records import dataclass
 from symcheck.semantics.model import BoundModel, Value, Variable
 from symcheck.syntax.ast import Type
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
 from symcheck.kernels.lookup import lookup
 from symcheck.kernels.sparse import merge
-from symcheck.records import dataclass
-
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
+from symcheck.records import dataclass
 from symcheck.symbolic.model import EncodedEvent, EncodedUpdate, StateSpace
 from symcheck.syntax.ast import ModelType
 

@@ -14,10 +14,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, overload
 
 from symcheck.records import dataclass, field
-from symcheck.symbolic.minterms import minterms
-
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event
 from symcheck.symbolic.encode import Encoding
+from symcheck.symbolic.minterms import minterms
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:

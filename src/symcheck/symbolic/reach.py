@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING
 from symcheck.records import dataclass
 from symcheck.symbolic.checks import check_initial
 from symcheck.symbolic.commands import encode_event, knowledge
-from symcheck.symbolic.relations import group_relations
-
 from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
+from symcheck.symbolic.relations import group_relations
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options

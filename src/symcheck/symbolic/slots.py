@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from symcheck.records import dataclass
-
 from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace
 
 if TYPE_CHECKING:

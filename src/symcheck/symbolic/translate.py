@@ -17,14 +17,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from symcheck.records import dataclass
-from symcheck.semantics.vectorised import Column, evaluate_columns
-from symcheck.symbolic.expressions import children, contains, leaf_bound, mesh, support
-from symcheck.symbolic.learn import Learned, LearnedAssignment, LearnedBoolean, LearnedNumber, code_values
 
 from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.records import dataclass
 from symcheck.semantics.model import BoundCommand
+from symcheck.semantics.vectorised import Column, evaluate_columns
 from symcheck.symbolic.encode import EncodedVariable, Encoding
+from symcheck.symbolic.expressions import children, contains, leaf_bound, mesh, support
+from symcheck.symbolic.learn import Learned, LearnedAssignment, LearnedBoolean, LearnedNumber, code_values
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 
 if TYPE_CHECKING:

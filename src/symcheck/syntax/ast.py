@@ -11,9 +11,8 @@ from enum import Enum
 from fractions import Fraction
 from typing import Literal as Choice
 
-from symcheck.records import dataclass, field
-
 from symcheck.errors import NO_SPAN, Span
+from symcheck.records import dataclass, field
 
 __all__ = [
     "Assignment",

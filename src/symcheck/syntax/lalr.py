@@ -12,7 +12,6 @@ from typing import Any
 
 from symcheck.records import dataclass
 from symcheck.syntax.build import Builder
-
 from symcheck.syntax.grammars import Grammar
 from symcheck.syntax.lexer import FOREIGN, Words
 

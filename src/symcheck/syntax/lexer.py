@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from symcheck.records import dataclass
-
 from symcheck.syntax.grammars import Grammar
 
 __all__ = ["FOREIGN", "KEYWORDS", "RESERVED", "Words", "scan"]

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.dd.quad import blocks, quad_dag
 from symcheck.numerics.matrix import Int64s
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
     from symcheck.symbolic.model import Transitions

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from symcheck.records import dataclass, field
-
 from symcheck.engines.symbolic_graph import SymbolicGraph
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd

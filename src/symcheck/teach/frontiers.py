@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from symcheck.records import dataclass, field
 from symcheck.symbolic.minterms import minterms
-
 from symcheck.symbolic.reach import search
 
 if TYPE_CHECKING:

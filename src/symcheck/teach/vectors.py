@@ -6,16 +6,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from symcheck.records import dataclass, field
 
 from symcheck.check.context import Context, Notes
 from symcheck.check.reach import equations
 from symcheck.numerics.methods import solve_linear
+from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
-    from symcheck.engines.base import Engine, StateSet
-
     from symcheck.check.options import Options
+    from symcheck.engines.base import Engine, StateSet
     from symcheck.numerics.problem import LinearProblem, Solution, Step
 
 __all__ = ["Vectors", "vectors"]

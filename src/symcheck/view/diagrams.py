@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from symcheck.records import dataclass
-from symcheck.view.values import moves_text, values_text
 
 from symcheck.errors import UnsupportedError
+from symcheck.records import dataclass
 from symcheck.view.picture import Edge, Node, Picture
+from symcheck.view.values import moves_text, values_text
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd

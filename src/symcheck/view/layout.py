@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Mapping
 
 from symcheck.records import dataclass
-
 from symcheck.view.picture import Edge, Node, Picture
 
 __all__ = ["Placed", "Route", "place", "routes"]

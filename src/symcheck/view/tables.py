@@ -6,9 +6,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from symcheck.records import dataclass
-
 from symcheck.check.result import show_value
+from symcheck.records import dataclass
 
 if TYPE_CHECKING:
     from symcheck.check.result import Result

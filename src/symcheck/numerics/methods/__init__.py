@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from symcheck.records import dataclass
-
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.methods import interval, optimistic, plain, policy, topological
 from symcheck.numerics.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.settings import Settings
+from symcheck.records import dataclass
 
 __all__ = ["METHODS", "Method", "solve_linear"]
 

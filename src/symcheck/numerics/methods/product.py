@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from symcheck.kernels import sparse
-from symcheck.records import dataclass
 
+from symcheck.kernels import sparse
 from symcheck.numerics.matrix import Floats, Int64s
 from symcheck.numerics.problem import LinearProblem
+from symcheck.records import dataclass
 
 __all__ = ["Stepper"]
 

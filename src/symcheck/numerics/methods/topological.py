@@ -12,18 +12,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
+
 from symcheck.kernels import sparse
 from symcheck.kernels.checks import levels
 from symcheck.kernels.solve import Block, System
-from symcheck.numerics.accelerate import accelerated
-from symcheck.records import dataclass, field
-
 from symcheck.numerics import graph
+from symcheck.numerics.accelerate import accelerated
 from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct, solve_krylov
 from symcheck.numerics.collapse import collapse, unit
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
 from symcheck.numerics.problem import LinearProblem, Observer, Solution, Step
 from symcheck.numerics.settings import Settings
+from symcheck.records import dataclass, field
 
 __all__ = ["solve"]
 
