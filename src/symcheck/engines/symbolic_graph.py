@@ -245,6 +245,8 @@ class SymbolicGraph:
     def _almost_sure(self, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
         """States from where some strategy has probability 1 of left U right."""
         candidates = self._backward(right, left, deadline)
+        if not self._before(self._d.states - candidates) & (candidates - right):
+            return candidates  # whatever is chosen, there is a way on: sooner or later it is taken
         while candidates:
             self._tell("candidates", candidates)
             sure = self._surely_within(candidates, left, right, deadline)
