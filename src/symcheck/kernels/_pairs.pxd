@@ -4,6 +4,8 @@ from libc.stdint cimport int32_t, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
+from symcheck.kernels._mix cimport mix
+
 cdef struct Entry:
     uint64_t key
     int64_t value
@@ -16,14 +18,6 @@ cdef struct Pairs:
 cdef inline uint64_t pair_key(int a, int b) noexcept nogil:
     return (<uint64_t><uint32_t>a << 32) | <uint32_t>b
 
-cdef inline uint64_t pair_hash(uint64_t h) noexcept nogil:
-    h ^= h >> 32
-    h *= <uint64_t>0xD6E8FEB86659FD93
-    h ^= h >> 32
-    h *= <uint64_t>0xD6E8FEB86659FD93
-    h ^= h >> 32
-    return h
-
 cdef inline void pairs_drop(Pairs* p) noexcept nogil:
     free(p.entries)
     p.entries = NULL
@@ -32,7 +26,7 @@ cdef inline void pairs_drop(Pairs* p) noexcept nogil:
 
 cdef inline Entry* pairs_slot(Pairs* p, uint64_t key) noexcept nogil:
     cdef int64_t mask = p.size - 1
-    cdef int64_t i = <int64_t>pair_hash(key) & mask
+    cdef int64_t i = <int64_t>mix(key) & mask
     while p.entries[i].key != key and p.entries[i].key != <uint64_t>-1:
         i = (i + 1) & mask
     return &p.entries[i]

@@ -61,7 +61,7 @@ cdef class Nodes:
             return low
         if self.tick():
             return NOTHING
-        at = <int64_t>pair_hash(pair_key(low, high) ^ (<uint64_t>(place + 1) * <uint64_t>0x9E3779B97F4A7C15)) & self.mask
+        at = <int64_t>mix_with(pair_key(low, high), place) & self.mask
         while self.table[at] >= 0:
             x = self.table[at]
             if ((<int32_t*>self.lows.data)[x] == low and (<int32_t*>self.highs.data)[x] == high
@@ -89,8 +89,8 @@ cdef class Nodes:
             return -1
         memset(table, 0xFF, (mask + 1) * sizeof(int32_t))
         for x in range(self.nodes):
-            at = <int64_t>pair_hash(pair_key((<int32_t*>self.lows.data)[x], (<int32_t*>self.highs.data)[x])
-                                    ^ (<uint64_t>((<int32_t*>self.places.data)[x] + 1) * <uint64_t>0x9E3779B97F4A7C15)) & mask
+            at = <int64_t>mix_with(pair_key((<int32_t*>self.lows.data)[x], (<int32_t*>self.highs.data)[x]),
+                                   (<int32_t*>self.places.data)[x]) & mask
             while table[at] >= 0:
                 at = (at + 1) & mask
             table[at] = <int32_t>x

@@ -17,7 +17,8 @@ from time import process_time
 import cython
 import numpy as np
 
-from symcheck.kernels._pairs cimport Pairs, pair_hash, pair_key, pairs_drop, pairs_find, pairs_put
+from symcheck.kernels._mix cimport mix_with
+from symcheck.kernels._pairs cimport Pairs, pair_key, pairs_drop, pairs_find, pairs_put
 from symcheck.kernels.bags cimport Bags
 from symcheck.kernels.memory cimport Buffer, release, reserve
 
