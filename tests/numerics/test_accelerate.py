@@ -23,11 +23,15 @@ def block_of(problem: LinearProblem) -> solve.Block:
 
 
 @st.composite
-def leaking(draw: st.DrawFn) -> Row:
-    """A row over 4 unknowns that leaves with at least 1/64."""
+def leaking(draw: st.DrawFn, least: int = 1) -> Row:
+    """A row over 4 unknowns that leaves with at least `least` parts of 64, of 2^10 or of 2^20."""
+    whole = draw(st.sampled_from([64, 2**10, 2**20]))
     targets = draw(st.lists(st.integers(0, 3), min_size=1, max_size=3, unique=True))
-    weights = draw(st.lists(st.integers(1, 21), min_size=len(targets), max_size=len(targets)))
-    entries = {t: Fraction(w, 64) for t, w in zip(targets, weights, strict=True)}
+    left, entries = whole - least, {}
+    for place, target in enumerate(targets, 1):
+        weight = draw(st.integers(1, left - (len(targets) - place)))
+        entries[target] = Fraction(weight, whole)
+        left -= weight
     return entries, draw(st.sampled_from([Fraction(1, 64), Fraction(1), Fraction(0)])), 1 - sum(entries.values())
 
 
@@ -55,6 +59,30 @@ def test_bounds_hold_and_policies_attain_them(direction: str, relative: bool, sy
     assert values is not None
     for low, value, high in zip(found.lower, values, found.upper, strict=True):
         assert Fraction(float(low)) <= value if direction == "max" else value <= Fraction(float(high)) + Fraction(1, 10**300)
+
+
+@st.composite
+def staying(draw: st.DrawFn) -> Row:
+    """A row over 4 unknowns that never leaves, and costs something: whoever takes it for ever pays without end."""
+    entries, _, rest = draw(leaking(least=2))
+    place = draw(st.sampled_from(sorted(entries)))
+    return entries | {place: entries[place] + rest}, draw(st.sampled_from([Fraction(1, 64), Fraction(1)])), Fraction(0)
+
+
+tempting = st.tuples(leaking(), st.lists(st.one_of(leaking(), staying()), max_size=2)).map(lambda rows: [rows[0], *rows[1]])
+
+
+@pytest.mark.parametrize("relative", [True, False])
+@settings(max_examples=100, deadline=None)
+@given(system=st.lists(tempting, min_size=4, max_size=4))
+def test_the_least_cost_where_some_policies_never_leave(relative: bool, system: System) -> None:
+    exact = brute_force(system, "min", proper_only=True)
+    found, _ = accelerated(block_of(problem_of(system, "min", probability=False)), 1e-6, relative)
+    if found is None:
+        assert min(exact) == 0
+        return
+    for low, value, high in zip(found.lower, exact, found.upper, strict=True):
+        assert Fraction(float(low)) <= value <= Fraction(float(high)) + Fraction(1, 10**300)
 
 
 @pytest.mark.parametrize("relative", [True, False])

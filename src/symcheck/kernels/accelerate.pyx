@@ -69,7 +69,10 @@ cdef class Candidate:
                 self.product[i][j] = 0.0
 
     def improve(self, int64_t rounds=1):
-        """Sweep over all rows, `rounds` times, and take over the best: (greatest relative change of the last, changed choices)."""
+        """Sweep over all rows, `rounds` times, and take over the best: (greatest relative change of the last, changed choices).
+
+        A change is NaN where some value is no number, or infinite twice.
+        """
         cdef double change = 0.0
         cdef int64_t changed = 0, k
         for k in range(rounds):
@@ -85,7 +88,7 @@ cdef class Candidate:
     cdef double choice_sweep(self, int64_t* changed) noexcept nogil:
         """Over all rows; a choice changes where another row is clearly better."""
         cdef int64_t n = self.n, i, r, k, arg, old
-        cdef double t, best, change = 0.0
+        cdef double t, best, moved, change = 0.0
         cdef double* x = &self.x[0]
         cdef const double* val = &self.val[0]
         cdef const int32_t* idx = &self.idx[0]
@@ -110,8 +113,9 @@ cdef class Candidate:
             if arg != old:
                 changed[0] += 1
                 self.choice[i] = arg
-            if fabs(best - x[i]) > change * fabs(best):
-                change = fabs(best - x[i]) / fabs(best)
+            moved = fabs(best - x[i])
+            if moved > change * fabs(best) or moved != moved:  # what is no number stays the greatest change
+                change = moved / fabs(best)
             x[i] = best
         return change
 
@@ -160,7 +164,7 @@ cdef class Candidate:
     cdef double chain_sweep(self, double* x, bint backwards) noexcept nogil:
         """Over the rows of the policy. Returns the greatest relative change."""
         cdef int64_t n = self.n, j, i, k
-        cdef double t, change = 0.0
+        cdef double t, moved, change = 0.0
         cdef const double* val = &self.now_val[0]
         cdef const int32_t* idx = &self.now_idx[0]
         cdef const int64_t* ptr = &self.now_ptr[0]
@@ -170,8 +174,9 @@ cdef class Candidate:
             t = b[i]
             for k in range(ptr[i], ptr[i + 1]):
                 t = t + val[k] * x[idx[k]]
-            if fabs(t - x[i]) > change * fabs(t):
-                change = fabs(t - x[i]) / fabs(t)
+            moved = fabs(t - x[i])
+            if moved > change * fabs(t) or moved != moved:
+                change = moved / fabs(t)
             x[i] = t
         return change
 
@@ -204,7 +209,7 @@ cdef class Candidate:
             right[j] = fresh[j] = factor[j] = 0.0
         for i in range(n):
             f = self.image[i] - self.x[i]
-            if fabs(f) > worst * fabs(self.image[i]):
+            if fabs(f) > worst * fabs(self.image[i]) or f != f:
                 worst = fabs(f) / fabs(self.image[i])
             weighted = f * self.weight[i]
             norm = norm + weighted * weighted
@@ -275,8 +280,9 @@ cdef class Candidate:
     def bound(self, double[::1] y, bint upper, int64_t rounds, int64_t[::1] policy):
         """Sweep `y`, a guess at bounds, until nothing rises (`upper`) or falls: the sweeps that took, or 0 for no proof.
 
-        Every sweep is rounded outwards, so what neither rises nor falls is a bound, and `y` holds it then. With max and lower
-        bounds, or min and upper ones, `policy` (int64[n]) becomes one that attains them.
+        No number of `y` may be negative. Every sweep is then rounded outwards (lower bounds down to 1e-300, below which doubles
+        have fewer digits), so what neither rises nor falls is a bound, and `y` holds it then. With max and lower bounds, or min
+        and upper ones, `policy` (int64[n]) becomes one that attains them.
         """
         cdef int64_t k
         cdef bint proved
@@ -308,12 +314,12 @@ cdef class Candidate:
                 margin = (ptr[r + 1] - ptr[r] + SLACK) * U
                 if upper:
                     t = t + (t * margin + (TINY if t > 0.0 else 0.0))
-                else:
+                elif t < INFINITY:
                     t = t - t * margin
                 if arg < 0 or (t > best if self.mode == 2 else t < best):
                     best = t
                     arg = r
-            if best > x[i] if upper else best < x[i]:
+            if not (best <= x[i] if upper else best >= x[i]):
                 proved = False
             x[i] = best
             if attains:
