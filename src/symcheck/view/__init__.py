@@ -9,7 +9,8 @@ from __future__ import annotations
 from symcheck.view.diagrams import dot, picture
 from symcheck.view.dotlang import graphviz
 from symcheck.view.drawing import draw
-from symcheck.view.picture import Edge, Node, Picture
+from symcheck.view.graph import Edge, Node
+from symcheck.view.picture import Picture
 from symcheck.view.plots import plot_blocks, plot_bounds, plot_orders, plot_search
 from symcheck.view.states import state_graph
 from symcheck.view.tables import Table, results

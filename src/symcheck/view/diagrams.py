@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from symcheck.errors import UnsupportedError
 from symcheck.records import dataclass
-from symcheck.view.picture import Edge, Node, Picture
+from symcheck.view.graph import Edge, Node
+from symcheck.view.picture import Picture
 from symcheck.view.values import moves_text, values_text
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import shutil
 import subprocess
 
 from symcheck.errors import UnsupportedError
-from symcheck.view.picture import Picture
+from symcheck.view.graph import Layered
 from symcheck.view.style import STYLES
 
 __all__ = ["graphviz", "to_dot"]
@@ -14,7 +14,7 @@ __all__ = ["graphviz", "to_dot"]
 _SECONDS = 60.0
 
 
-def to_dot(picture: Picture) -> str:
+def to_dot(picture: Layered) -> str:
     """The text of a digraph: one rank for each layer, variables and states by name."""
     lines = [f"digraph {_quoted(picture.title)} {{", '  node [fontname="sans-serif", fontsize=11];']
     lines.append('  edge [fontname="sans-serif", fontsize=9];')
@@ -35,7 +35,7 @@ def to_dot(picture: Picture) -> str:
     return "\n".join([*lines, "}"]) + "\n"
 
 
-def graphviz(picture: Picture, format: str = "svg") -> bytes:
+def graphviz(picture: Layered, format: str = "svg") -> bytes:
     """The picture as Graphviz draws it. Raises UnsupportedError where `dot` is not installed, or fails."""
     program = shutil.which("dot")
     if program is None:

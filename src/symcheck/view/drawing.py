@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from symcheck.view.graph import Edge, Layered, Node
 from symcheck.view.layout import Placed, Route, place, routes
-from symcheck.view.picture import Edge, Node, Picture
 from symcheck.view.plots import axes_of
 from symcheck.view.style import STYLES
 
@@ -15,7 +15,7 @@ _POINTS = 72.0
 _LINE = "#404040"
 
 
-def draw(picture: Picture, axes: Any = None) -> Any:
+def draw(picture: Layered, axes: Any = None) -> Any:
     """A picture in the given axes, or in new ones of its size; returns the axes."""
     placed = place(picture)
     axes = axes_of(axes, (placed.width / _POINTS, placed.height / _POINTS))

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Mapping
 
 from symcheck.records import dataclass
-from symcheck.view.picture import Edge, Node, Picture
+from symcheck.view.graph import Edge, Layered, Node
 
 __all__ = ["Placed", "Route", "place", "routes"]
 
@@ -40,7 +40,7 @@ class Route:
     beside: bool = False
 
 
-def place(picture: Picture) -> Placed:
+def place(picture: Layered) -> Placed:
     """Layers from the top down; each node near the middle of its neighbours."""
     layers: dict[int, list[Node]] = {}
     for node in picture.nodes:
@@ -64,7 +64,7 @@ def place(picture: Picture) -> Placed:
     return Placed(at, size, width, top - _BETWEEN - _LINE * tall.get(last, 0) + _GAP)
 
 
-def routes(picture: Picture, placed: Placed) -> list[tuple[Edge, Route]]:
+def routes(picture: Layered, placed: Placed) -> list[tuple[Edge, Route]]:
     """The edges with their ways: down from layer to layer, or back round the outside of what stands between."""
     out = Counter(e.source for e in picture.edges)
     into = Counter(e.target for e in picture.edges)
@@ -121,7 +121,7 @@ def _back(placed: Placed, edge: Edge, between: list[str], loops: set[str]) -> Ro
     return Route(((start, y1), (inner, y1), (inner, y2), (end, y2)), (outermost, (y1 + y2) / 2))
 
 
-def _tall(picture: Picture) -> dict[int, int]:
+def _tall(picture: Layered) -> dict[int, int]:
     """Lines of the tallest label on an edge that leaves a layer, beyond the first."""
     layer, lines = {n.name: n.layer for n in picture.nodes}, dict[int, int]()
     for edge in picture.edges:
@@ -137,7 +137,7 @@ def _size(node: Node) -> tuple[float, float]:
     return max(34.0, _LETTER * max(map(len, lines)) + 14.0), _LINE * len(lines) + 10.0
 
 
-def _neighbours(picture: Picture) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
+def _neighbours(picture: Layered) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
     """Names of neighbours in layers above, and in layers below."""
     layer = {n.name: n.layer for n in picture.nodes}
     up: dict[str, list[str]] = {n.name: [] for n in picture.nodes}

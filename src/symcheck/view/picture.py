@@ -1,56 +1,27 @@
-"""What is drawn: nodes in layers and edges between them, before anything is said of DOT, SVG or matplotlib."""
+"""Pictures: layered graphs that write themselves as DOT and SVG."""
 
 from __future__ import annotations
 
 from symcheck.records import dataclass
+from symcheck.view.dotlang import to_dot
+from symcheck.view.graph import Layered
+from symcheck.view.svg import to_svg
 
-__all__ = ["Edge", "Node", "Picture"]
-
-
-@dataclass(frozen=True, slots=True)
-class Node:
-    """`layer` counts from the top. `label` may have several lines.
-
-    kind: 'row', 'column' or 'pair' (what a decision reads), 'leaf', 'root', 'state', 'initial', 'marked' or 'choice'.
-    """
-
-    name: str
-    label: str
-    layer: int
-    kind: str
+__all__ = ["Picture"]
 
 
-@dataclass(frozen=True, slots=True)
-class Edge:
-    """From node to node (by name); `dashed` for the decision 0, and for what is less usual."""
-
-    source: str
-    target: str
-    label: str = ""
-    dashed: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """A layered graph. `layers` names the layers from the top ("" where a layer has no name)."""
-
-    title: str
-    nodes: tuple[Node, ...]
-    edges: tuple[Edge, ...]
-    layers: tuple[str, ...]
+@dataclass(frozen=True, eq=False, repr=False)
+class Picture(Layered):
+    """A layered graph, shown as a drawing in Jupyter."""
 
     @property
     def dot(self) -> str:
         """In the DOT language of Graphviz."""
-        from symcheck.view.dotlang import to_dot
-
         return to_dot(self)
 
     @property
     def svg(self) -> str:
         """As SVG, placed by symcheck itself (Graphviz is not needed)."""
-        from symcheck.view.svg import to_svg
-
         return to_svg(self)
 
     def __repr__(self) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.matrix import Bools
-from symcheck.view.picture import Edge, Node, Picture
+from symcheck.view.graph import Edge, Node
+from symcheck.view.picture import Picture
 
 if TYPE_CHECKING:
     from symcheck.explicit.model import ExplicitModel

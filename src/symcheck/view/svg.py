@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from html import escape
 
+from symcheck.view.graph import Edge, Layered, Node
 from symcheck.view.layout import Placed, Route, place, routes
-from symcheck.view.picture import Edge, Node, Picture
 from symcheck.view.style import STYLES
 
 __all__ = ["to_svg"]
 
 
-def to_svg(picture: Picture) -> str:
+def to_svg(picture: Layered) -> str:
     """A complete SVG document."""
     placed = place(picture)
     size = f'width="{placed.width:.0f}" height="{placed.height:.0f}" viewBox="0 0 {placed.width:.0f} {placed.height:.0f}"'
