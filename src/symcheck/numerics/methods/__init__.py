@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.methods import interval, optimistic, plain, policy, topological
@@ -30,13 +31,14 @@ class Method:
     about: str
 
 
+_by_policies = partial(policy.solve, chains=topological.solve)
 _ALL = frozenset(("chain", "mdp", "probability", "reward"))
 
 METHODS: Mapping[str, Method] = {
     m.name: m
     for m in (
         Method("topological", topological.solve, "rows", True, _ALL, "strong components in order, each by the cheapest certified means"),
-        Method("policy", policy.solve, "rows", True, _ALL, "policy iteration; for values that converge slowly"),
+        Method("policy", _by_policies, "rows", True, _ALL, "policy iteration; for values that converge slowly"),
         Method("interval", interval.solve, "product", True, _ALL - {"reward"}, "lower and upper bounds from both sides"),
         Method("optimistic", optimistic.solve, "product", True, _ALL, "lower bounds, then a guessed and verified upper bound"),
         Method("gauss-seidel", plain.gauss_seidel, "rows", False, _ALL, "sweeps until the change is small: an estimate"),

@@ -5,27 +5,39 @@ Right where values converge slowly, and the only certified method for negative r
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from symcheck.errors import NumericalError
 from symcheck.numerics.block import LocalSystem, policy_iteration
 from symcheck.numerics.collapse import collapse, unit
-from symcheck.numerics.methods import topological
 from symcheck.numerics.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.settings import Settings
 
-__all__ = ["solve"]
+__all__ = ["Solver", "solve"]
 
 
-def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
-    """Certified bounds. Raises NumericalError where no proof is found (some strategy may never leave)."""
+class Solver(Protocol):
+    """A method that solves problems without choices."""
+
+    def __call__(self, problem: LinearProblem, settings: Settings, observer: Observer | None = None, /) -> Solution:
+        """Bounds of the solution."""
+        ...
+
+
+def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None, *, chains: Solver) -> Solution:
+    """Certified bounds; `chains` solves problems without choices. Raises NumericalError where no proof is found.
+
+    There is none where some strategy may never leave, and collect rewards for ever.
+    """
     if problem.mode == 0:
-        return topological.solve(problem, settings, observer)
+        return chains(problem, settings, observer)
     smaller = collapse(problem)
     if smaller is not None:
-        return smaller.expand(solve(smaller.problem, settings, observer))
+        return smaller.expand(solve(smaller.problem, settings, observer, chains=chains))
     local = LocalSystem.whole(problem)
-    found = policy_iteration(local, settings.epsilon, topological.solve)
+    found = policy_iteration(local, settings.epsilon, chains)
     if found is None:
         raise NumericalError("policy iteration found no certificate: some strategy may collect rewards for ever")
     assert local.row_id is not None

@@ -21,6 +21,7 @@ from symcheck.numerics.accelerate import accelerated
 from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct, solve_krylov
 from symcheck.numerics.collapse import collapse, unit
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
+from symcheck.numerics.methods import policy
 from symcheck.numerics.problem import LinearProblem, Observer, Solution, Step
 from symcheck.numerics.settings import Settings
 from symcheck.records import dataclass, field
@@ -265,9 +266,7 @@ def _note(run: _Run, name: str, states: int) -> None:
 def _signed(problem: LinearProblem, settings: Settings, observer: Observer | None) -> Solution:
     """Negative constants: without choices the solution is a difference of two; with choices, policy iteration decides."""
     if problem.mode != 0:
-        from symcheck.numerics.methods import policy
-
-        return policy.solve(problem, settings, observer)
+        return policy.solve(problem, settings, observer, chains=solve)
     parts = [
         solve(problem.with_constant(np.maximum(sign * low, 0.0), np.maximum(sign * high, 0.0)), settings, observer)
         for sign, low, high in ((1.0, problem.constant, problem.high), (-1.0, problem.high, problem.constant))
