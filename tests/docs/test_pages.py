@@ -1,0 +1,77 @@
+"""What the pages show is what comes out: commands, Python, switches, links, and the index of pages."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from symcheck.cli import compatible, main
+from symcheck.cli.arguments import _parser
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(p.name for p in DOCS.glob("*.md"))
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """The code blocks of a language, with the indentation of a list taken away."""
+    text = (DOCS / page).read_text()
+    found = re.findall(rf"^( *)```{language}\n(.*?)^ *```", text, re.DOTALL | re.MULTILINE)
+    return ["".join(line[len(indent) :] + "\n" for line in body.splitlines()) for indent, body in found]
+
+
+COMMANDS = [(page, block) for page in PAGES for block in blocks(page, "console")]
+
+
+@pytest.mark.parametrize(("page", "block"), COMMANDS, ids=[f"{p}-{i}" for i, (p, _) in enumerate(COMMANDS)])
+def test_commands_print_what_the_page_says(
+    page: str, block: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each line of the block begins or ends a line of the output, in this order; between them others may stand."""
+    monkeypatch.chdir(ROOT)
+    command, *shown = block.splitlines()
+    assert command.startswith("$ symcheck ")
+    main(shlex.split(command)[2:])
+    printed = capsys.readouterr()
+    lines = iter((printed.out + printed.err).splitlines())
+    for line in filter(str.strip, shown):
+        assert any(other.startswith(line) or other.endswith(line) for other in lines), line
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if p != "tutorial.md" and blocks(p, "python")])
+def test_python_prints_what_the_page_says(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    test = doctest.DocTestParser().get_doctest("\n".join(blocks(page, "python")), {}, page, page, 0)
+    said: list[str] = []
+    assert doctest.DocTestRunner(verbose=False).run(test, out=said.append).failed == 0, "".join(said)
+
+
+def test_every_switch_is_explained() -> None:
+    """And no other: what the page names exists."""
+    text = (DOCS / "command_line.md").read_text()
+    named = {switch for cell in re.findall(r"`([^`]*)`", text) for switch in re.findall(r"(?:^|\s)-([a-z?][\w]*)", cell)}
+    own = {s.lstrip("-") for action in _parser()._actions for s in action.option_strings}
+    foreign = {*compatible._WITHOUT_EFFECT, *compatible._REFUSED, "exportadv", "dir"}
+    assert named == own | foreign
+
+
+@pytest.mark.parametrize("page", [*PAGES, "../README.md", "../CONTRIBUTING.md", "../benchmarks/README.md"])
+def test_links_lead_somewhere(page: str) -> None:
+    text = (DOCS / page).read_text()
+    for target, anchor in re.findall(r"\]\(([^)#]*)(?:#([^)]*))?\)", text):
+        if "://" in target:
+            continue
+        path = (DOCS / page).parent / target if target else DOCS / page
+        assert path.exists(), target
+        if anchor:
+            heads = re.findall(r"^#+ (.*)$", path.read_text(), re.MULTILINE)
+            assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in heads}, anchor
+
+
+def test_the_index_names_every_page() -> None:
+    text = (DOCS / "README.md").read_text()
+    assert set(re.findall(r"\]\((\w+\.md)\)", text)) == set(PAGES) - {"README.md"}
