@@ -60,7 +60,8 @@ def components(const int64_t[::1] edges, const int32_t[::1] indices, within=None
                     at[search.depth] = edges[indices[k]]
                 else:
                     leave(&search)
-    return np.asarray(component), np.asarray(order)[: search.done], np.asarray(start)[: search.count + 1].copy()
+    # Views: what was not written to of an array takes no memory.
+    return np.asarray(component), np.asarray(order)[: search.done], np.asarray(start)[: search.count + 1]
 
 
 def bottom(const int64_t[::1] edges, const int32_t[::1] indices, const int32_t[::1] component, int64_t count):

@@ -66,6 +66,8 @@ cdef class Block:
         cdef const int64_t[::1] groups = system.groups
         cdef const int64_t[::1] indptr = system.indptr
         cdef bint grouped = system.mode != 0
+        if place is None:
+            place = system.place = np.full(system.n, -1, dtype=np.int32)
         with nogil:
             for i in range(n):
                 place[states[i]] = <int32_t>i
@@ -527,7 +529,7 @@ cdef class System:
     cdef public const int32_t[::1] indices
     cdef public const double[::1] data, bl, bh, exit
     cdef public int mode
-    cdef public int32_t[::1] place
+    cdef public int32_t[::1] place  # of states in the block being loaded; none until there is one
     cdef public int64_t n
 
     def __init__(self, indptr, indices, data, groups, lower, upper, exit, int mode):
@@ -536,7 +538,7 @@ cdef class System:
         self.mode = mode
         self.n = indptr.shape[0] - 1 if groups is None else groups.shape[0] - 1
         self.groups = np.zeros(1, dtype=np.int64) if groups is None else groups
-        self.place = np.full(self.n, -1, dtype=np.int32)
+        self.place = None
 
     def block(self, const int32_t[::1] states, double[:, ::1] x):
         """The block of `states`, the others' bounds known."""
@@ -621,15 +623,16 @@ cdef class System:
                 self.single(self.n - 1 - i if descending else i, x, strategy)
 
     def advance(self, const int32_t[::1] order, const int64_t[::1] start, int64_t component, double[:, ::1] x,
-                int64_t[::1] strategy, const double[::1] goals, bint relative, bint probability, int64_t small,
+                int64_t[::1] strategy, const int32_t[::1] deep, double share, bint relative, bint probability, int64_t small,
                 int64_t[::1] counters):
         """Solve components from number `component` on, as far as cheap means go; returns the first that needs more.
 
         Single states, blocks without choices of up to `small` states, and blocks with choices that a few sweeps (hundreds,
-        where they are small) solve. `goals`: width wanted per component.
+        where they are small) solve. The width wanted of component c is deep[c] * share.
         counters: [single, eliminated, swept, sweeps, largest eliminated, largest swept].
         """
         cdef int64_t count = start.shape[0] - 1, size, sweeps
+        cdef double goal
         cdef Block block = Block()
         cdef bint done
         while component < count:
@@ -652,12 +655,13 @@ cdef class System:
                 counters[1] += 1
                 counters[4] = max(counters[4], size)
             else:
+                goal = deep[component] * share
                 sweeps = min(400, max(24, EFFORT // (block.entries + block.n + 1)))
                 if probability:
                     block.principle()
-                    done, sweeps, _ = block.interval(goals[component], relative, sweeps)
+                    done, sweeps, _ = block.interval(goal, relative, sweeps)
                 else:
-                    done, sweeps, _ = block.optimistic(goals[component], relative, sweeps)
+                    done, sweeps, _ = block.optimistic(goal, relative, sweeps)
                 counters[3] += sweeps
                 counters[2] += done
                 counters[5] = max(counters[5], size if done else 0)

@@ -37,6 +37,9 @@ __all__ = [
 ]
 
 
+_SLICE = 65536  # components
+
+
 @dataclass(frozen=True, eq=False)
 class Incidence:
     """A square matrix seen from its columns, made once and shared by several questions (made lazily)."""
@@ -101,6 +104,11 @@ class Components:
     def sizes(self) -> Int64s:
         """States of each component."""
         return np.diff(self.start)
+
+    @property
+    def largest(self) -> int:
+        """States of the largest component; found without an array of all sizes, which may be as many as states."""
+        return max((int(np.diff(self.start[i : i + _SLICE + 1]).max()) for i in range(0, self.count, _SLICE)), default=0)
 
     def members(self, component: int) -> Int32s:
         """States of a component."""

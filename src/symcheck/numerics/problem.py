@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -15,6 +15,8 @@ from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.records import dataclass, field
 
 __all__ = ["LinearProblem", "Observer", "Operator", "Solution", "Step"]
+
+_SLICE = 65536  # states
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +119,7 @@ class LinearProblem:
             out[out <= noise] = 0.0
         else:
             out = np.zeros(len(self.constant))
-        return np.maximum(out, self.high) if self.probability else out
+        return np.maximum(out, self.high) if self.probability and bool((out < self.high).any()) else out
 
     def with_constant(self, constant: Floats, upper: Floats | None = None, probability: bool | None = None) -> LinearProblem:
         """The same equations with other constants."""
@@ -146,17 +148,27 @@ class Solution:
     @property
     def middle(self) -> Floats:
         """The point between the bounds."""
+        out = np.empty(len(self.lower))
         with np.errstate(invalid="ignore"):
-            return np.where(self.lower == self.upper, self.lower, 0.5 * (self.lower + self.upper))
+            for part in self._parts():
+                low, high = self.lower[part], self.upper[part]
+                out[part] = np.where(low == high, low, 0.5 * (low + high))
+        return out
 
     def width(self, relative: bool = True) -> float:
         """The greatest width, relative to the upper bound unless that is below 1e-300 (0 for no states)."""
-        if not len(self.lower):
-            return 0.0
-        with np.errstate(invalid="ignore"):
-            width = np.where(self.lower == self.upper, 0.0, self.upper - self.lower)
-            if relative:
-                width = width / np.maximum(np.maximum(np.abs(self.lower), np.abs(self.upper)), 1e-300)
-        # Without an upper bound, the width has no number relative to it.
-        width[np.isnan(width)] = np.inf
-        return float(width.max())
+        return max((_width(self.lower[part], self.upper[part], relative) for part in self._parts()), default=0.0)
+
+    def _parts(self) -> Iterator[slice]:
+        """Slices that stay in a cache, where whole arrays of intermediate results would take the memory of several vectors."""
+        return (slice(begin, begin + _SLICE) for begin in range(0, len(self.lower), _SLICE))
+
+
+def _width(lower: Floats, upper: Floats, relative: bool) -> float:
+    with np.errstate(invalid="ignore"):
+        width = np.where(lower == upper, 0.0, upper - lower)
+        if relative:
+            width = width / np.maximum(np.maximum(np.abs(lower), np.abs(upper)), 1e-300)
+    # Without an upper bound, the width has no number relative to it.
+    width[np.isnan(width)] = np.inf
+    return float(width.max())

@@ -19,7 +19,7 @@ from symcheck.kernels.solve import Block, System
 from symcheck.numerics import graph
 from symcheck.numerics.accelerate import accelerated
 from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct, solve_krylov
-from symcheck.numerics.collapse import collapse, unit
+from symcheck.numerics.collapse import collapse
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
 from symcheck.numerics.methods import policy
 from symcheck.numerics.problem import LinearProblem, Observer, Solution, Step
@@ -74,33 +74,36 @@ def _solve(problem: LinearProblem, settings: Settings, observer: Observer | None
     system = System(
         matrix.indptr, matrix.indices, matrix.data, matrix.groups, problem.constant, problem.high, problem.leaving, problem.mode
     )
-    run = _Run(problem, system, np.zeros((problem.n, 2)), np.full(problem.n, -1, dtype=np.int64), settings, observer)
+    run = _Run(problem, system, np.zeros((problem.n, 2)), np.full(problem.n if problem.mode else 0, -1, dtype=np.int64), settings, observer)
     run.quick = quick
-    edges = matrix.indptr if matrix.groups is None else matrix.indptr[matrix.groups]
-    shape = sparse.triangular(edges, matrix.indices)
+    source = graph.Incidence(matrix)
+    shape = sparse.triangular(source.edges, matrix.indices)
     if shape != 0:
         system.sweep_acyclic(run.x, run.strategy, shape > 0)
         return _finish(run, f"{problem.n} states, acyclic: one pass", exact=True)
-    parts = graph.sccs(matrix)
-    _components(run, parts, edges)
+    parts = graph.sccs(source)
+    _components(run, parts, source.edges)
+    explanation = _explain(run, parts)
+    del parts, source
     exact = run.counters[2] == 0 and set(run.notes) <= {"elimination"} and not run.failed
-    return _finish(run, _explain(run, parts), exact=exact)
+    return _finish(run, explanation, exact=exact)
 
 
 def _components(run: _Run, parts: graph.Components, edges: Int64s) -> None:
     """Solve all components; the kernel stops at each that needs more than its cheap means."""
     deep = levels(edges, run.problem.rows.indices, parts.of, parts.order, parts.start, SMALL if run.problem.mode == 0 else 1)
     # A component may use up its share of the width: what its successors brought in is part of what it is left with.
-    goals = run.settings.epsilon * 0.9 * np.maximum(deep, 1) / max(1, int(deep.max(initial=1)))
+    np.maximum(deep, 1, out=deep)
+    share = run.settings.epsilon * 0.9 / int(deep.max(initial=1))
     component = 0
     while True:
         component = run.system.advance(
-            parts.order, parts.start, component, run.x, run.strategy, goals, run.settings.relative, run.problem.probability,
-            SMALL, run.counters,
+            parts.order, parts.start, component, run.x, run.strategy, deep, share, run.settings.relative,
+            run.problem.probability, SMALL, run.counters,
         )  # fmt: skip
         if component >= parts.count:
             return
-        _hard(run, parts.members(component), float(goals[component]))
+        _hard(run, parts.members(component), float(deep[component]) * share)
         component += 1
 
 
@@ -278,9 +281,10 @@ def _signed(problem: LinearProblem, settings: Settings, observer: Observer | Non
 
 
 def _finish(run: _Run, explanation: str, exact: bool) -> Solution:
-    lower, upper = np.ascontiguousarray(run.x[:, 0]), np.ascontiguousarray(run.x[:, 1])
+    lower, upper = run.x[:, 0].copy(), run.x[:, 1].copy()
     if run.problem.probability:
-        lower, upper = unit(lower), unit(upper)
+        for side in (lower, upper):
+            np.clip(side, 0.0, 1.0, out=side)
     if exact and run.problem.upper is not None:
         exact = bool(np.array_equal(run.problem.constant, run.problem.upper))
     exact = exact and not _below_doubles(lower, upper)
@@ -300,7 +304,6 @@ def _below_doubles(lower: Floats, upper: Floats) -> bool:
 
 def _explain(run: _Run, parts: graph.Components) -> str:
     """For people: how many components, the largest, and what was done."""
-    sizes = parts.sizes
     single, eliminated, swept, _, largest_eliminated, largest_swept = (int(c) for c in run.counters)
     done = [f"{single} single"] if single else []
     if eliminated:
@@ -310,4 +313,4 @@ def _explain(run: _Run, parts: graph.Components) -> str:
     done += [f"{name} (up to {states} states)" for name, states in run.notes.items()]
     if run.failed:
         done.append(f"{run.failed} did not reach the accuracy wanted")
-    return f"{parts.count} SCCs, largest {int(sizes.max(initial=0))} states: topological, " + ", ".join(done)
+    return f"{parts.count} SCCs, largest {parts.largest} states: topological, " + ", ".join(done)
