@@ -289,3 +289,12 @@ def test_one_quotient_for_several_properties(capsys):
     assert "arning" not in shown
     main([DIE, "-pf", "P=? [ F d=6 ]", "-bisim"])
     assert "Bisimulation:" not in capsys.readouterr().out
+
+
+def test_compiled_modules_of_another_version_are_named(monkeypatch, capsys):
+    def broken(*_: object, **__: object) -> None:
+        raise ImportError("cannot import name 'f' from 'symcheck.kernels.rows'", name="symcheck.kernels.rows")
+
+    monkeypatch.setattr("symcheck.cli.run.registry.build", broken)
+    assert main([DIE]) == 1
+    assert "build again (pip install -e ." in capsys.readouterr().err

@@ -104,10 +104,10 @@ def conclude(job: Job, verdict: object) -> None:
 def internal(error: Exception) -> SymcheckError:
     """A defect of symcheck, as an error that can be reported."""
     where = traceback.extract_tb(error.__traceback__)[-1]
-    return SymcheckError(
-        f"internal error: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})\n"
-        "  hint: this is a defect of symcheck; please report it with the model"
-    )
+    hint = "this is a defect of symcheck; please report it with the model"
+    if isinstance(error, ImportError) and (error.name or "").startswith("symcheck."):
+        hint = "sources and compiled modules are of different versions: build again (pip install -e ., or make demo in a checkout)"
+    return SymcheckError(f"internal error: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})\n  hint: {hint}")
 
 
 # ------------------------------------------------------------------------------------------------------------------- files
