@@ -20,8 +20,8 @@ from symcheck.check.reward_bound import check_even
 from symcheck.check.scale import Limits, common_step, in_steps, main_first
 from symcheck.check.window import Count
 from symcheck.engines.arrays import ArraySet
-from symcheck.engines.exact import ExactEngine, ExactMatrix
-from symcheck.engines.rationals import Rationals
+from symcheck.engines.exact import ExactEngine
+from symcheck.engines.rationals import RationalMatrix, Rationals
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.epoch_layer import Epochs, Layer, layer_of
 from symcheck.numerics.epochs import unfold
@@ -64,7 +64,7 @@ def _limits(context: Context, engine: ExactEngine, count: Count) -> Limits:
 def counted_values(
     context: Context,
     engine: ExactEngine,
-    matrix: ExactMatrix,
+    matrix: RationalMatrix,
     sets: tuple[ArraySet, ArraySet],
     limits: list[Limits],
     direction: str | None,
@@ -92,7 +92,7 @@ def counted_values(
 class _Levels:
     """The levels, as many as matter."""
 
-    def __init__(self, problem: Epochs, matrix: ExactMatrix, origin: Any) -> None:
+    def __init__(self, problem: Epochs, matrix: RationalMatrix, origin: Any) -> None:
         self.problem, self.count = problem, 0
         shape = problem.matrix
         self.rows: list[Entries] = []

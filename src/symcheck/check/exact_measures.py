@@ -15,8 +15,8 @@ from symcheck.check.result import Run
 from symcheck.check.window import Count, Window
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.base import StateSet, Values
-from symcheck.engines.exact import ExactEngine, ExactMatrix
-from symcheck.engines.rationals import Rationals, RationalValues
+from symcheck.engines.exact import ExactEngine
+from symcheck.engines.rationals import RationalMatrix, Rationals, RationalValues
 from symcheck.errors import UnsupportedError
 from symcheck.numerics import graph
 from symcheck.numerics.exact import stationary_exact
@@ -214,7 +214,7 @@ def _rates(engine: ExactEngine) -> Rationals | None:
     return engine.rationals.multiply(_array(engine.constant(1)))
 
 
-def _probabilities(engine: ExactEngine) -> ExactMatrix:
+def _probabilities(engine: ExactEngine) -> RationalMatrix:
     """One-step probabilities: of the embedded chain, in a CTMC."""
     rates = _rates(engine)
     return engine.rationals if rates is None else engine.rationals.scaled(rates)
@@ -239,7 +239,7 @@ def _any_row(engine: ExactEngine, rows: Bools) -> Bools:
     return rows if groups is None else np.logical_or.reduceat(rows, groups[:-1])
 
 
-def _step(engine: ExactEngine, matrix: ExactMatrix, x: Rationals, direction: str | None, add: Rationals | None = None) -> Rationals:
+def _step(engine: ExactEngine, matrix: RationalMatrix, x: Rationals, direction: str | None, add: Rationals | None = None) -> Rationals:
     """One step back: the best expected value of x after a step."""
     y = matrix.multiply(x)
     return _best(engine, y if add is None else y + add, direction)
@@ -258,7 +258,7 @@ def _best(engine: ExactEngine, y: Rationals, direction: str | None) -> Rationals
 
 def _solve(
     context: Context,
-    matrix: ExactMatrix,
+    matrix: RationalMatrix,
     unknown: ArraySet,
     constant: Rationals,
     direction: str | None,
@@ -297,7 +297,7 @@ def _solve(
     return RationalValues(values)
 
 
-def _towards(matrix: ExactMatrix, unknown: ArraySet, outside: Rationals) -> Int64s:
+def _towards(matrix: RationalMatrix, unknown: ArraySet, outside: Rationals) -> Int64s:
     """Per state, a row of a strategy that leaves `unknown` almost surely for where the values are finite."""
     finite = np.array([v != inf for v in outside], dtype=bool) & ~unknown.members
     return graph.prob1e_strategy(matrix.shape, unknown.members, finite)[1]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit_graph import ExplicitGraph
-from symcheck.engines.rationals import Rationals, RationalValues
+from symcheck.engines.rationals import RationalMatrix, Rationals, RationalValues
 from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.numerics.matrix import Bools, Int64s, SparseMatrix
 from symcheck.records import dataclass, field
@@ -26,39 +26,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.step import State, initial_states, state_rewards, transitions, valuation
 from symcheck.syntax.ast import Expression, ModelType, Type
 
-__all__ = ["ExactEngine", "ExactMatrix", "explore_exactly"]
-
-
-@dataclass(frozen=True, eq=False)
-class ExactMatrix:
-    """Rows of rationals: row r has the entries `values[indptr[r]:indptr[r+1]]` at `shape.indices` alike.
-
-    `shape` has the same entries as doubles, and the groups of rows.
-    """
-
-    shape: SparseMatrix
-    values: Rationals = field(repr=False)
-
-    def row(self, r: int) -> list[tuple[int, Fraction]]:
-        """Columns and values of a row."""
-        i, j = int(self.shape.indptr[r]), int(self.shape.indptr[r + 1])
-        return list(zip(self.shape.indices[i:j].tolist(), self.values[i:j], strict=True))
-
-    def rows_of(self, state: int) -> range:
-        """The rows of a state."""
-        groups = self.shape.groups
-        return range(state, state + 1) if groups is None else range(int(groups[state]), int(groups[state + 1]))
-
-    def multiply(self, x: Rationals) -> Rationals:
-        """The product with a vector of rationals: a value per row (no row is empty)."""
-        return np.asarray(np.add.reduceat(self.values * x[self.shape.indices], self.shape.indptr[:-1]))
-
-    def scaled(self, factor: Rationals) -> ExactMatrix:
-        """The rows divided by a factor each."""
-        spread = np.repeat(factor, np.diff(self.shape.indptr))
-        values = self.values / spread
-        shape = self.shape
-        return ExactMatrix(SparseMatrix(shape.indptr, shape.indices, values.astype(np.float64), shape.columns, shape.groups), values)
+__all__ = ["ExactEngine", "explore_exactly"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +35,7 @@ class ExactEngine:
 
     model: BoundModel
     table: tuple[State, ...] = field(repr=False)
-    rationals: ExactMatrix = field(repr=False)
+    rationals: RationalMatrix = field(repr=False)
     initial: ArraySet
     deadlocks: ArraySet
     state_rewards: tuple[Rationals, ...] = field(repr=False)
@@ -237,7 +205,7 @@ def _assemble(model: BoundModel, found: dict[State, tuple[Any, ...]], initial: S
     return ExactEngine(
         model,
         table,
-        ExactMatrix(shape, exact),
+        RationalMatrix(shape, exact),
         ArraySet(members[0]),
         ArraySet(members[1]),
         tuple(_objects([p[i] for p in per_state]) for i in range(len(model.rewards))),

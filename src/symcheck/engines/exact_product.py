@@ -4,21 +4,63 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
 from symcheck.engines.arrays import ArraySet
-from symcheck.engines.exact import ExactEngine, ExactMatrix
+from symcheck.engines.base import Engine
 from symcheck.engines.explicit_product import pair_matrix, reachable_pairs
-from symcheck.engines.rationals import RationalValues
+from symcheck.engines.rationals import RationalMatrix, Rationals, RationalValues
 from symcheck.numerics.matrix import Int32s, Int64s, SparseMatrix
 from symcheck.records import dataclass, field
+from symcheck.semantics.step import State
 
 if TYPE_CHECKING:
     from symcheck.engines.product import Automaton
 
-__all__ = ["ExactProduct", "product"]
+__all__ = ["Base", "ExactProduct", "product"]
+
+
+class Base(Engine, Protocol):
+    """What a product asks of the engine that it is made with: a dataclass of these fields, of which the product is another."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """The matrix as doubles."""
+        ...
+
+    @property
+    def rationals(self) -> RationalMatrix:
+        """The matrix."""
+        ...
+
+    @property
+    def table(self) -> tuple[State, ...]:
+        """The states in index order."""
+        ...
+
+    @property
+    def initial(self) -> ArraySet:
+        """The initial states."""
+        ...
+
+    @property
+    def deadlocks(self) -> ArraySet:
+        """States that had no transition before they were given a self-loop."""
+        ...
+
+    @property
+    def state_rewards(self) -> tuple[Rationals, ...]:
+        """Per structure, the reward of each state."""
+        ...
+
+    @property
+    def row_rewards(self) -> tuple[Rationals, ...]:
+        """Per structure, the reward of each row."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +71,7 @@ class ExactProduct:
     base state.
     """
 
-    engine: ExactEngine
+    engine: Base
     state: Int32s = field(repr=False)
     automaton: Int32s = field(repr=False)
     entry: Int64s = field(repr=False)
@@ -57,7 +99,7 @@ class ExactProduct:
         return ArraySet(states.members[self.entry])
 
 
-def product(base: ExactEngine, letters: Sequence[ArraySet], automaton: Automaton) -> ExactProduct:
+def product(base: Base, letters: Sequence[ArraySet], automaton: Automaton) -> ExactProduct:
     """The pairs reachable from (s, initial state) for every state s of the base model."""
     table = np.asarray(automaton.table, dtype=np.int32)
     letter = np.zeros(base.states, np.int32)
@@ -76,7 +118,7 @@ def product(base: ExactEngine, letters: Sequence[ArraySet], automaton: Automaton
     engine = replace(
         base,
         table=tuple(base.table[s] for s in state),
-        rationals=ExactMatrix(shape, values),
+        rationals=RationalMatrix(shape, values),
         initial=ArraySet(base.initial.members[state] & (second == automaton.initial)),
         deadlocks=ArraySet(base.deadlocks.members[state]),
         state_rewards=tuple(r[state] for r in base.state_rewards),

@@ -162,7 +162,7 @@ class ExplicitEngine:
         """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
         from symcheck.engines.explicit_product import product
 
-        return product(self, letters, automaton)
+        return product(self, letters, automaton, lambda pairs: ExplicitEngine(pairs, f"{self.name} product"))  # type: ignore[arg-type]
 
 
 def _plain(column: Int64s, type: Type) -> list[bool | int]:

@@ -4,27 +4,52 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from symcheck.engines.arrays import ArraySet, spans
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, Int32s, Int64s
+from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.records import dataclass, field
+from symcheck.semantics.model import BoundModel
 
-if TYPE_CHECKING:
-    from symcheck.engines.exact import ExactEngine
-    from symcheck.engines.explicit import ExplicitEngine
+__all__ = ["ExplicitGraph", "Owner"]
 
-__all__ = ["ExplicitGraph"]
+
+class Owner(Protocol):
+    """What graph questions ask of their engine."""
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities (rates)."""
+        ...
+
+    @property
+    def states(self) -> int:
+        """Number of reachable states."""
+        ...
+
+    @property
+    def initial(self) -> ArraySet:
+        """The initial states."""
+        ...
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    def valuations(self, states: ArraySet) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order."""
+        ...
 
 
 @dataclass(frozen=True)
 class ExplicitGraph:
     """See `symcheck.engines.base.Graph`."""
 
-    engine: ExplicitEngine | ExactEngine = field(repr=False)
+    engine: Owner = field(repr=False)
 
     @cached_property
     def _edges(self) -> graph.Incidence:

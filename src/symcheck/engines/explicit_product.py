@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines.arrays import ArraySet, ArrayValues, spans
+from symcheck.engines.base import Engine
 from symcheck.errors import MemoryLimitError
 from symcheck.explicit.states import StateTable
 from symcheck.kernels import pairs
@@ -19,19 +20,53 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
-    from symcheck.engines.explicit import ExplicitEngine
     from symcheck.engines.product import Automaton
+    from symcheck.explicit.model import ExplicitModel
 
-__all__ = ["ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
+__all__ = ["Base", "ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
 
 _PAIRS_LIMIT = 2**33
+
+
+class Base(Protocol):
+    """What a product asks of the engine that it is made with."""
+
+    @property
+    def explored(self) -> ExplicitModel:
+        """The explored model."""
+        ...
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities (rates)."""
+        ...
+
+    @property
+    def states(self) -> int:
+        """Number of reachable states."""
+        ...
+
+    @property
+    def initial(self) -> ArraySet:
+        """The initial states."""
+        ...
+
+    @property
+    def deadlocks(self) -> ArraySet:
+        """States that had no transition before they were given a self-loop."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
 class ProductModel:
     """The pairs as a model: state p is pair (state[p], automaton[p]), in this order; what is asked of a pair is asked of its state."""
 
-    base: ExplicitEngine = field(repr=False)
+    base: Base = field(repr=False)
     state: Int32s = field(repr=False)
     automaton: Int32s = field(repr=False)
     matrix: SparseMatrix = field(repr=False)
@@ -87,7 +122,7 @@ class ProductModel:
 class ExplicitProduct:
     """See `symcheck.engines.product.Product`. `entry`: per base state, the pair with the automaton's initial state."""
 
-    engine: ExplicitEngine
+    engine: Engine
     pairs: ProductModel = field(repr=False)
     entry: Int64s = field(repr=False)
     letter: Int32s = field(repr=False)
@@ -103,7 +138,7 @@ class ExplicitProduct:
     def edges(self, edges: frozenset[tuple[int, int]]) -> ArraySet:
         """The pairs (s, q) for which (q, letter of s) is one of these."""
         if not edges:
-            return self.engine.none
+            return ArraySet(np.zeros(len(self.pairs.state), bool))
         width = int(self.letter.max(initial=0)) + 1
         wanted = np.zeros((int(self.pairs.automaton.max(initial=0)) + 1, width), np.uint8)
         for q, letter in edges:
@@ -124,13 +159,11 @@ class ExplicitProduct:
         return ArraySet(states.members[self.entry])
 
 
-def product(base: ExplicitEngine, letters: Sequence[ArraySet], automaton: Automaton) -> ExplicitProduct:
-    """The pairs reachable from (s, initial state) for every state s of the base model.
+def product(base: Base, letters: Sequence[ArraySet], automaton: Automaton, over: Callable[[ProductModel], Engine]) -> ExplicitProduct:
+    """The pairs reachable from (s, initial state) for every state s of the base model; `over` makes an engine of them.
 
     Memory while building: a byte for each possible pair. Raises MemoryLimitError beyond 2**33 of them.
     """
-    from symcheck.engines.explicit import ExplicitEngine
-
     table = np.asarray(automaton.table, dtype=np.int32)
     letter = np.zeros(base.states, np.int32)
     for i, members in enumerate(letters):
@@ -148,7 +181,7 @@ def product(base: ExplicitEngine, letters: Sequence[ArraySet], automaton: Automa
     matrix, rows = pair_matrix(base.matrix, table[second, letter[state]], state, number, size)
     model = ProductModel(base, state, second, matrix, rows, automaton.initial)
     entry = number[automaton.initial :: size].astype(np.int64)
-    return ExplicitProduct(ExplicitEngine(model, f"{base.name} product"), model, entry, letter)  # type: ignore[arg-type]
+    return ExplicitProduct(over(model), model, entry, letter)
 
 
 def _entries(matrix: SparseMatrix) -> Int64s:

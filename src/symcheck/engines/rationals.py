@@ -1,4 +1,4 @@
-"""Values that are rational numbers: arrays of Fraction objects (infinities and NaN are floats)."""
+"""Values and matrices of rational numbers: arrays of Fraction objects (infinities and NaN are floats)."""
 
 from __future__ import annotations
 
@@ -12,15 +12,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines.arrays import ArraySet
+from symcheck.numerics.matrix import SparseMatrix
 from symcheck.records import dataclass, field
 from symcheck.semantics.evaluate import evaluate
 from symcheck.syntax.ast import Binary, Call, Name
 
-__all__ = ["RationalValues", "Rationals"]
+__all__ = ["RationalMatrix", "RationalValues", "Rationals"]
 
 Rationals = NDArray[np.object_]
 Rational = Any
 """A Fraction, or a float that is infinite or NaN."""
+
+
+@dataclass(frozen=True, eq=False)
+class RationalMatrix:
+    """Rows of rationals: row r has the entries `values[indptr[r]:indptr[r+1]]` at `shape.indices` alike.
+
+    `shape` has the same entries as doubles, and the groups of rows.
+    """
+
+    shape: SparseMatrix
+    values: Rationals = field(repr=False)
+
+    def row(self, r: int) -> list[tuple[int, Fraction]]:
+        """Columns and values of a row."""
+        i, j = int(self.shape.indptr[r]), int(self.shape.indptr[r + 1])
+        return list(zip(self.shape.indices[i:j].tolist(), self.values[i:j], strict=True))
+
+    def rows_of(self, state: int) -> range:
+        """The rows of a state."""
+        groups = self.shape.groups
+        return range(state, state + 1) if groups is None else range(int(groups[state]), int(groups[state + 1]))
+
+    def multiply(self, x: Rationals) -> Rationals:
+        """The product with a vector of rationals: a value per row (no row is empty)."""
+        return np.asarray(np.add.reduceat(self.values * x[self.shape.indices], self.shape.indptr[:-1]))
+
+    def scaled(self, factor: Rationals) -> RationalMatrix:
+        """The rows divided by a factor each."""
+        spread = np.repeat(factor, np.diff(self.shape.indptr))
+        values = self.values / spread
+        shape = self.shape
+        return RationalMatrix(SparseMatrix(shape.indptr, shape.indices, values.astype(np.float64), shape.columns, shape.groups), values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,7 +108,7 @@ class ImportedEngine(ExplicitEngine):
 
         So what was 1/3 when it was written is 1/3 again. Raises UnsupportedError where probabilities then do not sum to 1.
         """
-        from symcheck.engines.exact import ExactMatrix
+        from symcheck.engines.rationals import RationalMatrix
 
         m = self.matrix
         values = _rationals(m.data)
@@ -118,7 +118,7 @@ class ImportedEngine(ExplicitEngine):
         return _rational_engine()(
             replace(self.model, exact=True),
             tuple(explored.states),
-            ExactMatrix(m, values),
+            RationalMatrix(m, values),
             self.initial,
             self.deadlocks,
             tuple(map(_rationals, explored.state_rewards)),
