@@ -80,6 +80,14 @@ def _count(text: str) -> int:
     return int(text) if text.isdigit() else int(value)
 
 
+def _some(text: str) -> int:
+    """A whole number from 1."""
+    value = _count(text)
+    if not value:
+        raise argparse.ArgumentTypeError("0 is too few")
+    return value
+
+
 def _memory(text: str) -> int:
     """Bytes from PRISM's notation: 512m, 4g, 100k, or a plain number of kilobytes."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)b?", text.lower())
@@ -173,7 +181,7 @@ def _simulation(parser: _Parser) -> None:
     )  # fmt: skip
     parser.add("sim", action="store_true", help="estimate P and R properties from random paths; the model is not built")
     parser.add("simmethod", metavar="NAME", default="ci", help="ci (default), aci, apmc: intervals; sprt: a test, for thresholds")
-    parser.add("simsamples", metavar="N", type=_count, help="number of paths (default: 1000, or what -simwidth needs)")
+    parser.add("simsamples", metavar="N", type=_some, help="number of paths (default: 1000, or what -simwidth needs)")
     parser.add("simconf", metavar="X", type=_positive, help="probability that interval or verdict are wrong (default: 0.01)")
     parser.add("simwidth", metavar="W", type=_width, help="half the width of the interval; what sprt tells apart (default: 0.05)")
     parser.add("simapprox", metavar="W", type=_width, help="the same, by the name that it has for apmc")

@@ -196,7 +196,8 @@ def unknown(node: Name, table: Table, why: str | None = None) -> Diagnostic:
     if node.name in table.variables:
         return Diagnostic(f"{node.name} is a variable: {why}", node.span, "not-constant")
     known = (*table.constants, *table.formulas, *table.variables)
-    return Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", suggest(node.name, known))
+    hint = suggest(node.name, known) or f"a constant is declared: const int {node.name}; or const double {node.name};"
+    return Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
 
 
 class Names:
