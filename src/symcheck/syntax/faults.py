@@ -75,6 +75,27 @@ _SIGNS = {
     "\u200b": "nothing",
     "\ufeff": "nothing",
 }
+_OTHER_MODELS = {
+    "pta": "probabilistic timed automata",
+    "popta": "partially observable timed automata",
+    "pomdp": "partially observable decision processes",
+    "idtmc": "chains with intervals of probabilities",
+    "imdp": "decision processes with intervals of probabilities",
+    "ipomdp": "partially observable decision processes with intervals",
+    "smg": "stochastic games",
+    "tsg": "stochastic games",
+    "csg": "concurrent stochastic games",
+    "tptg": "timed games",
+    "lts": "transition systems without probabilities",
+    "ma": "Markov automata",
+}
+_OTHER_WORDS = {
+    "clock": "clocks belong to timed automata",
+    "invariant": "invariants belong to timed automata",
+    "observables": "observables belong to partially observable models",
+    "observable": "observables belong to partially observable models",
+    "player": "players belong to stochastic games",
+}
 _CLOSERS = {"(": ")", "[": "]", "{": "}"}
 _OPENERS = {close: opening for opening, close in _CLOSERS.items()}
 
@@ -83,11 +104,11 @@ def diagnose(fault: Fault, source: Source, grammar: Grammar, words: Words) -> Di
     """The diagnostic of one fault. `words` may have been mended since: only what stands before the fault is looked at."""
     text = source.text
     if fault.too_deep:
-        hint = "give parts of it names with formula … = …;"
-        return Diagnostic(f"nested more than {MAX_NESTING} levels deep", _span(source, fault.start, fault.end), "nesting", hint)
+        deep = f"nested more than {MAX_NESTING} levels deep"
+        return Diagnostic(deep, _span(source, fault.start, fault.end), "nesting", "give parts of it names with formula … = …;")
     expected = {grammar.terminals[k] for k in fault.expected}
     found = text[fault.start : fault.end]
-    special = _lexical(fault, source) or _mistake(fault, source, expected, words)
+    special = _other_model(fault, source, expected) or _lexical(fault, source) or _mistake(fault, source, expected, words)
     if special is not None:
         return special
     if fault.mended is not None:
@@ -146,6 +167,19 @@ def _named(terminal: str, kind: int, grammar: Grammar) -> bool:
 
 
 # ------------------------------------------------------------------------------------------------ typical mistakes
+
+
+def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
+    """Types of models that the language has elsewhere, and what only they have."""
+    word, span = source.text[fault.start : fault.end], _span(source, fault.start, fault.end)
+    hint = "dtmc, ctmc and mdp are"
+    if word in _OTHER_MODELS and (fault.kind == RESERVED or "MODULE" in expected):
+        return Diagnostic(f"models of type {word} ({_OTHER_MODELS[word]}) are not supported", span, "model-type", hint)
+    if word in _OTHER_WORDS and (fault.kind == RESERVED or "MODULE" in expected or "ENDMODULE" in expected):
+        return Diagnostic(f"{_OTHER_WORDS[word]}, which are not supported", span, "model-type", hint)
+    if word == "[" and "INTEGER" in expected and "," in source.text[fault.start :].split(";", 1)[0]:
+        return Diagnostic("intervals of probabilities are not supported", span, "model-type", "write one probability or rate")
+    return None
 
 
 def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
