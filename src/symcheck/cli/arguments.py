@@ -170,7 +170,7 @@ def _model(parser: _Parser) -> None:
     parser.add("noprobchecks", dest="check_sums", action="store_false", default=True, help="accept probabilities that do not sum to 1")
     parser.add("reduce", action="store_true", help="reset variables that nothing will read again: fewer states")
     parser.add("order", metavar="X,Y,…|force", help="variables from the top of the diagrams down, or an order to be looked for")
-    parser.add("cuddmaxmem", metavar="SIZE", type=_memory, help="memory of the diagrams at most, such as 4g")
+    parser.add("cuddmaxmem", metavar="SIZE", type=_memory, help="memory of diagrams, or of an explicit search, at most, such as 4g")
     parser.add("timeout", metavar="TIME", type=_seconds, help="time of the run at most, such as 90, 5m or 1h")
 
 
