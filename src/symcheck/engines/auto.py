@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from math import prod
 from time import perf_counter, process_time
 from typing import TYPE_CHECKING
@@ -23,11 +22,11 @@ from typing import TYPE_CHECKING
 from symcheck.engines.base import Engine
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 from symcheck.records import dataclass
+from symcheck.semantics.settings import BuildSettings
 from symcheck.syntax.ast import Call
 from symcheck.syntax.walk import names, nodes
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
     from symcheck.explicit.build import Exploration
     from symcheck.semantics.model import BoundModel
     from symcheck.symbolic.model import StateSpace, Transitions
@@ -63,7 +62,7 @@ class Choice:
 Observer = Callable[[object], None]
 
 
-def choose(model: BoundModel, options: Options, observer: Observer | None = None) -> Engine:
+def choose(model: BoundModel, options: BuildSettings, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that fits it; `observer` gets the Choice, besides what the builders tell.
 
     Raises ModelFault for a faulty model, and ResourceError.
@@ -107,7 +106,7 @@ class _Missed:
     hopeless: bool = False
 
 
-def _try_diagrams(model: BoundModel, options: Options, seconds: float, stretch: float) -> StateSpace | _Missed:
+def _try_diagrams(model: BoundModel, options: BuildSettings, seconds: float, stretch: float) -> StateSpace | _Missed:
     """The states as a diagram that compresses them, made within `seconds` times `stretch`."""
     try:
         space = _reach(model, options, seconds * stretch)
@@ -167,17 +166,18 @@ def _explicit(exploration: Exploration, observer: Observer | None, reason: str) 
     return ExplicitEngine(exploration.finish())
 
 
-def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateSpace:
+def _reach(model: BoundModel, options: BuildSettings, seconds: float | None) -> StateSpace:
     """The states as a diagram. Raises TimeLimitError after `seconds` (None: at the time limit of the options only).
 
     Within a limited turn, a model with updates that diagrams would have to learn state by state is left to the search:
     UnsupportedError says so.
     """
+    from symcheck.dd.manager import DiagramManager
     from symcheck.symbolic.build import build
     from symcheck.symbolic.reach import reach
 
     limit = options.time_limit if seconds is None else min(seconds, options.time_limit or seconds)
-    symbolic = build(model, replace(options, time_limit=limit))
+    symbolic = build(model, options, manager=DiagramManager(max_memory=options.max_memory, time_limit=limit))
     if seconds is not None and any(event.learned for event in symbolic.events):
         raise UnsupportedError(_TOO_MUCH)
     space = reach(symbolic, options)
@@ -185,7 +185,7 @@ def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateS
     return space
 
 
-def _symbolic(space: StateSpace, options: Options, observer: Observer | None, reason: str) -> Engine:
+def _symbolic(space: StateSpace, options: BuildSettings, observer: Observer | None, reason: str) -> Engine:
     from symcheck.engines.hybrid import HybridEngine
     from symcheck.engines.sparse import SparseEngine
     from symcheck.engines.written import written_out

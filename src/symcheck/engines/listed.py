@@ -18,6 +18,7 @@ from symcheck.engines.sparse import SparseEngine
 from symcheck.engines.written import WrittenEngine, stored_states
 from symcheck.explicit.model import ExplicitModel
 from symcheck.records import dataclass
+from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.listed import listed_rows
 from symcheck.symbolic.model import Deferred, StateSpace
@@ -26,7 +27,6 @@ from symcheck.symbolic.transitions import choice_numbers, transitions
 from symcheck.syntax.ast import Expression, ModelType
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
     from symcheck.dd.manager import Mtbdd
 
 __all__ = ["ListedEngine", "listed"]
@@ -45,7 +45,7 @@ class ListedEngine(WrittenEngine):
         return ExplicitEngine.where(self, expression)
 
 
-def listed(space: StateSpace, options: Options, name: str) -> ListedEngine | None:
+def listed(space: StateSpace, options: BuildSettings, name: str) -> ListedEngine | None:
     """An engine over listed rows, under the name `name`; None where diagrams are the better form, or rows cannot be listed.
 
     Raises ModelFault where a reachable state breaks a rule.
@@ -73,7 +73,7 @@ def listed(space: StateSpace, options: Options, name: str) -> ListedEngine | Non
     return ListedEngine(explored, name=f"{name} ({nodes:,} nodes for {space.count:,} states: rows are listed)", source=source)
 
 
-def _diagrams(space: StateSpace, options: Options) -> Diagrams:
+def _diagrams(space: StateSpace, options: BuildSettings) -> Diagrams:
     """What engines share; the matrix is made when somebody asks for it after all."""
     symbolic = space.symbolic
     numbers = choice_numbers(space) if symbolic.model.type is ModelType.DTMC else None
@@ -94,5 +94,5 @@ def _diagrams(space: StateSpace, options: Options) -> Diagrams:
     )
 
 
-def _matrix(space: StateSpace, options: Options) -> Mtbdd:
+def _matrix(space: StateSpace, options: BuildSettings) -> Mtbdd:
     return transitions(space, options).roots[0]

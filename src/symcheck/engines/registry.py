@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.settings import BuildSettings
 
 if TYPE_CHECKING:
     from symcheck.engines.symbolic import SymbolicEngine
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
 __all__ = ["BUILDERS", "BuildOptions", "build"]
 
 
-class BuildOptions(Protocol):
-    """What building a model needs to be told; the options of a check fit this protocol."""
+class BuildOptions(BuildSettings, Protocol):
+    """What building an engine needs to be told; the options of a check fit this protocol."""
 
     @property
     def engine(self) -> str:
@@ -26,26 +27,6 @@ class BuildOptions(Protocol):
     @property
     def exact(self) -> bool:
         """Whether arithmetic is rational."""
-        ...
-
-    @property
-    def fix_deadlocks(self) -> bool:
-        """Whether a deadlock gets a self-loop; else it is an error."""
-        ...
-
-    @property
-    def check_sums(self) -> bool:
-        """Whether probabilities must sum to 1."""
-        ...
-
-    @property
-    def max_memory(self) -> int | None:
-        """Memory limit of the diagram manager, in bytes."""
-        ...
-
-    @property
-    def time_limit(self) -> float | None:
-        """Time limit in seconds."""
         ...
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -31,11 +31,9 @@ from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.records import dataclass, field
 from symcheck.semantics import faults
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.settings import BuildSettings
 from symcheck.semantics.step import transitions
 from symcheck.syntax.ast import ModelType
-
-if TYPE_CHECKING:
-    from symcheck.check.options import Options
 
 __all__ = ["Exploration", "Observer", "Progress", "explore"]
 
@@ -82,7 +80,7 @@ class Exploration:
     """
 
     model: BoundModel
-    options: Options
+    options: BuildSettings
     seed: Rows | None = None
     canonical: Assignments = ()
     layout: Layout = field(init=False)
@@ -241,7 +239,7 @@ class Exploration:
 
 def explore(
     model: BoundModel,
-    options: Options,
+    options: BuildSettings,
     observer: Observer | None = None,
     seed: Rows | None = None,
     *,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.commands import encode_event
 from symcheck.symbolic.encode import encode
 from symcheck.symbolic.model import EncodedEvent, StateSpace, SymbolicModel, Transitions
@@ -15,7 +16,6 @@ from symcheck.symbolic.relations import group_relations
 from symcheck.symbolic.translate import Limits, Translator
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd, DiagramManager
 
 __all__ = ["Observer", "build", "construct", "explored", "initial_states"]
@@ -25,7 +25,7 @@ Observer = Callable[[object], None]
 
 def build(
     model: BoundModel,
-    options: Options,
+    options: BuildSettings,
     observer: Observer | None = None,
     *,
     order: Sequence[str] | None = None,
@@ -55,7 +55,9 @@ def build(
     return SymbolicModel(model, manager, encoding, translator, initial, tuple(events), group_relations(manager, encoding, events))
 
 
-def construct(model: BoundModel, options: Options, observer: Observer | None = None, *, order: Sequence[str] | None = None) -> Transitions:
+def construct(
+    model: BoundModel, options: BuildSettings, observer: Observer | None = None, *, order: Sequence[str] | None = None
+) -> Transitions:
     """Build, explore and make the matrices, in one call. `observer` gets events, iterations and the results between.
 
     Raises ModelFault for a model that breaks a rule at a reachable state, and what `build` raises.
@@ -65,7 +67,9 @@ def construct(model: BoundModel, options: Options, observer: Observer | None = N
     return transitions(explored(model, options, observer, order=order), options, observer)
 
 
-def explored(model: BoundModel, options: Options, observer: Observer | None = None, *, order: Sequence[str] | None = None) -> StateSpace:
+def explored(
+    model: BoundModel, options: BuildSettings, observer: Observer | None = None, *, order: Sequence[str] | None = None
+) -> StateSpace:
     """Build and explore: what `construct` does before the matrices are made."""
     space = reach(build(model, options, observer, order=order), options, observer)
     if observer is not None:

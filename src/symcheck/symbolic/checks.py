@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 from symcheck.errors import Diagnostic, InputError, ModelFault
 from symcheck.semantics import faults, step
+from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.commands import positive
 from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
 from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd
 
 __all__ = ["check_initial", "check_model"]
@@ -28,7 +28,7 @@ def check_initial(symbolic: SymbolicModel) -> None:
         raise ModelFault(faults.no_initial_state(symbolic.model.initial.span))
 
 
-def check_model(space: StateSpace, options: Options) -> None:
+def check_model(space: StateSpace, options: BuildSettings) -> None:
     """Raise ModelFault with what is wrong at reachable states, an example of each fault found."""
     found: dict[Diagnostic, None] = {}
     seen = space.symbolic.manager.false
@@ -43,7 +43,7 @@ def check_model(space: StateSpace, options: Options) -> None:
         raise ModelFault(*found)
 
 
-def _explain(space: StateSpace, states: Bdd, options: Options) -> tuple[Diagnostic, ...]:
+def _explain(space: StateSpace, states: Bdd, options: BuildSettings) -> tuple[Diagnostic, ...]:
     state = next(space.valuations(states, 1))
     try:
         step.choices(space.symbolic.model, state, check_sums=options.check_sums)
@@ -52,7 +52,7 @@ def _explain(space: StateSpace, states: Bdd, options: Options) -> tuple[Diagnost
     return ()
 
 
-def _violations(space: StateSpace, options: Options) -> Iterator[Bdd]:
+def _violations(space: StateSpace, options: BuildSettings) -> Iterator[Bdd]:
     """Non-empty sets of reachable states that break a rule, one per command and rule."""
     for event in space.symbolic.events:
         enabled = event.guard & space.states
@@ -71,7 +71,7 @@ def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
     return manager.conjunction([manager.disjunction(m) for m in moves])
 
 
-def _command_violations(space: StateSpace, command: EncodedCommand, where: Bdd, happens: Bdd, options: Options) -> Iterator[Bdd]:
+def _command_violations(space: StateSpace, command: EncodedCommand, where: Bdd, happens: Bdd, options: BuildSettings) -> Iterator[Bdd]:
     translator = space.symbolic.translator
     for update in command.updates:
         if isinstance(update.probability, float):

@@ -8,6 +8,8 @@ Schedules (`schedule` of `search`):
 - `saturation`: node by node: the set under a node is closed under what does not change the variables above it, before
   anything above is applied again (Ciardo, Lüttgen & Siminiscalco 2001; see `DiagramManager.closure`). One step, best nearly
   always.
+- `ticks`: where a clock changes nearly every variable. What a tick finds is closed under all else by saturation (`symbolic/ticks.py`).
+- `turns`: saturation and ticks in turn, until one of them ends.
 """
 
 from __future__ import annotations
@@ -18,13 +20,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from symcheck.records import dataclass
+from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.checks import check_initial
 from symcheck.symbolic.commands import encode_event, knowledge
 from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
 from symcheck.symbolic.relations import group_relations
+from symcheck.symbolic.ticks import advance, begin, clocks, turns
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd, Closure
 
 __all__ = ["SCHEDULES", "Found", "reach", "search"]
@@ -32,16 +35,20 @@ __all__ = ["SCHEDULES", "Found", "reach", "search"]
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What the search knows after an iteration: states, those found last, and the model as far as it is learned."""
+    """What the search knows after an iteration: states, those found last, and the model as far as it is learned.
+
+    `schedule`: how they were found, which of several says where they take turns.
+    """
 
     symbolic: SymbolicModel
     states: Bdd
     frontier: Bdd
     iteration: Iteration
+    schedule: str
 
 
 def reach(
-    symbolic: SymbolicModel, options: Options, observer: Callable[[object], None] | None = None, *, schedule: str | None = None
+    symbolic: SymbolicModel, options: BuildSettings, observer: Callable[[object], None] | None = None, *, schedule: str | None = None
 ) -> StateSpace:
     """All reachable states, and those of them that have no transition (deadlocks).
 
@@ -55,7 +62,7 @@ def reach(
     schedule = schedule or choose_schedule(symbolic)
     iterations: list[Iteration] = []
     for found in search(symbolic, schedule, counting=observer is not None):
-        complete, states = found.symbolic, found.states
+        complete, states, schedule = found.symbolic, found.states, found.schedule
         iterations.append(found.iteration)
         if observer is not None:
             observer(found.iteration)
@@ -72,10 +79,12 @@ def enabled(symbolic: SymbolicModel) -> Bdd:
 def choose_schedule(symbolic: SymbolicModel) -> str:
     """A schedule by the model's structure: saturation, unless relations are to be learned on the way.
 
-    Measured on the PRISM benchmark suite: saturation wins by 3 to 300 times nearly everywhere; where a global clock drives
-    everything and diagrams grow large (csma), frontier takes between half and as much.
+    Measured on the PRISM benchmark suite: saturation wins by 3 to 300 times nearly everywhere. Where there is something like
+    a clock, it may lose by as much (csma), or win all the same (firewire_impl_dl): it takes turns with ticks.
     """
-    return "frontier" if learns(symbolic) else "saturation"
+    if learns(symbolic):
+        return "frontier"
+    return "turns" if clocks(symbolic) else "saturation"
 
 
 def search(symbolic: SymbolicModel, schedule: str = "frontier", *, counting: bool = True) -> Iterator[Found]:
@@ -87,12 +96,9 @@ def search(symbolic: SymbolicModel, schedule: str = "frontier", *, counting: boo
         raise ValueError(f"unknown schedule {schedule}: one of {', '.join(SCHEDULES)}")
     if schedule != "frontier" and learns(symbolic):
         raise ValueError(f"schedule {schedule} cannot learn relations on the way: use frontier")
-    before = symbolic.manager.false
     started = time.perf_counter()
-    for number, (model, states) in enumerate(SCHEDULES[schedule](symbolic)):
-        frontier = states - before
-        yield Found(model, states, frontier, _measure(model, number, states, frontier, started, counting))
-        before = states
+    for number, (model, states, frontier, how) in enumerate(SCHEDULES[schedule](symbolic)):
+        yield Found(model, states, frontier, _measure(model, number, states, frontier, started, counting), how)
 
 
 def _measure(symbolic: SymbolicModel, number: int, states: Bdd, frontier: Bdd, started: float, counting: bool) -> Iteration:
@@ -105,40 +111,63 @@ def _measure(symbolic: SymbolicModel, number: int, states: Bdd, frontier: Bdd, s
 
 # ------------------------------------------------------------------------------------------------ schedules
 
-Progress = Iterator[tuple[SymbolicModel, "Bdd"]]
+Progress = Iterator[tuple[SymbolicModel, "Bdd", "Bdd", str]]
+"""The model as far as it is learned, states found so far, those of them that are new, and how they were found."""
 
 
 def _by_frontier(symbolic: SymbolicModel) -> Progress:
     states = frontier = symbolic.initial
-    yield symbolic, states
+    yield symbolic, states, frontier, "frontier"
     while frontier:
         symbolic = learn(symbolic, frontier)
         frontier = symbolic.successors(frontier) - states
         states = states | frontier
         if frontier:
-            yield symbolic, states
-    yield symbolic, states  # with what the last frontier taught
+            yield symbolic, states, frontier, "frontier"
+    yield symbolic, states, frontier, "frontier"  # with what the last frontier taught
 
 
 def _by_chaining(symbolic: SymbolicModel) -> Progress:
     states, before = symbolic.initial, symbolic.manager.false
     while states != before:
-        yield symbolic, states
+        yield symbolic, states, states - before, "chaining"
         before = states
         for relation in symbolic.relations:
             states = states | relation.image(states)
-    yield symbolic, states
+    yield symbolic, states, symbolic.manager.false, "chaining"
 
 
 def _by_saturation(symbolic: SymbolicModel) -> Progress:
     from symcheck.dd.closing import close
 
-    yield symbolic, symbolic.initial
+    yield symbolic, symbolic.initial, symbolic.initial, "saturation"
     states = close(closure(symbolic), symbolic.initial)
     if states is None:
         yield from _by_chaining(symbolic)
     else:
-        yield symbolic, states
+        yield symbolic, states, states - symbolic.initial, "saturation"
+
+
+def _by_ticks(symbolic: SymbolicModel) -> Progress:
+    yield symbolic, symbolic.initial, symbolic.initial, "ticks"
+    front = begin(symbolic)
+    while not front.done:
+        following = advance(symbolic, front)
+        if following is None:
+            yield from _by_chaining(symbolic)
+            return
+        front = following
+        yield symbolic, front.states, front.frontier - symbolic.initial, "ticks"
+
+
+def _by_turns(symbolic: SymbolicModel) -> Progress:
+    yield symbolic, symbolic.initial, symbolic.initial, "saturation"
+    found = False
+    for step in turns(symbolic, closure(symbolic)):
+        found = step.complete
+        yield symbolic, step.states, step.frontier, step.schedule
+    if not found:
+        yield from _by_chaining(symbolic)
 
 
 def closure(symbolic: SymbolicModel, *, forward: bool = True) -> Closure:
@@ -150,6 +179,8 @@ SCHEDULES: dict[str, Callable[[SymbolicModel], Progress]] = {
     "frontier": _by_frontier,
     "chaining": _by_chaining,
     "saturation": _by_saturation,
+    "ticks": _by_ticks,
+    "turns": _by_turns,
 }
 
 

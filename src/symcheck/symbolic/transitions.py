@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.commands import frame, touched_by
 from symcheck.symbolic.model import ChoiceSlot, EncodedCommand, EncodedEvent, StateSpace, SymbolicModel, Transitions
@@ -19,13 +20,12 @@ from symcheck.symbolic.slots import choice_slots
 from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd, Mtbdd
 
 __all__ = ["choice_numbers", "full_matrix", "participant_matrix", "transitions"]
 
 
-def transitions(space: StateSpace, options: Options, observer: Callable[[object], None] | None = None) -> Transitions:
+def transitions(space: StateSpace, options: BuildSettings, observer: Callable[[object], None] | None = None) -> Transitions:
     """The matrices, rewards and choices of a model, on its reachable states.
 
     Raises ModelFault where a reachable state breaks a rule: probabilities that do not sum to 1 (unless
