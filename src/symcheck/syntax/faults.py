@@ -75,6 +75,7 @@ _SIGNS = {
     "\u200b": "nothing",
     "\ufeff": "nothing",
 }
+_MODEL_WORDS = frozenset({"dtmc", "ctmc", "mdp", "module", "endmodule", "probabilistic", "stochastic", "nondeterministic"})
 _OTHER_MODELS = {
     "pta": "probabilistic timed automata",
     "popta": "partially observable timed automata",
@@ -108,6 +109,9 @@ def diagnose(fault: Fault, source: Source, grammar: Grammar, words: Words) -> Di
         return Diagnostic(deep, _span(source, fault.start, fault.end), "nesting", "give parts of it names with formula … = …;")
     expected = {grammar.terminals[k] for k in fault.expected}
     found = text[fault.start : fault.end]
+    if found in _MODEL_WORDS and "ENDMODULE" not in grammar.terminals:
+        hint = "a run has one model: symcheck MODEL PROPERTIES"
+        return Diagnostic("this is a part of a model, where properties are expected", _span(source, fault.start, fault.end), "model", hint)
     special = _other_model(fault, source, expected) or _lexical(fault, source) or _mistake(fault, source, expected, words)
     if special is not None:
         return special
