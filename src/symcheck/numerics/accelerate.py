@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from symcheck.kernels.accelerate import Candidate
-from symcheck.kernels.solve import Block
+from symcheck.kernels.sweeps import Block
 from symcheck.numerics.block import Bounds, LocalSystem, proper
 from symcheck.numerics.matrix import Floats
 from symcheck.numerics.problem import Observer, Step

@@ -15,7 +15,8 @@ import numpy as np
 from symcheck.kernels import sparse, stationary
 from symcheck.kernels.checks import certify
 from symcheck.kernels.eliminate import Elimination
-from symcheck.kernels.solve import Block, System
+from symcheck.kernels.solve import System
+from symcheck.kernels.sweeps import Block
 from symcheck.numerics import graph
 from symcheck.numerics.krylov import bicgstab
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix

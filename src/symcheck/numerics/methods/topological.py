@@ -15,7 +15,8 @@ import numpy as np
 
 from symcheck.kernels import sparse
 from symcheck.kernels.checks import levels
-from symcheck.kernels.solve import Block, System
+from symcheck.kernels.solve import System
+from symcheck.kernels.sweeps import Block
 from symcheck.numerics import graph
 from symcheck.numerics.accelerate import accelerated
 from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct, solve_krylov
