@@ -241,6 +241,8 @@ def _shared(job: Job, engine: Engine, questions: Sequence[Question], options: Op
     shared = common(engine, bound, options)
     if shared is not None:
         job.report.line(f"Bisimulation: {shared}")
+    else:
+        job.report.detail("Bisimulation: no quotient that is common to the properties is half as large as the model; each gets its own")
     return shared
 
 
