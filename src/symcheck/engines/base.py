@@ -13,14 +13,11 @@ from math import inf, nextafter
 from typing import Any, Protocol
 
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.numerics.settings import ROUNDING
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
 
 __all__ = ["ROUNDING", "Engine", "Graph", "OwnSet", "OwnValues", "StateSet", "System", "Values", "bracket"]
-
-ROUNDING = 1e-12
-"""Relative error that is allowed for in a value that is 'exact up to rounding' when it is compared with a threshold."""
-
 
 def bracket(threshold: float | Fraction) -> tuple[float, float]:
     """The largest double not above the threshold and the smallest not below it (equal where it is a double).

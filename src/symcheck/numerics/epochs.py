@@ -21,7 +21,7 @@ from symcheck.numerics import graph
 from symcheck.numerics.epoch_layer import Epochs, Layer, layer_of, spans
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Observer, Step
-from symcheck.numerics.settings import Settings
+from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.records import dataclass
 
 __all__ = ["Found", "solve_epochs", "unfold"]
@@ -157,10 +157,8 @@ def _unbounded(problem: Epochs, settings: Settings) -> tuple[Floats, Floats]:
         weights = _weights(problem.matrix, rows, yes)
         leave = _weights(problem.matrix, rows, ~unknown)
         found = solve_linear(LinearProblem(weights, part, None, leave, problem.direction, True), settings)
-        low[unknown], high[unknown] = found.lower, found.upper
-        if found.exact:
-            slip = 1e-12
-            low[unknown], high[unknown] = found.lower * (1 - slip), np.minimum(found.upper * (1 + slip), 1.0)
+        slip = ROUNDING if found.exact else 0.0
+        low[unknown], high[unknown] = found.lower * (1 - slip), np.minimum(found.upper * (1 + slip), 1.0)
     return low, high
 
 

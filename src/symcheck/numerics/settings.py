@@ -6,7 +6,10 @@ from typing import Protocol
 
 from symcheck.records import dataclass
 
-__all__ = ["Accuracy", "Settings"]
+__all__ = ["ROUNDING", "Accuracy", "Settings"]
+
+ROUNDING = 1e-12
+"""Relative error that is allowed for in a value that is 'exact up to rounding', wherever something is concluded from it."""
 
 
 class Settings(Protocol):
