@@ -19,6 +19,7 @@ from symcheck.syntax.ast import Expression, Type
 
 __all__ = ["ROUNDING", "Engine", "Graph", "OwnSet", "OwnValues", "StateSet", "System", "Values", "bracket"]
 
+
 def bracket(threshold: float | Fraction) -> tuple[float, float]:
     """The largest double not above the threshold and the smallest not below it (equal where it is a double).
 

@@ -131,8 +131,9 @@ class LinearProblem:
 class Solution:
     """Bounds on the solution, float64[n] each.
 
-    exact: they differ, from each other and from the truth, by rounding only: by less than ROUNDING. certified: proved to be bounds; else both are the same estimate. strategy: a row per
-    state (-1: any) that attains `lower` ('max') or `upper` ('min'). explanation: a line on how it was found.
+    exact: they differ, from each other and from the truth, by rounding only: by less than ROUNDING. certified: proved to be
+    bounds; else both are the same estimate. strategy: a row per state (-1: any) that attains `lower` ('max') or `upper`
+    ('min'). explanation: a line on how it was found.
     """
 
     lower: Floats
