@@ -16,7 +16,7 @@ from checking import check_text, engine_of
 from generate import random_model
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import InputError, UsageError
-from symcheck.exchange.strategies import strategy_target, write_strategy
+from symcheck.exchange.strategies import StrategyTarget, strategy_target, strategy_texts, write_strategy
 from symcheck.syntax.ast import ModelType
 
 SLOW = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
@@ -148,7 +148,7 @@ def test_files():
 
     assert written("actions") == "(0):go\n(1):out\n(2):\n(3):\n"
     assert written("indices").splitlines()[:2] == [f"0:{strategy.rows[0]}", f"1:{strategy.rows[1] - 2}"]
-    assert written("induced") == "4 5\n0 1 1.0 go\n1 2 0.5 out\n1 3 0.5 out\n2 2 1.0\n3 3 1.0\n"
+    assert written("induced") == "4 5\n0 1 1 go\n1 2 0.5 out\n1 3 0.5 out\n2 2 1\n3 3 1\n"
     assert written("dot").startswith("digraph")
     assert '1 -> 3 [label="0.5 : out"];' in written("dot")
     least = check_text(engine_of(ROUND), "Pmin=? [ F s=2 ]", strategy=True).strategy
@@ -156,13 +156,20 @@ def test_files():
     write_strategy(least, out)
     assert "(2)" not in out.getvalue()
     assert np.array_equal(least.reachable[2:], [False, False])
+    restricted = "".join(strategy_texts(strategy, StrategyTarget("", "induced", restrict=True)))
+    assert restricted == "4 4 5\n0 0 1 1 go\n1 0 2 0.5 out\n1 0 3 0.5 out\n2 0 2 1\n3 0 3 1\n"
+    numbers = "".join(strategy_texts(least, StrategyTarget("", states=False, reach=True)))
+    assert numbers.splitlines() == [f"{s}:{least.actions[s]}" for s in (0, 1)]
+    drawn = "".join(strategy_texts(strategy, StrategyTarget("", "dot", restrict=True, states=False)))
+    assert '1 [label="1"];\n1 -> n1 [label="out",arrowhead="none"];' in drawn
+    assert 'n1 -> 3 [label="0.5"];' in drawn
 
 
 def test_targets():
-    assert strategy_target("a.txt") == ("a.txt", "actions", True)
-    assert strategy_target("a.tra") == ("a.tra", "induced", True)
-    assert strategy_target("x:y.dot") == ("x:y.dot", "dot", True)
-    assert strategy_target("a:type=induced,reach=false") == ("a", "induced", False)
+    assert strategy_target("a.txt") == StrategyTarget("a.txt")
+    assert strategy_target("a.tra") == StrategyTarget("a.tra", "induced")
+    assert strategy_target("x:y.dot") == StrategyTarget("x:y.dot", "dot", reach=True)
+    assert strategy_target("a:type=induced,mode=restrict,states=false") == StrategyTarget("a", "induced", restrict=True, states=False)
     with pytest.raises(UsageError):
         strategy_target("a:type=other")
 

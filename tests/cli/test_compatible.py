@@ -89,7 +89,10 @@ def test_a_value_may_look_like_a_switch():
 def test_a_strategy_is_an_adversary(queue, capsys):
     (queue / "m.nm").write_text("mdp module m x:[0..2]; [a] x=0 -> (x'=1); [b] x=0 -> (x'=2); endmodule")
     assert run(capsys, "m.nm", "-pf", "Pmax=? [ F x=2 ]", "-exportadv", "adv.tra")[0] == 0
-    assert (queue / "adv.tra").read_text() == "3 2\n0 2 1.0 b\n2 2 1.0\n"
+    assert (queue / "adv.tra").read_text() == "3 3\n0 2 1 b\n1 1 1\n2 2 1\n"
+    assert run(capsys, "m.nm", "-pf", "Pmax=? [ F x=2 ]", "-exportadvmdp", "adv.tra")[0] == 0
+    assert (queue / "adv.tra").read_text() == "3 3 3\n0 0 2 1 b\n1 0 1 1\n2 0 2 1\n"
+    assert run(capsys, "-importtrans", "adv.tra", "-mdp")[0] == 0
 
 
 def test_another_folder(queue, capsys, monkeypatch):

@@ -151,3 +151,9 @@ def test_targets(argument, expected):
 def test_targets_that_are_no_targets(argument):
     with pytest.raises(UsageError, match="hint: "):
         parse_target(argument, "model.pm")
+
+
+def test_matlab_is_told_by_the_ending_and_by_the_format():
+    assert [(t.kind, t.path, t.options.matlab) for t in parse_target("out.m", "x.pm")] == [("tra", "out.m", True)]
+    assert [(t.kind, t.path, t.options.matlab) for t in parse_target("stdout:format=matlab", "x.pm")] == [("tra", "stdout", True)]
+    assert [t.kind for t in parse_target("out.tra,sta:matlab", "x.pm")] == ["tra", "sta"]

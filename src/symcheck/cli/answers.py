@@ -124,11 +124,11 @@ def _write_strategy(job: Job, outcome: Result, varying: Values) -> None:
     from symcheck.exchange.strategies import strategy_target, strategy_texts
     from symcheck.exchange.text import write_text
 
-    path, kind, reach = strategy_target(job.arguments.exportstrat)
-    path = own_file(path, varying)
-    write_text(path, strategy_texts(outcome.strategy, kind, reach=reach), job.report.out)
+    target = strategy_target(job.arguments.exportstrat)
+    path = own_file(target.path, varying)
+    write_text(path, strategy_texts(outcome.strategy, target), job.report.out)
     if path != "stdout":
-        job.report.line(f'Strategy written to "{path}" ({kind})')
+        job.report.line(f'Strategy written to "{path}" ({target.kind})')
 
 
 def _write_vector(job: Job, outcome: Result, path: str) -> None:

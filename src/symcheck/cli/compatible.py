@@ -38,7 +38,6 @@ _REFUSED: Mapping[str, str] = {
     "exportunordered": "what is written is always in the order of rows",
     "exportiterations": "iterates are not written; the library hands each to an observer",
     "importresults": "results are not read; -exportresults writes them",
-    "exportadvmdp": "write -exportadv FILE (the chain that the strategy induces) or -exportstrat FILE",
     "exportprodtrans": "products with automata are not written",
     "exportprodstates": "products with automata are not written",
     "exportprodvector": "products with automata are not written",
@@ -79,8 +78,9 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             count, why = _WITHOUT_EFFECT[plain]
             rest.following(count)
             without[f"-{plain}"] = why
-        elif name == "exportadv":
-            kept += ["-exportstrat", *(f"{path}:type=induced" for path in rest.following(1))]
+        elif name in ("exportadv", "exportadvmdp"):
+            mode = "reduce" if name == "exportadv" else "restrict"
+            kept += ["-exportstrat", *(f"{path}:type=induced,mode={mode}" for path in rest.following(1))]
         elif name == "dir":
             folder = rest.take()
         elif name in _REFUSED:

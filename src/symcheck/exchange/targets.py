@@ -58,6 +58,10 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
     base, dotted, listed = names.rpartition(".")
     if layout in ("dot", "drn", "umb"):
         return [Target(layout, names, options)]
+    if listed == "m":
+        options = replace(options, matlab=True)
+    if options.matlab and (not dotted or (listed not in (*EXTENSIONS, "all", "rew") and "," not in listed)):
+        return [Target("tra", names, options)]
     known = f"\n  hint: known are .{', .'.join((*EXTENSIONS, 'rew', 'all'))}"
     if not dotted:
         raise UsageError(f"-exportmodel: '{argument}' has no ending that tells what to write{known}")
