@@ -7,8 +7,8 @@ of 66 million states are a diagram of some 30 000 nodes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -16,7 +16,17 @@ from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.diagrams import Diagrams
-from symcheck.engines.symbolic_sets import FEW_LEAVES, MANY_STATES, Piece, SymbolicSet, SymbolicValues, array_piece, constant_piece, merged
+from symcheck.engines.symbolic_sets import (
+    FEW_LEAVES,
+    MANY_STATES,
+    LazyValues,
+    Piece,
+    SymbolicSet,
+    SymbolicValues,
+    array_piece,
+    constant_piece,
+    merged,
+)
 from symcheck.numerics.matrix import Floats
 from symcheck.records import dataclass
 
@@ -63,7 +73,7 @@ def solve_acyclic(
             return None
     # A sum over the column bits is a tree of that depth.
     error = 1.01 * len(levels) * (len(d.columns) + 4) * 2.0**-53
-    return Acyclic(_Values(d, x, states.bdd, error, rest), len(levels), error)
+    return Acyclic(_Values(d, partial(_pieces, d, x, states.bdd, error, rest)), len(levels), error)
 
 
 def _levels(d: Diagrams, relation: Bdd, states: Bdd, allowed: int, budget: int) -> list[Bdd] | None:
@@ -90,51 +100,39 @@ def _constant(d: Diagrams, states: Bdd, target: SymbolicSet | None, reward: int 
     return found if found.minimum_leaf >= 0.0 and found.maximum_leaf < np.inf else None
 
 
-class _Values(SymbolicValues):
-    """A function of the row bits on some states, up to a relative error, and constants elsewhere.
+class _Values(LazyValues):
+    """Values that a function makes on any set of states: to know that of the initial state, nobody needs those of all."""
 
-    Pieces are made when they are asked for: to know the value of the initial state, nobody needs those of all.
-    """
-
-    def __init__(self, d: Diagrams, function: Mtbdd, on: Bdd, error: float, rest: Sequence[tuple[SymbolicSet, float]]) -> None:
-        own = {"diagrams": d, "_function": function, "_on": on, "_error": error, "_rest": rest}
-        self.__dict__.update(own)
-
-    @property
-    def _own(self) -> tuple[Mtbdd, Bdd, float, Sequence[tuple[SymbolicSet, float]]]:
-        d = self.__dict__
-        return d["_function"], d["_on"], d["_error"], d["_rest"]
+    def __init__(self, d: Diagrams, make: Callable[[Bdd], tuple[Piece, ...]]) -> None:
+        super().__init__(d, partial(make, d.states))
+        vars(self)["_make_on"] = make
 
     @cached_property
     def exact(self) -> bool:
         """Whether lower and upper are the same everywhere: they are not."""
         return False
 
-    @cached_property
-    def pieces(self) -> tuple[Piece, ...]:
-        """All values."""
-        return tuple(self._pieces(self.diagrams.states))
-
     def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, ArrayValues]]:
-        for piece in self._pieces(states.bdd):
+        for piece in vars(self)["_make_on"](states.bdd):
             yield piece.states, piece.values
 
-    def _pieces(self, states: Bdd) -> tuple[Piece, ...]:
-        """The values on a set."""
-        d = self.diagrams
-        function, on, error, rest = self._own
-        pieces = []
-        left = states - on
-        for set_, value in reversed(rest):  # the last of two that overlap counts
-            if set_.bdd & left:
-                pieces.append(constant_piece(set_.bdd & left, value))
-                left = left - set_.bdd
-        if left:
-            pieces.append(constant_piece(left, 0.0))
-        here = states & on
-        if here:
-            pieces.extend(_spread_out(d, function.times_bdd(here), here, error))
-        return merged(d, pieces)
+
+def _pieces(
+    d: Diagrams, function: Mtbdd, on: Bdd, error: float, rest: Sequence[tuple[SymbolicSet, float]], states: Bdd
+) -> tuple[Piece, ...]:
+    """Of `states`: the function of the row bits `on` some, up to a relative error; constants on the `rest`, 0 elsewhere."""
+    pieces = []
+    left = states - on
+    for set_, value in reversed(rest):  # the last of two that overlap counts
+        if set_.bdd & left:
+            pieces.append(constant_piece(set_.bdd & left, value))
+            left = left - set_.bdd
+    if left:
+        pieces.append(constant_piece(left, 0.0))
+    here = states & on
+    if here:
+        pieces.extend(_spread_out(d, function.times_bdd(here), here, error))
+    return merged(d, pieces)
 
 
 def _spread_out(d: Diagrams, function: Mtbdd, states: Bdd, error: float) -> Iterator[Piece]:

@@ -10,7 +10,7 @@ the quotient has them rounded to doubles only.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from math import frexp
 from time import perf_counter, process_time
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ from symcheck.dd.export import NodeTable
 from symcheck.dd.odd import levels_of
 from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.diagrams import Diagrams
-from symcheck.engines.symbolic_sets import FEW_LEAVES, MANY_STATES, Piece, SymbolicSet, SymbolicValues, picked
+from symcheck.engines.symbolic_sets import FEW_LEAVES, MANY_STATES, LazyValues, Piece, SymbolicSet, SymbolicValues, picked
 from symcheck.errors import UnsupportedError
 from symcheck.kernels.partition import Partition, largest_sum
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
@@ -87,8 +87,25 @@ class LumpedDiagrams:
         return manager.import_mtbdd(NodeTable(bottom, level, low, high, leaves, np.array([root], np.int32)))[0]
 
     def lift(self, values: ArrayValues) -> SymbolicValues:
-        """Values of blocks as values of states, made when they are asked for."""
-        return _Lifted(self, values)
+        """Values of blocks as values of states, made when they are asked for.
+
+        Then UnsupportedError is raised where there are too many states, and too many different values.
+        """
+        return LazyValues(self.diagrams, partial(self._pieces, values))
+
+    def _pieces(self, values: ArrayValues) -> tuple[Piece, ...]:
+        """Constants on sets of states, or an array over all states."""
+        d = self.diagrams
+        columns = [values.lower, values.upper]
+        if values.computed is not None:
+            columns.append(values.computed.astype(np.float64))
+        _, first, kind = np.unique(np.column_stack(columns), axis=0, return_index=True, return_inverse=True)
+        if len(first) > FEW_LEAVES and d.count <= MANY_STATES:
+            return (Piece(d.states, picked(values, self.block_of_states()), d.odd),)
+        if len(first) > MANY_PIECES:
+            raise UnsupportedError(f"{len(first):,} different values on {d.count:,} states are too many to be told state by state")
+        function = self.function((kind.reshape(-1) + 1).astype(np.float64))
+        return tuple(Piece(function.equal(i + 1.0), picked(values, first[i : i + 1]), None) for i in range(len(first)))
 
     def lift_set(self, blocks: Bools) -> SymbolicSet:
         """A set of blocks (bool[blocks]) as a set of states."""
@@ -112,35 +129,6 @@ class LumpedDiagrams:
         number = np.zeros(self.blocks + 1, np.int64)
         number[self._order] = np.arange(self.blocks)
         return np.sort(number[found])
-
-
-class _Lifted(SymbolicValues):
-    """Values of blocks as values of states: pieces are made on first use, for a result is often wanted at one state only."""
-
-    def __init__(self, lumped: LumpedDiagrams, values: ArrayValues) -> None:
-        object.__setattr__(self, "diagrams", lumped.diagrams)
-        object.__setattr__(self, "_lumped", lumped)
-        object.__setattr__(self, "_values", values)
-
-    @cached_property
-    def pieces(self) -> tuple[Piece, ...]:
-        """Constants on sets of states, or an array over all states.
-
-        Raises UnsupportedError where there are too many of both.
-        """
-        lumped: LumpedDiagrams = self.__dict__["_lumped"]
-        values: ArrayValues = self.__dict__["_values"]
-        d = self.diagrams
-        columns = [values.lower, values.upper]
-        if values.computed is not None:
-            columns.append(values.computed.astype(np.float64))
-        _, first, kind = np.unique(np.column_stack(columns), axis=0, return_index=True, return_inverse=True)
-        if len(first) > FEW_LEAVES and d.count <= MANY_STATES:
-            return (Piece(d.states, picked(values, lumped.block_of_states()), d.odd),)
-        if len(first) > MANY_PIECES:
-            raise UnsupportedError(f"{len(first):,} different values on {d.count:,} states are too many to be told state by state")
-        function = lumped.function((kind.reshape(-1) + 1).astype(np.float64))
-        return tuple(Piece(function.equal(i + 1.0), picked(values, first[i : i + 1]), None) for i in range(len(first)))
 
 
 def lump_diagrams(

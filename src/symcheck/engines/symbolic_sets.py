@@ -7,7 +7,7 @@ only the states between need an array, numbered by an ODD of their own. What is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import cached_property
 
@@ -20,7 +20,19 @@ from symcheck.engines.diagrams import Diagrams
 from symcheck.numerics.matrix import Bools, Floats, Int64s
 from symcheck.records import dataclass, field
 
-__all__ = ["Piece", "SymbolicSet", "SymbolicValues", "values_of"]
+__all__ = [
+    "FEW_LEAVES",
+    "MANY_STATES",
+    "LazyValues",
+    "Piece",
+    "SymbolicSet",
+    "SymbolicValues",
+    "array_piece",
+    "constant_piece",
+    "merged",
+    "picked",
+    "values_of",
+]
 
 FEW_LEAVES = 256
 """A function with at most so many values is stored as constants on sets."""
@@ -233,6 +245,19 @@ class SymbolicValues:
     def _piece(self, states: Bdd, values: ArrayValues) -> Piece:
         odd = Odd(self.diagrams.manager, states, self.diagrams.rows)
         return Piece(states, values, odd if len(values.lower) == odd.count else None)
+
+
+class LazyValues(SymbolicValues):
+    """Values whose pieces are made on first use: a result is often wanted at one state only."""
+
+    def __init__(self, diagrams: Diagrams, make: Callable[[], tuple[Piece, ...]]) -> None:
+        vars(self).update(diagrams=diagrams, _make=make)
+
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """All values. Raises what making them raises."""
+        make: Callable[[], tuple[Piece, ...]] = vars(self)["_make"]
+        return make()
 
 
 def merged(diagrams: Diagrams, pieces: Iterable[Piece]) -> tuple[Piece, ...]:
