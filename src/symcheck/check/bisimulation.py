@@ -129,13 +129,8 @@ def _condition(context: Context, smaller: Quotient, condition: Expression) -> St
 def _listed(
     context: Context, engine: ExplicitEngine, observed: Observed, make: Callable[..., ListedQuotient], **more: Any
 ) -> ListedQuotient:
-    colours: list[Any] = [engine.initial.members for name in observed.names if name == "init"]
-    colours += [engine.deadlocks.members for name in observed.names if name == "deadlock"]
-    for part in observed.expressions.values():
-        if _is_set(context, part):
-            colours.append(satisfying(replace(context, engine=engine), part, engine.all).members)  # type: ignore[attr-defined]
-        else:
-            colours.append(engine.values(part, context.type(part)).lower)
+    sets, values = _apart(context, engine, observed)
+    colours: list[Any] = [*(s.members for s in sets), *(engine.values(part, context.type(part)).lower for part in values)]
     rewards = [engine.rewards(i) for i in sorted(observed.structures)]
     colours += [states for states, _ in rewards]
     return make(engine, lump(engine.matrix, colours, [rows for _, rows in rewards]), **more)
@@ -157,17 +152,27 @@ def _on_diagrams(context: Context, engine: SymbolicEngine, observed: Observed) -
 def _lumped(context: Context, engine: SymbolicEngine, observed: Observed, most: int | None) -> LumpedDiagrams:
     from symcheck.engines.symbolic_lump import lump_diagrams
 
-    colours: list[Any] = [engine.initial.bdd for name in observed.names if name == "init"]
-    colours += [engine.deadlocks.bdd for name in observed.names if name == "deadlock"]
-    for part in observed.expressions.values():
-        if _is_set(context, part):
-            colours.append(satisfying(replace(context, engine=engine), part, engine.all).bdd)  # type: ignore[attr-defined]
-        else:
-            colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
+    sets, values = _apart(context, engine, observed)
+    colours: list[Any] = [s.bdd for s in sets]
+    for part in values:
+        colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
     patience = _PATIENCE if most is not None else _LONG_PATIENCE
     limit = context.options.time_limit
     seconds = patience if limit is None else min(limit, patience)
     return lump_diagrams(engine.diagrams, colours, sorted(observed.structures), most=most, seconds=seconds)
+
+
+def _apart(context: Context, engine: Engine, observed: Observed) -> tuple[list[Any], list[Expression]]:
+    """What tells states apart: sets of the engine, and expressions for numbers."""
+    sets: list[Any] = [engine.initial] if "init" in observed.names else []
+    sets += [engine.deadlocks] if "deadlock" in observed.names else []
+    values = []
+    for part in observed.expressions.values():
+        if _is_set(context, part):
+            sets.append(satisfying(replace(context, engine=engine), part, engine.all))
+        else:
+            values.append(part)
+    return sets, values
 
 
 def _is_set(context: Context, part: Expression) -> bool:
