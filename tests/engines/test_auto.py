@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ from symcheck.engines.registry import build
 from symcheck.engines.written import WrittenEngine, written_out
 from symcheck.errors import TimeLimitError
 from symcheck.semantics.bind import bind
+from symcheck.symbolic import reach as reaching
 from symcheck.syntax.parse import parse_model
 
 COUNTER = """
@@ -73,6 +75,29 @@ def test_diagrams_that_take_too_long_give_way(monkeypatch):
     engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long)
     assert engine.name == "explicit"
     assert "did not finish" in choice.reason
+
+
+def test_a_search_is_not_gone_on_with_where_diagrams_had_found_more_than_it_would_list(monkeypatch):
+    def unfinished_at_first(model, options, seconds, reach=auto._reach):
+        if seconds is not None:
+            raise auto._Unfinished("time", 2_000)
+        return reach(model, options, seconds)
+
+    turns = ((1.0, 1000), (2.0, 1500))
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=unfinished_at_first, _TURNS=turns)
+    assert isinstance(engine, WrittenEngine)
+    assert "more than 2,000 states" in choice.reason
+
+
+def test_diagrams_that_miss_their_turn_say_what_they_had_found(monkeypatch):
+    def stopped(symbolic, schedule, *, counting, search=reaching.search):
+        yield from islice(search(symbolic, "frontier", counting=counting), 3)
+        raise TimeLimitError("time")
+
+    monkeypatch.setattr(reaching, "search", stopped)
+    with pytest.raises(auto._Unfinished) as caught:
+        auto._reach(bind(parse_model(COUNTER), {}), Options(), 100.0)
+    assert caught.value.found == 1 + 2 + 3  # states at distance 0, 1 and 2
 
 
 def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatch):

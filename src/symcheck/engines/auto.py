@@ -5,8 +5,9 @@
 2. Diagrams, for a limited time. If they compress the states, the model is explored with them; then it is written out as
    compressed rows where those fit well into memory, and stays with the diagrams where not.
 3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped, up to a number of states;
-   then the diagrams get a longer turn, and so on. In the end the diagrams get all the time there is; but where they were
-   finished and compressed nothing, or would have to learn what updates do, the search goes on as far as memory reaches.
+   then the diagrams get a longer turn, and so on. In the end, or once they have found more states than the search would
+   ever list, the diagrams get all the time there is; but where they were finished and compressed nothing, or would have to
+   learn what updates do, the search goes on as far as memory reaches.
 
 So a wrong guess costs a bounded share of the run, and what the search has explored is kept.
 """
@@ -14,6 +15,7 @@ So a wrong guess costs a bounded share of the run, and what the search has explo
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable
 from math import prod
 from time import perf_counter, process_time
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from symcheck.explicit.build import Exploration
     from symcheck.semantics.model import BoundModel
     from symcheck.symbolic.model import StateSpace, Transitions
+    from symcheck.symbolic.reach import Found
 
 __all__ = ["Choice", "choose"]
 
@@ -90,9 +93,12 @@ def choose(model: BoundModel, options: BuildSettings, observer: Observer | None 
                 case space:
                     del exploration  # its states take memory that the diagrams' numbers want
                     return _symbolic(space, options, observer, f"{space.states.node_count:,} nodes hold {space.count:,} states")
+        if missed.found > _TURNS[-1][1]:
+            states = missed.found
+            break
         if missed.hopeless:
             states = max(states, _that_fit(exploration))
-        if exploration.run(states, observer):
+        if missed.found <= states and exploration.run(states, observer):
             return _explicit(exploration, observer, missed.reason)
     del exploration
     return _symbolic(_reach(model, options, None), options, observer, f"there are more than {states:,} states")
@@ -100,10 +106,19 @@ def choose(model: BoundModel, options: BuildSettings, observer: Observer | None 
 
 @dataclass(frozen=True, slots=True)
 class _Missed:
-    """Why diagrams missed their turn, and whether more time would help them no more."""
+    """Why diagrams missed their turn, whether more time would help them no more, and how many states they had found."""
 
     reason: str
     hopeless: bool = False
+    found: int = 0
+
+
+class _Unfinished(TimeLimitError):
+    """Diagrams did not finish in their turn; so many states they had found."""
+
+    def __init__(self, message: str, found: int) -> None:
+        super().__init__(message)
+        self.found = found
 
 
 def _try_diagrams(model: BoundModel, options: BuildSettings, seconds: float, stretch: float) -> StateSpace | _Missed:
@@ -112,8 +127,9 @@ def _try_diagrams(model: BoundModel, options: BuildSettings, seconds: float, str
         space = _reach(model, options, seconds * stretch)
     except UnsupportedError as error:
         return _Missed(str(error), hopeless=True)
-    except TimeLimitError:
-        return _Missed(f"diagrams did not finish within {seconds:g} s")
+    except TimeLimitError as error:
+        found = error.found if isinstance(error, _Unfinished) else 0
+        return _Missed(f"diagrams did not finish within {seconds:g} s", found=found)
     except MemoryLimitError as error:
         return _Missed(str(error))
     nodes = space.states.node_count
@@ -167,7 +183,7 @@ def _explicit(exploration: Exploration, observer: Observer | None, reason: str) 
 
 
 def _reach(model: BoundModel, options: BuildSettings, seconds: float | None) -> StateSpace:
-    """The states as a diagram. Raises TimeLimitError after `seconds` (None: at the time limit of the options only).
+    """The states as a diagram. Raises TimeLimitError after `seconds` (None: at the options' time limit only).
 
     Within a limited turn, a model with updates that diagrams would have to learn state by state is left to the search:
     UnsupportedError says so.
@@ -180,7 +196,13 @@ def _reach(model: BoundModel, options: BuildSettings, seconds: float | None) -> 
     symbolic = build(model, options, manager=DiagramManager(max_memory=options.max_memory, time_limit=limit))
     if seconds is not None and any(event.learned for event in symbolic.events):
         raise UnsupportedError(_TOO_MUCH)
-    space = reach(symbolic, options)
+    last: deque[Found] = deque(maxlen=1)
+    try:
+        space = reach(symbolic, options, watch=last.append)
+    except TimeLimitError as error:
+        symbolic.manager.limit_time(None)
+        found = sum(symbolic.manager.count(f.states, symbolic.encoding.rows) for f in last)
+        raise _Unfinished(str(error), found) from error
     symbolic.manager.limit_time(options.time_limit)
     return space
 
@@ -191,6 +213,8 @@ def _symbolic(space: StateSpace, options: BuildSettings, observer: Observer | No
     from symcheck.engines.written import written_out
     from symcheck.symbolic.transitions import transitions
 
+    if observer is not None:
+        observer(space)
     built: Transitions = transitions(space, options, observer)
     engine = SparseEngine.of(built)
     size = engine.transitions * _ENTRY_BYTES

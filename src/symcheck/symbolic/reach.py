@@ -48,13 +48,19 @@ class Found:
 
 
 def reach(
-    symbolic: SymbolicModel, options: BuildSettings, observer: Callable[[object], None] | None = None, *, schedule: str | None = None
+    symbolic: SymbolicModel,
+    options: BuildSettings,
+    observer: Callable[[object], None] | None = None,
+    *,
+    schedule: str | None = None,
+    watch: Callable[[Found], object] | None = None,
 ) -> StateSpace:
     """All reachable states, and those of them that have no transition (deadlocks).
 
     `observer` gets each Iteration; without one, neither states nor nodes are counted on the way (which may cost as much
-    as the search). `schedule`: one of SCHEDULES, by default chosen for the model. Raises ResourceError at a limit (of the
-    manager, set by `build`), and ModelFault where no state is initial.
+    as the search). `watch` gets what is found, of which nothing need be counted. `schedule`: one of SCHEDULES, by default
+    chosen for the model. Raises ResourceError at a limit (of the manager, set by `build`), and ModelFault where no state is
+    initial.
     """
     del options
     check_initial(symbolic)
@@ -64,6 +70,8 @@ def reach(
     for found in search(symbolic, schedule, counting=observer is not None):
         complete, states, schedule = found.symbolic, found.states, found.schedule
         iterations.append(found.iteration)
+        if watch is not None:
+            watch(found)
         if observer is not None:
             observer(found.iteration)
     deadlocks = states - enabled(complete)
