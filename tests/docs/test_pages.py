@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from symcheck.api import load
 from symcheck.cli import compatible, main
 from symcheck.cli.arguments import _parser
 
@@ -59,7 +60,7 @@ def test_every_switch_is_explained() -> None:
     assert named == own | foreign
 
 
-@pytest.mark.parametrize("page", [*PAGES, "../README.md", "../CONTRIBUTING.md", "../benchmarks/README.md"])
+@pytest.mark.parametrize("page", [*PAGES, "../README.md", "../CONTRIBUTING.md", "../benchmarks/README.md", "../models/README.md"])
 def test_links_lead_somewhere(page: str) -> None:
     text = (DOCS / page).read_text()
     for target, anchor in re.findall(r"\]\(([^)#]*)(?:#([^)]*))?\)", text):
@@ -75,3 +76,16 @@ def test_links_lead_somewhere(page: str) -> None:
 def test_the_index_names_every_page() -> None:
     text = (DOCS / "README.md").read_text()
     assert set(re.findall(r"\]\((\w+\.md)\)", text)) == set(PAGES) - {"README.md"}
+
+
+def test_the_models_are_as_their_index_says() -> None:
+    text = (ROOT / "models" / "README.md").read_text()
+    rows = re.findall(r"^\| `(\S+)` \| (\w+) \|([^|]*)\| ([\d ]+) \|", text, re.MULTILINE)
+    found = {p.relative_to(ROOT / "models").as_posix() for p in (ROOT / "models").glob("*/*.[psn]m")}
+    assert {name for name, *_ in rows} == found
+    for name, kind, constants, states in rows:
+        if "see" in constants:
+            continue
+        given = dict(c.split("=") for c in constants.strip("` ").split(",") if c)
+        model = load(ROOT / "models" / name, given)
+        assert (model.bound.type.name, model.engine.states) == (kind, int(states.replace(" ", ""))), name
