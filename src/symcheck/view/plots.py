@@ -77,6 +77,8 @@ def plot_search(iterations: Iterable[Counted], axes: Any = None, title: str = ""
     right = axes.twinx()
     right.plot(number, [i.states for i in seen], color=_GREEN, linestyle="--", label="states")
     right.set_ylabel("states", color=_GREEN)
+    for side in (axes, right):
+        side.set_ylim(bottom=0)
     handles = axes.get_legend_handles_labels()[0] + right.get_legend_handles_labels()[0]
     axes.legend(handles=handles, fontsize="small", frameon=False)
     return axes
