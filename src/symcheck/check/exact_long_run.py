@@ -19,7 +19,7 @@ from symcheck.engines.rationals import Rationals
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.numerics import graph
 from symcheck.numerics.exact import ExactProblem, solve_exact, stationary_exact
-from symcheck.numerics.matrix import SparseMatrix
+from symcheck.numerics.matrix import SparseMatrix, starts_of
 from symcheck.records import dataclass
 
 __all__ = ["mean_payoff"]
@@ -78,7 +78,7 @@ def _endings(engine: ExactEngine, parts: graph.EndComponents, gains: Sequence[Fr
         rows[number[c]].insert(0, [])
         constants[number[c]].insert(0, gain + shift)
     flat = [row for own in rows for row in own]
-    groups = np.concatenate(([0], np.cumsum([len(own) for own in rows]))).tolist()
+    groups = starts_of([len(own) for own in rows]).tolist()
     solution, count = least_solution(RationalProblem(flat, [v for own in constants for v in own], groups, direction))
     out = np.empty(n, dtype=object)
     out[:] = [solution[p] - shift for p in place]

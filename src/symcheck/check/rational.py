@@ -13,6 +13,7 @@ import numpy as np
 
 from symcheck.numerics import graph
 from symcheck.numerics.exact import ExactMatrix, ExactProblem, solve_exact
+from symcheck.numerics.matrix import starts_of
 from symcheck.records import dataclass, field
 
 __all__ = ["Entries", "RationalProblem", "exact_matrix", "least_solution"]
@@ -86,7 +87,7 @@ def exact_matrix(rows: Sequence[Entries]) -> ExactMatrix:
     table = sorted({p for row in rows for _, p in row})
     code = {p: i for i, p in enumerate(table)}
     return ExactMatrix(
-        np.concatenate(([0], np.cumsum([len(row) for row in rows]))).astype(np.int64),
+        starts_of([len(row) for row in rows]),
         np.array([t for row in rows for t, _ in row], dtype=np.int32),
         np.array([code[p] for row in rows for _, p in row], dtype=np.int32),
         table,

@@ -20,7 +20,7 @@ from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.kernels import sparse
 from symcheck.numerics.collapse import collapse
-from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.problem import LinearProblem
 from symcheck.records import dataclass, field
 from symcheck.syntax.ast import ModelType
@@ -205,7 +205,7 @@ def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) ->
     assert problem.exit is not None
     rows: Int64s = np.flatnonzero(allowed)
     parts = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, np.arange(matrix.columns, dtype=np.int32))
-    before: Int64s = np.concatenate(([0], np.cumsum(allowed)))
+    before: Int64s = starts_of(allowed)
     chosen = SparseMatrix(*parts, matrix.columns, before[matrix.groups])
     upper = None if problem.upper is None else problem.upper[rows]
     return LinearProblem(problem.constant[rows], chosen, upper, problem.exit[rows], problem.direction, problem.probability)

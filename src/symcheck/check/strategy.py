@@ -24,13 +24,12 @@ from symcheck.check.paths import NextPath, RewardPath, StatePath, StatesOf, Temp
 from symcheck.check.probabilities import flipped
 from symcheck.check.reach import chosen_rows, equations, step_rewards
 from symcheck.check.rewards import structure_number
-from symcheck.engines.arrays import spans
 from symcheck.engines.base import OwnSet
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import UnsupportedError
 from symcheck.kernels import sparse
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix, spans
 from symcheck.numerics.problem import LinearProblem
 from symcheck.records import dataclass, field
 from symcheck.syntax.ast import Eventually, Expression, ModelType, ProbabilityOperator, RewardOperator

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from symcheck.engines.base import ROUNDING, bracket
-from symcheck.numerics.matrix import Bools, Floats, Int64s
+from symcheck.numerics.matrix import Bools, Floats
 from symcheck.records import dataclass, field
 
-__all__ = ["ArraySet", "ArrayValues", "spans"]
+__all__ = ["ArraySet", "ArrayValues"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,11 +274,3 @@ _INTERVALS: dict[str, Callable[[str, _Pair, _Pair], _Pair]] = {
     "pow": _power,
     "mod": _modulo,
 }
-
-
-def spans(start: Int64s, end: Int64s) -> Int64s:
-    """The numbers of all half-open ranges, one after the other."""
-    lengths = end - start
-    ends = np.cumsum(lengths)
-    total = int(ends[-1]) if len(ends) else 0
-    return np.asarray(np.arange(total) + np.repeat(start - (ends - lengths), lengths))

@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from symcheck.engines.arrays import ArraySet, spans
+from symcheck.engines.arrays import ArraySet
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix, spans
 from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.engines.arrays import ArraySet, ArrayValues, spans
+from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.base import Engine
 from symcheck.errors import MemoryLimitError
 from symcheck.explicit.states import StateTable
 from symcheck.kernels import pairs
-from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
@@ -203,9 +203,9 @@ def pair_matrix(matrix: SparseMatrix, following: Int32s, state: Int32s, number: 
     else:
         per_state = np.diff(matrix.groups)[state]
         rows = spans(matrix.groups[:-1][state], matrix.groups[1:][state])
-        groups = np.concatenate(([0], np.cumsum(per_state)))
+        groups = starts_of(per_state)
         after = np.repeat(following, per_state)
-    indptr = np.concatenate(([0], np.cumsum(np.diff(matrix.indptr)[rows])))
+    indptr = starts_of(np.diff(matrix.indptr)[rows])
     indices, data = np.empty(int(indptr[-1]), np.int32), np.empty(int(indptr[-1]))
     pairs.rows(matrix.indptr, matrix.indices, matrix.data, rows, after, number, size, indptr, indices, data)
     return SparseMatrix(indptr, indices, data, len(state), groups), rows

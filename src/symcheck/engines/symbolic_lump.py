@@ -25,7 +25,7 @@ from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_sets import FEW_LEAVES, MANY_STATES, LazyValues, Piece, SymbolicSet, SymbolicValues, picked
 from symcheck.errors import UnsupportedError
 from symcheck.kernels.partition import Partition, largest_sum
-from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.records import dataclass, field
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def _finished(diagrams: Diagrams, partition: Partition, structures: Sequence[int
         rewards[i][row_of[here]] = values[here]
     rows, columns, data = row_of[entries], number[keys[entries]], values[entries]
     sort = np.lexsort((columns, rows))
-    starts = np.concatenate(([0], np.cumsum(np.bincount(rows, minlength=len(indptr) - 1)))).astype(np.int64)
+    starts = starts_of(np.bincount(rows, minlength=len(indptr) - 1))
     matrix = SparseMatrix(starts, columns[sort], data[sort], len(order), None if diagrams.guards is None else groups)
     seconds = perf_counter() - started
     return LumpedDiagrams(diagrams, members, matrix, rewards, partition.rounds, partition.size, seconds, partition, order)

@@ -14,7 +14,7 @@ from symcheck.engines.explicit import ExplicitEngine
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
-from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.records import dataclass, field
 from symcheck.semantics.bind import bind
 from symcheck.semantics.model import BoundModel
@@ -217,14 +217,10 @@ def _fixed(given: Given, fix_deadlocks: bool) -> tuple[SparseMatrix, Int32s, lis
     rewards = [r._replace(entries=None if r.entries is None else np.insert(r.entries, at, 0.0)) for r in given.rewards]
     if m.groups is None:
         lengths = np.where(dead, 1, np.diff(m.indptr))
-        return SparseMatrix(_offsets(lengths), indices, data, n), given.row_actions, rewards, dead
+        return SparseMatrix(starts_of(lengths), indices, data, n), given.row_actions, rewards, dead
     rows = m.groups[:-1][states]
     lengths = np.insert(np.diff(m.indptr), rows, 1)
-    groups = _offsets(np.where(dead, 1, counts))
+    groups = starts_of(np.where(dead, 1, counts))
     actions = np.insert(given.row_actions, rows, -1).astype(np.int32)
     rewards = [r._replace(rows=np.insert(r.rows, rows, 0.0)) for r in rewards]
-    return SparseMatrix(_offsets(lengths), indices, data, n, groups), actions, rewards, dead
-
-
-def _offsets(counts: Any) -> Int64s:
-    return np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
+    return SparseMatrix(starts_of(lengths), indices, data, n, groups), actions, rewards, dead

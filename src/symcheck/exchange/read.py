@@ -6,14 +6,13 @@ import re
 from collections.abc import Sequence
 from itertools import count, takewhile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from symcheck.errors import UsageError
 from symcheck.exchange.fields import Fields, number_table, read_fields
 from symcheck.exchange.imported import Given, GivenRewards, expected_rewards
-from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.records import dataclass, field
 from symcheck.semantics.faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
@@ -137,7 +136,7 @@ def _chain(file: Fields, n: int, kind: ModelType | None, check_sums: bool) -> _T
     keep = order[values[order] > 0]
     # With actions, a pair of states may have several lines: what commands of different actions do adds up.
     distinct, place = np.unique(source[keep] * n + target[keep], return_inverse=True)
-    indptr = _offsets(np.bincount(distinct // n, minlength=n))
+    indptr = starts_of(np.bincount(distinct // n, minlength=n))
     total: Floats = np.bincount(place, values[keep], len(distinct)).astype(np.float64)
     matrix = SparseMatrix(indptr, (distinct % n).astype(np.int32), total, n)
     return _Transitions(told, matrix, (), np.full(n, -1, np.int32), sums)
@@ -156,7 +155,7 @@ def _mdp(file: Fields, size: Sequence[int], check_sums: bool) -> _Transitions:
     starts = np.flatnonzero(new)
     if len(starts) != rows:
         file.fault(0, f"the first line tells of {rows} choices, and {len(starts)} follow", "count", 1)
-    groups = _offsets(np.bincount(s[starts], minlength=n))
+    groups = starts_of(np.bincount(s[starts], minlength=n))
     expected = np.arange(rows) - groups[s[starts]]
     for i in np.flatnonzero(c[starts] != expected)[:1].tolist():
         file.fault(int(order[starts[i]]) + 1, f"choice {expected[i]} of state {s[starts[i]]} is missing before this one", "choice", 1)
@@ -166,7 +165,7 @@ def _mdp(file: Fields, size: Sequence[int], check_sums: bool) -> _Transitions:
         _check_sums(file, sums, source, "probabilities of a choice of state {}", s[starts], order[starts])
     actions, row_actions = _read_actions(file, order, row, rows)
     keep = values[order] > 0
-    indptr = _offsets(np.bincount(row[keep], minlength=rows))
+    indptr = starts_of(np.bincount(row[keep], minlength=rows))
     chosen = order[keep]
     matrix = SparseMatrix(indptr, target[chosen].astype(np.int32), values[chosen], n, groups)
     return _Transitions(ModelType.MDP, matrix, actions, row_actions, sums)
@@ -364,9 +363,4 @@ def _transition_rewards(file: Fields, model: _Transitions) -> Floats:
         file.fault(i + 1, "there is no such transition", "index")
     found = np.zeros(m.entries)
     found[place] = rewards
-    return found
-
-
-def _offsets(counts: Any) -> Int64s:
-    found: Int64s = np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
     return found

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines.base import Engine, StateSet
-from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.records import dataclass, field
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import ModelType, Type
@@ -245,14 +245,14 @@ def _permuted(found: Snapshot, order: Int64s) -> Snapshot:
     place[order] = np.arange(found.n, dtype=np.int32)
     counts = np.ones(found.n, np.int64) if m.groups is None else np.diff(m.groups)
     starts = np.arange(found.n) if m.groups is None else m.groups[:-1]
-    rows = _ranges(starts[order], counts[order])
-    entries = _ranges(m.indptr[:-1][rows], np.diff(m.indptr)[rows])
+    rows = spans(starts[order], starts[order] + counts[order])
+    entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
     matrix = SparseMatrix(
-        _offsets(np.diff(m.indptr)[rows]),
+        starts_of(np.diff(m.indptr)[rows]),
         place[m.indices[entries]],
         m.data[entries],
         m.columns,
-        None if m.groups is None else _offsets(counts[order]),
+        None if m.groups is None else starts_of(counts[order]),
     )
     return replace(
         found,
@@ -263,15 +263,3 @@ def _permuted(found: Snapshot, order: Int64s) -> Snapshot:
         labels={name: members[order] for name, members in found.labels.items()},
         rewards=[Rewards(r.name, r.states[order], r.rows[rows], None if r.entries is None else r.entries[entries]) for r in found.rewards],
     )
-
-
-def _offsets(counts: Int64s) -> Int64s:
-    return np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
-
-
-def _ranges(starts: Int64s, counts: Int64s) -> Int64s:
-    """The numbers of all ranges, one range after the other."""
-    ends = np.cumsum(counts)
-    total = int(ends[-1]) if len(ends) else 0
-    found: Int64s = np.arange(total) + np.repeat(starts - (ends - counts), counts)
-    return found

@@ -11,7 +11,7 @@ import numpy as np
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
 from symcheck.exchange.imported import Given, GivenRewards, expected_rewards
 from symcheck.exchange.umb import umbi_package
-from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
 
@@ -99,7 +99,7 @@ def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix
     keys = row[by] * n + targets[by]
     if np.any(np.diff(keys) == 0):
         raise UnsupportedError(f"'{path}' has several branches of one choice to one state")
-    indptr = np.concatenate(([0], np.cumsum(np.bincount(row[by], minlength=rows)))).astype(np.int64)
+    indptr = starts_of(np.bincount(row[by], minlength=rows))
     groups = choices if kind is ModelType.MDP else None
     return SparseMatrix(indptr, targets[by].astype(np.int32), values[by], n, groups), row, by
 

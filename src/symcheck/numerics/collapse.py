@@ -13,7 +13,7 @@ import numpy as np
 
 from symcheck.kernels import sparse
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.problem import LinearProblem, Solution
 from symcheck.records import dataclass
 
@@ -69,7 +69,7 @@ def _only_rows(matrix: SparseMatrix, keep: Bools) -> _Rows:
     rows = np.flatnonzero(keep).astype(np.int64)
     everywhere = np.arange(matrix.columns, dtype=np.int32)
     indptr, indices, data = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, everywhere)
-    groups = np.concatenate(([0], np.cumsum(keep)))[matrix.groups].astype(np.int64)
+    groups = starts_of(keep)[matrix.groups]
     return _Rows(SparseMatrix(indptr, indices, data, matrix.columns, groups), rows)
 
 
@@ -102,7 +102,7 @@ def _quotient(problem: LinearProblem, parts: graph.EndComponents, owner: Int32s)
     rows = np.flatnonzero(~parts.rows)
     # Rows sorted by the state that they now belong to; the order of rows within a state stays.
     rows = rows[np.argsort(place[owner[rows]], kind="stable")].astype(np.int64)
-    groups = np.concatenate(([0], np.cumsum(np.bincount(place[owner[rows]], minlength=count)))).astype(np.int64)
+    groups = starts_of(np.bincount(place[owner[rows]], minlength=count))
     everywhere = np.arange(n, dtype=np.int32)
     kept = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, everywhere)
     indptr, indices, data = sparse.merge(*kept, place, count)

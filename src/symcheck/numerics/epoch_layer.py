@@ -8,11 +8,11 @@ import numpy as np
 
 from symcheck.errors import NumericalError
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics.problem import LinearProblem
 from symcheck.records import dataclass, field
 
-__all__ = ["Epochs", "Layer", "layer_of", "spans"]
+__all__ = ["Epochs", "Layer", "layer_of"]
 
 _DENSE = 1_500
 """States of a cycle without choices up to which its equations are inverted."""
@@ -86,13 +86,6 @@ class Layer:
         return int(np.diff(self.block).max(initial=0))
 
 
-def spans(starts: Int64s, ends: Int64s) -> Int64s:
-    """The numbers from each start up to each end, one after the other."""
-    lengths = ends - starts
-    shift = np.repeat(starts - np.concatenate(([0], np.cumsum(lengths[:-1]))), lengths)
-    return np.asarray(np.arange(int(lengths.sum()), dtype=np.int64) + shift)
-
-
 def layer_of(problem: Epochs, unknown: Bools) -> Layer:
     """The equations of a level over the states `unknown`; those that are not among `Layer.members` have value 0."""
     lead = _Leaders.of(problem, unknown)
@@ -121,16 +114,16 @@ def layer_of(problem: Epochs, unknown: Bools) -> Layer:
     keep = np.flatnonzero(~loop)
     keep = keep[np.lexsort((own[keep], position[row[keep]]))]
     count = np.bincount(position[row[keep]], minlength=len(order))
-    ptr = np.concatenate(([0], np.cumsum(count))).astype(np.int64)
+    ptr = starts_of(count)
     outside = count - np.bincount(position[row[keep[own[keep]]]], minlength=len(order))
     rows_of = np.bincount(rank[lead.of_row], minlength=lead.count)
-    row_ptr = np.concatenate(([0], np.cumsum(rows_of))).astype(np.int64)
+    row_ptr = starts_of(rows_of)
     sizes = np.diff(lead.member_ptr)[parts.order]
     layer = Layer(
         block=parts.start.astype(np.int64),
         state=lead.state[parts.order],
         row_ptr=row_ptr,
-        member_ptr=np.concatenate(([0], np.cumsum(sizes))).astype(np.int64),
+        member_ptr=starts_of(sizes),
         members=lead.members[spans(lead.member_ptr[:-1][parts.order], lead.member_ptr[1:][parts.order])],
         ptr=ptr,
         mid=ptr[:-1] + outside,
@@ -216,7 +209,7 @@ class _Leaders:
         number = np.full(len(place), -1, np.int64)
         number[members] = np.repeat(np.arange(len(state)), sizes)
         rows = rows[np.argsort(number[owner[rows]], kind="stable")]
-        pointers = np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
+        pointers = starts_of(sizes)
         return cls(state.astype(np.int32), number, members.astype(np.int32), pointers, rows, number[owner[rows]])
 
 
@@ -242,7 +235,7 @@ def _followed(problem: Epochs, source: graph.Incidence, place: Int64s, active: B
 
 def _components(source: Int64s, target: Int64s, n: int) -> graph.Components:
     """Strong components of a graph given by its edges, sorted by source; successors first."""
-    indptr = np.concatenate(([0], np.cumsum(np.bincount(source, minlength=n)))).astype(np.int64)
+    indptr = starts_of(np.bincount(source, minlength=n))
     return graph.sccs(SparseMatrix(indptr, target.astype(np.int32), np.ones(len(target)), n))
 
 
@@ -256,7 +249,7 @@ def _steps(layer: Layer) -> Floats:
     place[layer.state] = np.arange(n)
     count, others = layer.ptr[1:] - layer.mid, layer.mid - layer.ptr[:-1]
     entries, outside = spans(layer.mid, layer.ptr[1:]), spans(layer.ptr[:-1], layer.mid)
-    indptr = np.concatenate(([0], np.cumsum(count))).astype(np.int64)
+    indptr = starts_of(count)
     data, numbers = layer.val[entries], np.arange(len(count))
     sums = np.bincount(np.repeat(numbers, count), data, len(count))
     # What leaves the cycle: all that goes elsewhere, and the rest to 1 (rows with a reward leave for certain).

@@ -18,8 +18,8 @@ import numpy as np
 from symcheck.errors import MemoryLimitError
 from symcheck.kernels.epochs import Levels
 from symcheck.numerics import graph
-from symcheck.numerics.epoch_layer import Epochs, Layer, layer_of, spans
-from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.numerics.epoch_layer import Epochs, Layer, layer_of
+from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics.problem import LinearProblem, Observer, Step
 from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.records import dataclass
@@ -172,7 +172,7 @@ def _among(problem: Epochs, states: Bools) -> tuple[SparseMatrix, Int64s]:
     place = np.full(m.columns, -1, np.int32)
     place[chosen] = np.arange(len(chosen), dtype=np.int32)
     parts = sparse.select(m.indptr, m.indices, m.data, rows, place)
-    own = None if m.groups is None else np.concatenate(([0], np.cumsum(np.diff(groups)[chosen]))).astype(np.int64)
+    own = None if m.groups is None else starts_of(np.diff(groups)[chosen])
     return SparseMatrix(*parts, len(chosen), own), rows
 
 
@@ -207,11 +207,11 @@ def unfold(problem: Epochs, rewards: Int64s, lower: int, upper: int | None) -> t
     entries = spans(m.indptr[rows], m.indptr[rows] + lengths)
     columns = m.indices[entries].astype(np.int64) * counts + np.repeat(after, lengths)
     matrix = SparseMatrix(
-        np.concatenate(([0], np.cumsum(lengths))).astype(np.int64),
+        starts_of(lengths),
         columns.astype(np.int32),
         m.data[entries],
         m.states * counts,
-        None if m.groups is None else np.concatenate(([0], np.cumsum(per_pair))).astype(np.int64),
+        None if m.groups is None else starts_of(per_pair),
     )
     unfolded = replace(
         problem,

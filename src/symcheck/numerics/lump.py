@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from symcheck.kernels import sparse
 from symcheck.kernels.lump import signatures
 from symcheck.numerics.graph import Incidence
-from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.records import dataclass
 
 __all__ = ["Lumping", "lump"]
@@ -137,5 +137,5 @@ def _quotient(matrix: SparseMatrix, edges: Incidence, block: Int32s, rounds: int
     rows = np.flatnonzero(chosen[edges.owner_of_rows]).astype(np.int64)
     kept = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, np.arange(matrix.columns, dtype=np.int32))
     merged = sparse.merge(*kept, block, len(first))
-    groups = None if matrix.groups is None else np.concatenate(([0], np.cumsum(np.diff(matrix.groups)[first]))).astype(np.int64)
+    groups = None if matrix.groups is None else starts_of(np.diff(matrix.groups)[first])
     return Lumping(block, first, SparseMatrix(*merged, len(first), groups), rows, rounds)

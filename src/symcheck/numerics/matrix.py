@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symcheck.records import dataclass
 
-__all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix"]
+__all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix", "spans", "starts_of"]
 
 Floats = NDArray[np.float64]
 Int64s = NDArray[np.int64]
@@ -49,3 +49,17 @@ class SparseMatrix:
         """Memory of the arrays, in bytes."""
         own = self.indptr.nbytes + self.indices.nbytes + self.data.nbytes
         return own + (0 if self.groups is None else self.groups.nbytes)
+
+
+def starts_of(sizes: ArrayLike) -> Int64s:
+    """Where parts of these sizes begin, one after the other, and where the last one ends: int64[n+1]."""
+    sizes = np.asarray(sizes)
+    out = np.zeros(len(sizes) + 1, np.int64)
+    np.cumsum(sizes, out=out[1:])
+    return out
+
+
+def spans(starts: Int64s, ends: Int64s) -> Int64s:
+    """The numbers of all half-open ranges, one after the other."""
+    after = starts_of(ends - starts)
+    return np.asarray(np.arange(after[-1]) + np.repeat(starts - after[:-1], ends - starts))

@@ -17,7 +17,7 @@ import numpy as np
 
 from symcheck.kernels import sparse
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.problem import LinearProblem, Observer, Step
 from symcheck.numerics.settings import Settings
 from symcheck.records import dataclass, field
@@ -113,7 +113,7 @@ def _larger(matrix: SparseMatrix, rewards: Floats, parts: graph.EndComponents, s
     """The components of more than one state, each alone."""
     inside = np.flatnonzero(parts.rows)
     inside = inside[np.argsort(parts.of[owner[inside]], kind="stable")]
-    starts = np.concatenate(([0], np.cumsum(np.bincount(parts.of[owner[inside]], minlength=parts.count))))
+    starts = starts_of(np.bincount(parts.of[owner[inside]], minlength=parts.count))
     place = np.full(matrix.states, -1, np.int32)
     for c in np.flatnonzero(sizes > 1).tolist():
         rows = inside[starts[c] : starts[c + 1]]
@@ -121,7 +121,7 @@ def _larger(matrix: SparseMatrix, rewards: Floats, parts: graph.EndComponents, s
         place[states] = np.arange(len(states), dtype=np.int32)
         chosen = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows.astype(np.int64), place)
         place[states] = -1
-        groups = np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
+        groups = starts_of(counts)
         yield c, _Part(SparseMatrix(*chosen, len(states), groups), rewards[rows])
 
 
@@ -280,7 +280,7 @@ def ending(matrix: SparseMatrix, gains: Gains, direction: str) -> Ending:
     of = np.concatenate((place[owner[rows]], place[leader]))
     order = np.argsort(of, kind="stable").astype(np.int64)
     sorted_rows = sparse.select(whole.indptr, whole.indices, whole.data, order, np.arange(count, dtype=np.int32))
-    groups = np.concatenate(([0], np.cumsum(np.bincount(of, minlength=count)))).astype(np.int64)
+    groups = starts_of(np.bincount(of, minlength=count))
     none = np.zeros(len(rows))
     low, high = (np.concatenate((none, g))[order] for g in (gains.lower, gains.upper))
     leave = np.concatenate((none, np.ones(parts.count)))[order]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.numerics.matrix import Floats, Int64s
+from symcheck.numerics.matrix import Floats, Int64s, starts_of
 from symcheck.records import dataclass, field
 
 __all__ = ["ROWS", "Optimum", "Program", "solve_program"]
@@ -78,7 +78,7 @@ def _float(program: Program) -> tuple[int, Any]:
     from scipy.optimize import linprog
     from scipy.sparse import csc_array
 
-    indptr = np.concatenate(([0], np.cumsum([len(c) for c in program.columns])))
+    indptr = starts_of([len(c) for c in program.columns])
     rows = np.array([i for c in program.columns for i in c], dtype=np.int64)
     data = np.array([float(v) for c in program.columns for v in c.values()])
     matrix = csc_array((data, rows, indptr), shape=(len(program.right), len(program.columns)))

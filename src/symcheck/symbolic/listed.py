@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from symcheck.kernels.lookup import lookup
 from symcheck.kernels.sparse import merge
-from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix, starts_of
 from symcheck.records import dataclass
 from symcheck.symbolic.model import EncodedEvent, EncodedUpdate, StateSpace
 from symcheck.syntax.ast import ModelType
@@ -50,7 +50,7 @@ def listed_rows(space: StateSpace) -> SparseMatrix | None:
     weights = np.concatenate([*(p[2] for p in parts), np.ones(len(loops))])
     n = space.odd.count
     order = np.argsort(rows, kind="stable")
-    indptr = np.concatenate(([0], np.cumsum(np.bincount(rows, minlength=n)))).astype(np.int64)
+    indptr = starts_of(np.bincount(rows, minlength=n))
     same = np.arange(n, dtype=np.int32)
     return SparseMatrix(*merge(indptr, columns[order].astype(np.int32), weights[order], same, n), n)
 
