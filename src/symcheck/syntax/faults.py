@@ -110,7 +110,7 @@ def diagnose(fault: Fault, source: Source, grammar: Grammar, words: Words) -> Di
     expected = {grammar.terminals[k] for k in fault.expected}
     found = text[fault.start : fault.end]
     if found in _MODEL_WORDS and "ENDMODULE" not in grammar.terminals:
-        hint = "a run has one model: symcheck MODEL PROPERTIES"
+        hint: str | None = "a run has one model: symcheck MODEL PROPERTIES"
         return Diagnostic("this is a part of a model, where properties are expected", _span(source, fault.start, fault.end), "model", hint)
     special = _other_model(fault, source, expected) or _lexical(fault, source) or _mistake(fault, source, expected, words)
     if special is not None:
