@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -103,6 +102,8 @@ def conclude(job: Job, verdict: object) -> None:
 
 def internal(error: Exception) -> SymcheckError:
     """A defect of symcheck, as an error that can be reported."""
+    import traceback
+
     where = traceback.extract_tb(error.__traceback__)[-1]
     hint = "this is a defect of symcheck; please report it with the model"
     if isinstance(error, ImportError) and (error.name or "").startswith("symcheck."):

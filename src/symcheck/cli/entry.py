@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
+from typing import NoReturn
 
 from symcheck import __version__
 from symcheck.cli.answers import internal
@@ -28,14 +29,30 @@ _PATIENCE = 1.0  # seconds until a Ctrl-C that has had no effect is repeated
 
 def run_safely(words: list[str] | None = None) -> int:
     """Run the command line. Every error ends in a message on standard error and an exit status, never in a traceback."""
+    # Where the caller has closed one of them.
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     with ExitStack() as stack:
         status = _guarded(sys.argv[1:] if words is None else words, stack)
-    if words is None and status == _INTERRUPTED:
-        # An interrupt inside of exec() (as dataclasses use it) marks the process, which would end by the signal, not with 130.
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+    if words is None:
+        _leave(status)
     return status
+
+
+def _leave(status: int) -> NoReturn:
+    """End the process, which is ours, without taking everything apart that was built: the system does it at once.
+
+    After an interrupt inside of exec() Python would also end by the signal, and not with the status 130.
+    """
+    try:
+        print(end="", flush=True)
+    except BrokenPipeError:
+        status = 1  # the reader of our output has gone
+    except OSError as error:
+        status = _fail(SymcheckError(f"the output cannot be written: {error.strerror}"), 1) if status == 0 else status
+    with suppress(OSError):
+        print(end="", file=sys.stderr, flush=True)
+    os._exit(status)
 
 
 def _guarded(words: list[str], stack: ExitStack) -> int:
@@ -109,7 +126,8 @@ def results_file_checked(argument: str) -> None:
 
 
 def _fail(error: SymcheckError, status: int) -> int:
-    sys.stdout.flush()
+    with suppress(OSError):
+        sys.stdout.flush()
     text = str(error)
     print(text if "error[" in text.splitlines()[0] else f"error: {text}", file=sys.stderr)
     return status

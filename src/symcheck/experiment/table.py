@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
@@ -43,6 +42,8 @@ def _varying(group: Sequence[Row]) -> list[str]:
 
 def _lines(rows: Sequence[Sequence[str]], separator: str) -> str:
     if separator == ",":
+        import csv
+
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows(rows)
         return out.getvalue()
