@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -161,6 +162,19 @@ def test_results_on_standard_output(capsys: pytest.CaptureFixture[str], tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.fixture
+def exported(write, tmp_path: Path) -> Callable[..., str]:  # type: ignore[no-untyped-def]
+    """The file of results of properties of a model where x = a, for values of constants, in a format."""
+
+    def exported(properties: str, constants: str, kind: str, declared: str = "const int a;") -> str:
+        model = write(f"dtmc {declared} module m x : [0..9] init a; [] true -> true; endmodule")
+        out = tmp_path / "out"
+        assert main([model, "-pf", properties, "-const", constants, "-exportresults", f"{out}:{kind}"]) == 0
+        return out.read_text()
+
+    return exported
+
+
 @pytest.mark.parametrize(
     ("kind", "expected"),
     [
@@ -171,11 +185,8 @@ def test_results_on_standard_output(capsys: pytest.CaptureFixture[str], tmp_path
         ("dataframe", "Property,a,k,Result,Accuracy\nx + k,1,0,1,exact\nx + k,1,1,2,exact\nx + k,2,0,2,exact\nx + k,2,1,3,exact\n"),
     ],
 )
-def test_formats_of_results(kind: str, expected: str, write, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    model = write("dtmc const int a; module m x : [0..5] init a; [] true -> true; endmodule")
-    out = tmp_path / "out"
-    assert main([model, "-pf", "const int k; x + k", "-const", "a={1,2},k=0:1", "-exportresults", f"{out}:{kind}"]) == 0
-    assert out.read_text() == expected
+def test_formats_of_results(kind: str, expected: str, exported: Callable[..., str]) -> None:
+    assert exported("const int k; x + k", "a={1,2},k=0:1", kind) == expected
 
 
 @pytest.mark.parametrize(
@@ -187,18 +198,13 @@ def test_formats_of_results(kind: str, expected: str, write, tmp_path: Path) -> 
         ("comment", '// RESULT (a=1,k=0): 1\n// RESULT (a=1,k=1): 2\n"first": x + k\n\n// RESULT (a=1): 1\nx\n'),
     ],
 )
-def test_several_properties_have_titles_and_fixed_constants_no_column(kind: str, expected: str, write, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    model = write("dtmc const int a; module m x : [0..5] init a; [] true -> true; endmodule")
-    out = tmp_path / "out"
-    assert main([model, "-pf", 'const int k; "first": x + k; x', "-const", "a=1,k=0:1", "-exportresults", f"{out}:{kind}"]) == 0
-    assert out.read_text() == expected
+def test_several_properties_have_titles_and_fixed_constants_no_column(kind: str, expected: str, exported: Callable[..., str]) -> None:
+    assert exported('const int k; "first": x + k; x', "a=1,k=0:1", kind) == expected
 
 
-def test_one_matrix_for_each_choice_of_further_constants(write, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    model = write("dtmc const int a; const int b; module m x : [0..9] init a; [] true -> true; endmodule")
-    out = tmp_path / "out"
-    assert main([model, "-pf", "const int k; x + k + b", "-const", "a=1:2,b=3:4,k=0:1", "-exportresults", f"{out}:matrix"]) == 0
-    assert out.read_text() == "a=1, b\\k:\n\t0\t1\n3\t4\t5\n4\t5\t6\n\na=2, b\\k:\n\t0\t1\n3\t5\t6\n4\t6\t7\n"
+def test_one_matrix_for_each_choice_of_further_constants(exported: Callable[..., str]) -> None:
+    matrices = exported("const int k; x + k + b", "a=1:2,b=3:4,k=0:1", "matrix", "const int a; const int b;")
+    assert matrices == "a=1, b\\k:\n\t0\t1\n3\t4\t5\n4\t5\t6\n\na=2, b\\k:\n\t0\t1\n3\t5\t6\n4\t6\t7\n"
 
 
 @pytest.mark.parametrize(
@@ -221,6 +227,15 @@ def _start(*words: str) -> subprocess.Popen[str]:
     environment.pop("PYTHONUNBUFFERED", None)  # what has been found must be seen at once without it
     command = [sys.executable, "-m", "symcheck", *words]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+@pytest.mark.parametrize("closed", ["stdout", "stderr"])
+def test_output_that_nobody_wants_may_be_closed(closed: str) -> None:
+    number = {"stdout": 1, "stderr": 2}[closed]
+    command = ["/bin/sh", "-c", f'exec "$@" {number}>&-', "sh", sys.executable, "-m", "symcheck", DIE, "-pf", "P=? [ F d=6 ]"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": str(ROOT / "src")})
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert len(results(ended.stdout)) == (0 if closed == "stdout" else 1)
 
 
 def test_time_limit(write, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
