@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from symcheck.kernels.uniform import nearest_first
 from symcheck.numerics.chain import Chain, Visits, uniformise
 from symcheck.numerics.matrix import Floats, SparseMatrix
 from symcheck.numerics.poisson import poisson
@@ -64,3 +65,10 @@ def test_bounds_close_in_on_a_chain_that_decays():
     ratio, off = visits.settled(y, before, chain, weights.rest(60))
     assert ratio == pytest.approx(0.99, rel=1e-12)
     assert off <= 1e-9 * weights.powers(60, ratio) * y[0]
+
+
+def test_nearest_first_lists_all_states_by_distance() -> None:
+    """0 -> 1 -> 2, and 3 that nobody reaches."""
+    indptr, indices = np.array([0, 1, 2, 2, 3], dtype=np.int64), np.array([1, 2, 0], dtype=np.int32)
+    assert nearest_first(indptr, indices, np.array([1, 0, 0, 0], dtype=np.uint8)).tolist() == [0, 1, 2, 3]
+    assert nearest_first(indptr, indices, np.array([0, 0, 1, 0], dtype=np.uint8)).tolist() == [2, 0, 1, 3]

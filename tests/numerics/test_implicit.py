@@ -57,6 +57,36 @@ def test_a_bad_space_costs_width_and_nothing_else(loose: float, monkeypatch: pyt
     assert np.max(np.abs(found.values - exact(generator, start, gain, 5.0))) <= found.error
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_rows_may_sum_to_more_than_their_exit_rate(seed: int) -> None:
+    """As they do where values are divided by weights: the error grows as exp(Q t) may."""
+    generator, rates, leave = stiff(40, seed)
+    weights, gain = 10.0 ** np.random.default_rng(seed).uniform(-0.02, 0.02, 40), np.ones(40)
+    scaled = transient._scaled(rates, weights)
+    found = implicit_values(scaled, leave, np.zeros(40), gain / weights, 0.02, np.arange(40), Accuracy(epsilon=1e9, relative=False))
+    assert found is not None
+    truth = exact(generator, np.zeros(40), gain, 0.02) / weights
+    assert np.max(np.abs(found.values - truth)) <= found.error
+
+
+def test_weights_are_about_the_values_and_grow_as_slowly_as_asked() -> None:
+    generator, rates, leave = stiff(60, 4, 0.3)
+    gain = np.zeros(60)
+    gain[0] = 1e-3
+    weights = implicit.importance(rates, leave, gain, 20.0)
+    assert weights is not None
+    assert np.max(generator @ weights / weights) <= implicit.MILD / 20.0 * (1 + 1e-9)
+    ratio = exact(generator, np.zeros(60), gain, 20.0) / weights
+    assert ratio.max() <= 100.0 * ratio.min()
+
+
+def test_samples_between_the_nodes_are_those_of_the_polynomial() -> None:
+    nodes = -np.cos(np.pi * np.arange(implicit.DEGREE + 1) / implicit.DEGREE)
+    points = -np.cos(np.pi * np.arange(implicit.SAMPLES + 1) / implicit.SAMPLES)
+    for k in range(implicit.DEGREE + 1):
+        assert implicit._samples() @ nodes**k == pytest.approx(points**k, abs=1e-13)
+
+
 def test_loops_count_as_no_change() -> None:
     generator, _, leave = stiff(30, 5)
     dense = np.diag(np.full(30, 7.0)) + generator + np.diag(leave)

@@ -186,6 +186,21 @@ def test_cutting_states_off_keeps_rare_events_right(monkeypatch: pytest.MonkeyPa
     assert np.all(cut.upper >= whole.lower)
 
 
+def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Values from 1e-20 up: divided by what a resolvent says of them, they are alike, and a small space holds them all."""
+    slow, leave, overflow = queue(40, 1.0, 4.0)
+    both, exits = beside(slow, leave, m := 30, 1.0, 200.0)
+    gain, starts = np.repeat(overflow, m), np.zeros(1, np.int64)
+    alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-10), gain=overflow)
+    for name, value in (("LONG", 0.0), ("STIFF", 0.0), ("BUDGET", 1.0), ("SELDOM", 1.0), ("LAYER", 50.0)):
+        monkeypatch.setattr(transient, name, value)
+    found = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
+    assert "implicitly" in found.explanation
+    assert found.lower[0] <= alone.upper[0]
+    assert found.upper[0] >= alone.lower[0]
+    assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]
+
+
 def test_states_of_the_beginning_are_not_kept_for_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     """A buffer fills up within a hundredth of the time and stays full; what happens beside it is rare."""
     slow, leave, overflow = queue(30, 1.0, 3.0)

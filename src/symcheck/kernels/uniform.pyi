@@ -1,5 +1,9 @@
+import numpy as np
+from numpy.typing import NDArray
+
 from symcheck.numerics.matrix import Floats, Int32s, Int64s
 
 def steps(
     indptr: Int64s, indices: Int32s, data: Floats, diagonal: Floats, y: Floats, z: Floats, total: Floats, weights: Floats, floor: float
 ) -> tuple[bool, float, float, float]: ...
+def nearest_first(indptr: Int64s, indices: Int32s, sources: NDArray[np.uint8]) -> Int32s: ...

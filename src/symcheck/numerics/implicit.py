@@ -17,22 +17,28 @@ from itertools import pairwise
 import numpy as np
 
 from symcheck.kernels import sparse, stationary
+from symcheck.kernels.eliminate import Elimination
 from symcheck.numerics.krylov import bicgstab
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import Observer, Step
 from symcheck.numerics.settings import Settings
 from symcheck.records import dataclass
 
-__all__ = ["Implicit", "implicit_values"]
+__all__ = ["Implicit", "implicit_values", "importance"]
 
 ROUND = 2.0**-53
 SIZES = (8, 12, 18, 24, 30, 36, 44, 52, 60)  # of the space, at which the defect is measured
+MORE = (75, 90, 110, 130, 160, 200)  # where vectors are cheap
+MILD = 1.0  # a of the weights
 POLE = 10.0  # γ is the time over this
 SWEEPS = 3  # Gauss-Seidel sweeps, to and fro, in a preconditioner
 STEPS = 200  # of BiCGStab, per vector
+DIRECT, OPERATIONS = 50_000, 1500  # states up to which elimination is tried instead, and operations that it may need per entry
 SOLVED = 1e-12  # residual of a vector, relative
 DEGREE = 10  # of the polynomials in time
-LEBESGUE = 2.6  # a polynomial of that degree is at most so many times its greatest value at the nodes
+INTERVALS = 150  # at most
+SAMPLES = 4 * DEGREE  # angles, at which bounds are looked for: with nodes at cosines, a maximum is at most an angle of pi/2N away
+LEBESGUE = 1.0 / math.cos(0.5 * math.pi * DEGREE / SAMPLES) * (1 + 1e-9)  # and so much greater at most (Ehlich & Zeller 1964)
 HOPELESS = 300.0  # greatest value, in terms of the least of interest, from which on the greatest entry's error is no use
 
 
@@ -58,22 +64,27 @@ def implicit_values(
 ) -> Implicit | None:
     """x(time) of x' = Q x + gain, x(0) = start, near enough at the states of interest; None where that is not found.
 
-    rates, exit_rates: as in `transient_values`. interest: at least one. Memory: two vectors per vector of the space.
+    rates, exit_rates: as in `transient_values`, but rows may sum to somewhat more than their exit rate (where values were divided
+    by weights). interest: at least one. Memory: two vectors per vector of the space.
     """
     system = _System.of(rates, exit_rates, time / POLE)
     speed = system.generator(start) + (0.0 if gain is None else gain)
     slip = (system.longest + 6) * ROUND * 2.0 * system.fastest * time
     # Roundings in `speed` act for all the time; rows of Q may sum to a little more than 0.
     fixed = slip * float(np.max(np.abs(start))) + 4.0 * ROUND * time * float(np.max(np.abs(speed)))
-    growth = math.exp(slip)
-    space = _Space.of(system, speed, max(SIZES))
+    excess = max(0.0, float(np.max(sparse.row_sums(rates.indptr, rates.data) - exit_rates)))
+    growth = math.exp(slip + excess * time)
+    space = _Space.of(system, speed, max(SIZES + MORE))
     widths: list[float] = []
-    for size in SIZES:
+    goal = math.inf
+    sizes = SIZES if system.factors is None else SIZES + MORE
+    for size in sizes:
         if not space.extend(size):
             return None
         try:
             basis, matrix, first = space.projected(size)
-            path = _path(matrix, first, time)
+            greatest = np.max(np.abs(basis), axis=1)
+            path = _path(matrix, first, time, greatest, 3e-3 * goal / (growth * LEBESGUE))
             defect = _defect(system, basis, matrix, first, speed, path)
         except (np.linalg.LinAlgError, OverflowError):  # singular, or not finite
             return None
@@ -87,19 +98,35 @@ def implicit_values(
         goal = settings.epsilon * (least if settings.relative else 1.0)
         if widths[-1] <= goal:
             return Implicit(values, error, size, space.steps)
-        if not least > 0.0 or float(values.max()) > HOPELESS * least or not _converges(widths, goal):
+        if not least > 0.0 or float(values.max()) > HOPELESS * least or not _converges(widths, goal, sizes):
             return None
     return None
 
 
-def _converges(widths: list[float], goal: float) -> bool:
+def importance(rates: SparseMatrix, exit_rates: Floats, gain: Floats, time: float) -> Floats | None:
+    """(a/T - Q)^-1 gain: weights in terms of which the values at up to that time differ less; None where that costs much.
+
+    Divided by them, rows of Q sum to at most a/T, so that exp(Q t) still enlarges the greatest entry by exp(a) only.
+    """
+    if rates.states > DIRECT:
+        return None
+    rest = MILD / time
+    scale = 1.0 / (exit_rates + rest)
+    data = rates.data * np.repeat(scale, np.diff(rates.indptr))
+    leaves = np.maximum(exit_rates - sparse.row_sums(rates.indptr, rates.data), 0.0) + rest
+    factors = Elimination(rates.indptr, rates.indices, data, leaves * scale, OPERATIONS * rates.entries)
+    found = factors.solve(gain * scale) if factors.complete else None
+    return found if found is not None and bool(np.all(found > 0.0)) else None
+
+
+def _converges(widths: list[float], goal: float, sizes: tuple[int, ...]) -> bool:
     """Whether the greatest space will do, going by how the widths fell from size to size."""
     if not np.isfinite(widths[-1]):
         return False
     made = len(widths) - 1
     # The first size is too early to judge by.
-    rate = (widths[-1] / widths[1]) ** (1.0 / (SIZES[made] - SIZES[1])) if made > 1 else 0.0
-    return widths[-1] * rate ** (SIZES[-1] - SIZES[made]) <= goal
+    rate = (widths[-1] / widths[1]) ** (1.0 / (sizes[made] - sizes[1])) if made > 1 else 0.0
+    return widths[-1] * rate ** (sizes[-1] - sizes[made]) <= goal
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +140,7 @@ class _System:
     scale: Floats
     fastest: float
     longest: int
+    factors: Elimination | None
 
     @staticmethod
     def of(rates: SparseMatrix, exit_rates: Floats, pole: float) -> _System:
@@ -124,13 +152,21 @@ class _System:
         data = pole * rates.data / diagonal[owner]
         data[loops] = 0.0
         fastest = float(np.max(exit_rates, initial=0.0))
-        return _System(rates, exit_rates, pole, data, 1.0 / diagonal, fastest, int(np.max(lengths, initial=0)))
+        factors = _factors(rates, data) if rates.states <= DIRECT else None
+        return _System(rates, exit_rates, pole, data, 1.0 / diagonal, fastest, int(np.max(lengths, initial=0)), factors)
 
     def generator(self, v: Floats) -> Floats:
         """Q v."""
         out = np.empty(len(v))
         sparse.multiply(self.rates.indptr, self.rates.indices, self.rates.data, v, out)
         out -= self.exit_rates * v
+        return out
+
+    def flow(self, v: Floats) -> Floats:
+        """|Q| v."""
+        out = np.empty(len(v))
+        sparse.multiply(self.rates.indptr, self.rates.indices, self.rates.data, v, out)
+        out += self.exit_rates * v
         return out
 
     def times(self, v: Floats) -> Floats:
@@ -144,6 +180,14 @@ class _System:
         out = np.empty(len(v))
         stationary.symmetric_sweeps(self.rates.indptr, self.rates.indices, self.data, v, out, SWEEPS)
         return out
+
+
+def _factors(rates: SparseMatrix, data: Floats) -> Elimination | None:
+    leaves = 1.0 - sparse.row_sums(rates.indptr, data)
+    if not leaves.min(initial=1.0) > 0.0:
+        return None
+    factors = Elimination(rates.indptr, rates.indices, data, leaves, OPERATIONS * rates.entries)
+    return factors if factors.complete else None
 
 
 @dataclass(eq=False)
@@ -184,6 +228,8 @@ class _Space:
         return True
 
     def _inverse(self, right: Floats) -> Floats | None:
+        if self.system.factors is not None:
+            return self.system.factors.solve(right)
         goal = SOLVED * float(np.max(np.abs(right)))
         for count, (x, rest) in enumerate(bicgstab(self.system.times, self.system.precondition, right, np.ones(len(right)))):
             self.steps += 1
@@ -214,22 +260,36 @@ class _Path:
         return np.asarray(self.nodes[-1][-1])
 
 
-def _path(matrix: Floats, first: Floats, time: float) -> _Path:
-    """P' = H p + b from 0, by collocation at Chebyshev's points, on intervals that grow with the time."""
+def _path(matrix: Floats, first: Floats, time: float, greatest: Floats, tolerance: float) -> _Path:
+    """P' = H p + b from 0, by collocation at Chebyshev's points, on intervals that grow with the time.
+
+    Intervals are halved until what they leave, times `greatest`, is at most `tolerance`, or rounding.
+    """
     size, slope = len(first), _differentiation()
-    halvings = max(0, math.ceil(math.log2(max(1.0, time * float(np.linalg.norm(matrix, 1)))))) + 1
+    stages, modes = np.linalg.eig(slope[1:, 1:])
+    back = np.linalg.inv(modes)
+    norm = float(np.linalg.norm(matrix, 1))
+    halvings = max(0, math.ceil(math.log2(max(1.0, time * norm)))) + 1
     ends = time * 0.5 ** np.arange(halvings, -1, -1.0)
     cuts = np.concatenate(([0.0], ends[:1], *(np.linspace(a, b, 3)[1:] for a, b in pairwise(ends))))
     path = _Path([], [])
     value = np.zeros(size)
-    for length in np.diff(cuts):
-        half = 0.5 * float(length)
-        system = np.kron(slope[1:, 1:], np.eye(size)) - half * np.kron(np.eye(DEGREE), matrix)
-        right = half * np.tile(first, DEGREE) - np.kron(slope[1:, 0], value)
-        inner = np.linalg.solve(system, right).reshape(DEGREE, size)
-        path.lengths.append(float(length))
-        path.nodes.append(np.vstack((value, inner)))
-        value = inner[-1]
+    ahead = list(reversed(np.diff(cuts).tolist()))
+    while ahead:
+        length = ahead.pop()
+        half = 0.5 * length
+        # The equations at the nodes come apart along the eigenvectors of the slopes.
+        right = back @ (half * first - np.outer(slope[1:, 0], value))
+        parts = np.linalg.solve(stages[:, None, None] * np.eye(size) - half * matrix, right[:, :, None])
+        nodes = np.vstack((value, np.asarray((modes @ parts[:, :, 0]).real)))
+        leaves = float(np.abs(slope[0] @ nodes / half - nodes[0] @ matrix.T - first) @ greatest)
+        rounding = DEGREE**2 * ROUND * float(np.max(np.abs(nodes) @ greatest)) * (1.0 / half + norm)
+        if leaves * length > tolerance and leaves > rounding and len(path.lengths) + len(ahead) < INTERVALS:
+            ahead += [half, half]
+            continue
+        path.lengths.append(length)
+        path.nodes.append(nodes)
+        value = nodes[-1]
     return path
 
 
@@ -246,28 +306,58 @@ def _differentiation() -> Floats:
 def _defect(system: _System, basis: Floats, matrix: Floats, first: Floats, speed: Floats, path: _Path) -> float:
     """An upper bound on the integral over time of the greatest entry of the defect, roundings counted in."""
     size = len(first)
-    rest = matrix.T @ basis
+    along, width, others, rounding = _rest(system, basis, matrix)
+    greatest = np.max(np.abs(basis), axis=1)
+    norm = np.abs(matrix)
+    constant = float(np.max(np.abs(first @ basis - speed)))
+    slope, finer = _differentiation(), _samples()
+    total = 0.0
+    for length, nodes in zip(path.lengths, path.nodes, strict=True):
+        derivative = slope @ nodes * (2.0 / length)
+        leaves = np.abs(finer @ (derivative - nodes @ matrix.T - first))
+        summed = np.abs(slope) @ np.abs(nodes) * (2.0 / length) + np.abs(nodes) @ norm.T + np.abs(first)
+        leaves += (size + 4 * DEGREE) * ROUND * np.max(summed, axis=0)
+        fine = np.abs(finer @ nodes)
+        most = np.max(fine, axis=0) * (1.0 + 1e-9)
+        moved = np.abs(finer @ (nodes @ along)) + (size + 4 * DEGREE) * ROUND * float(np.max(np.abs(nodes) @ np.abs(along)))
+        sampled = float(np.max(moved * width + fine @ others * (1.0 + 1e-9) + leaves @ greatest)) + constant
+        total += length * LEBESGUE * (sampled + float(np.max(most @ rounding)))
+    return total
+
+
+def _samples() -> Floats:
+    """Values at many points from -1 to 1 of a polynomial given by its values at Chebyshev's points."""
+    nodes = np.pi * np.arange(DEGREE, -1, -1.0) / DEGREE
+    angles = np.pi * np.arange(SAMPLES, -1, -1.0) / SAMPLES
+    k = np.arange(DEGREE + 1.0)
+    return np.asarray(np.linalg.solve(np.cos(np.outer(nodes, k)).T, np.cos(np.outer(angles, k)).T).T)
+
+
+def _rest(system: _System, basis: Floats, matrix: Floats) -> tuple[Floats, float, Floats, Floats]:
+    """V H - Q V as one vector times coefficients, and what the solver left: (coefficients, greatest entry, others, roundings).
+
+    others: greatest entries, per vector. roundings: bounds on theirs, per vector and state (one for all states where these are many).
+    """
+    size = len(basis)
+    chunk = math.ceil(math.sqrt(size))  # sums of sums: fewer roundings in a row
+    rest = np.zeros_like(basis)
+    for j in range(0, size, chunk):
+        rest += matrix[j : j + chunk].T @ basis[j : j + chunk]
     for j in range(size):
         rest[j] -= system.generator(basis[j])
-    # V H - Q V is one vector times coefficients, but for what the solver left.
     _, vectors = np.linalg.eigh(rest @ rest.T)
     along = vectors[:, -1]
     single = np.einsum("i,ij->j", along, rest)
     width = float(np.max(np.abs(single)))
     rest -= np.outer(along, single)
     others = np.max(np.abs(rest), axis=1)
-    greatest = np.max(np.abs(basis), axis=1)
-    # Roundings of the products above, per unit of each coordinate.
-    norm = np.abs(matrix)
-    others += (size + system.longest + 8) * ROUND * (norm.T @ greatest + 2.0 * system.fastest * greatest + np.abs(along) * width)
-    constant = float(np.max(np.abs(first @ basis - speed)))
-    slope = _differentiation()
-    total = 0.0
-    for length, nodes in zip(path.lengths, path.nodes, strict=True):
-        derivative = slope @ nodes * (2.0 / length)
-        leaves = np.abs(derivative - nodes @ matrix.T - first)
-        leaves += (size + DEGREE) * ROUND * (np.abs(slope) @ np.abs(nodes) * (2.0 / length) + np.abs(nodes) @ norm.T + np.abs(first))
-        moved = np.abs(nodes @ along) + size * ROUND * (np.abs(nodes) @ np.abs(along))
-        most = moved * width + np.abs(nodes) @ others + leaves @ greatest + constant
-        total += length * LEBESGUE * float(most.max())
-    return total
+    norm, terms = np.abs(matrix).T, np.abs(along)
+    inner, outer = (2 * chunk + 4) * ROUND, (system.longest + 6) * ROUND
+    if system.factors is None:
+        greatest = np.max(np.abs(basis), axis=1)
+        bound = inner * (norm @ greatest + terms * width) + outer * 2.0 * system.fastest * greatest
+        return along, width, others, bound[:, None]
+    rounding = inner * (norm @ np.abs(basis) + np.outer(terms, np.abs(single)))
+    for j in range(size):
+        rounding[j] += outer * system.flow(np.abs(basis[j]))
+    return along, width, others, rounding

@@ -20,7 +20,7 @@ import numpy as np
 from symcheck.errors import NumericalError
 from symcheck.kernels import sparse
 from symcheck.numerics.chain import ROUND, Chain, Visits, uniformise
-from symcheck.numerics.implicit import implicit_values
+from symcheck.numerics.implicit import implicit_values, importance
 from symcheck.numerics.later import value_from
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.poisson import poisson
@@ -36,6 +36,7 @@ BUDGET = 1e10  # entries to go over, at most, before states are cut off that do 
 PATIENCE = 0.03  # of the entries to go over in all, likewise
 HOPELESS = 1e12  # entries to go over in all
 LONG, STIFF = 1e4, 1e10  # steps, and entries to go over in all, from which on implicit means are tried
+SELDOM = 0.01  # of the states, where gain comes from
 LAYER = 300.0  # steps of uniformisation before that
 EARLY = 4000.0  # steps until the early time from which on fewer states are kept
 HASTE = (20.0, 5.0)  # of the rounds of cutting off
@@ -87,20 +88,38 @@ def transient_values(
             continue
         if start.min() < 0.0:
             raise NumericalError("transient values need non-negative rewards: treat gains and losses apart")
-        alone = source and interest is not None and isinstance(rates, SparseMatrix)
-        y = start / chain.q if source else start
-        part = None
-        if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
-            part = _implicit(chain, rates, exit_rates, start, time, source, settings, interest, observer)
-        if part is None:
-            part = _sum(chain, y, time, source, settings, interest, observer, budget=_budget(chain, time) if alone else math.inf)
-        if part is None and interest is not None and isinstance(rates, SparseMatrix):
-            part = _truncated(rates, exit_rates, time, settings, start, interest, observer)
-        if part is None:
-            part = _sum(chain, y, time, source, settings, interest, observer)
-        assert part is not None
+        part = _part(chain, rates, exit_rates, start, time, source, settings, interest, observer)
         found = part if found is None else found.plus(part)
     return found or Transient(np.zeros(n), np.zeros(n), 0, "nothing to gain: 0")
+
+
+def _part(
+    chain: Chain,
+    rates: SparseMatrix | Operator,
+    exit_rates: Floats,
+    start: Floats,
+    time: float,
+    source: bool,
+    settings: Settings,
+    interest: Int64s | None,
+    observer: Observer | None,
+) -> Transient:
+    """The part of the terminal values or of the gain, by the ways that may pay, the most promising first."""
+    y = start / chain.q if source else start
+    if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
+        whole = chain.q * time * chain.entries
+        # A gain in few places is likely to matter to few states on the way there.
+        seldom = source and whole > BUDGET and np.count_nonzero(start) < SELDOM * len(start)
+        part = _truncated(rates, exit_rates, time, settings, start, interest, observer) if seldom else None
+        part = part or _implicit(chain, rates, exit_rates, start, time, source, settings, interest, observer)
+        if part is None and source and not seldom:
+            part = _sum(chain, y, time, source, settings, interest, observer, budget=_budget(chain, time))
+            part = part or _truncated(rates, exit_rates, time, settings, start, interest, observer)
+        if part is not None:
+            return part
+    part = _sum(chain, y, time, source, settings, interest, observer)
+    assert part is not None
+    return part
 
 
 def _implicit(
@@ -113,26 +132,39 @@ def _implicit(
     settings: Settings,
     interest: Int64s,
     observer: Observer | None,
+    weights: Floats | None = None,
 ) -> Transient | None:
-    """By implicit means, for stiff chains, after uniformisation has smoothed the start; None where that does not pay."""
+    """By implicit means, for stiff chains, after uniformisation has smoothed the start; None where that does not pay.
+
+    weights: positive, what values are measured by (None: all alike). Divided by them, Q is diag(w)^-1 Q diag(w).
+    """
     layer = LAYER / chain.q
     if chain.q * time < LONG or chain.q * time * chain.entries < STIFF:
         return None
     fine = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
     first = _sum(chain, start / chain.q if source else start, layer, source, fine, None, observer)
     assert first is not None
-    near, middle = float(np.max(first.upper - first.lower)), first.middle
-    gain = start if source else None
-    found = implicit_values(rates, exit_rates, middle, gain, time - layer, interest, settings, observer)
+    scale = np.ones(len(start)) if weights is None else weights
+    near, middle = float(np.max((first.upper - first.lower) / scale)), first.middle / scale
+    gain = start / scale if source else None
+    scaled = rates if weights is None else _scaled(rates, weights)
+    found = implicit_values(scaled, exit_rates, middle, gain, time - layer, interest, settings, observer)
     if found is None:
         return None
-    error = found.error + near
-    lower, upper = np.maximum(found.values - error, 0.0), found.values + error
+    error = (found.error + near) * scale
+    values = found.values * scale
+    lower, upper = np.maximum(values - error, 0.0), values + error
     if not _near(lower[interest], upper[interest], settings):
         return None
     note = f"uniformisation, {first.iterations} steps, then implicitly: {found.vectors} vectors, {found.steps} steps of BiCGStab"
     made = first.iterations + found.steps
     return Transient(lower, upper, made, note, {"steps": made, "steps_without_shortcut": math.ceil(chain.q * time)})
+
+
+def _scaled(rates: SparseMatrix, weights: Floats) -> SparseMatrix:
+    """diag(w)^-1 rates diag(w)."""
+    owner = np.repeat(1.0 / weights, np.diff(rates.indptr))
+    return SparseMatrix(rates.indptr, rates.indices, rates.data * weights[rates.indices] * owner, rates.columns)
 
 
 def _budget(chain: Chain, time: float) -> float:
@@ -236,9 +268,14 @@ def _truncated(
         return None
     at = place[interest].astype(np.int64)
     assert cut is not None
-    found = _two_parts(matrix, exit_rates[kept], time, gain[kept], at, settings, observer)
+    chain = uniformise(matrix, exit_rates[kept])
+    weights = importance(matrix, exit_rates[kept], gain[kept], time)
+    found = None
+    if weights is not None:
+        found = _implicit(chain, matrix, exit_rates[kept], gain[kept], time, True, settings, at, observer, weights)
     if found is None:
-        chain = uniformise(matrix, exit_rates[kept])
+        found = _two_parts(matrix, exit_rates[kept], time, gain[kept], at, settings, observer)
+    if found is None:
         found = _sum(chain, gain[kept] / chain.q, time, True, settings, at, observer, visits=Visits.of(chain, cut.visits))
     assert found is not None
     lower, upper = np.zeros(rates.states), np.full(rates.states, time * float(gain.max()) * (1.0 + 1e-9))

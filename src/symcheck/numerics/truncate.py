@@ -14,27 +14,30 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from symcheck.kernels import sparse
+from symcheck.kernels import sparse, uniform
 from symcheck.kernels.solve import System
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.records import dataclass
 
 __all__ = ["Truncation", "truncate"]
 
 SWEEPS = 20_000
+TRIAL = 600  # sweeps in the order that components give
 
 
 @dataclass(frozen=True, eq=False)
 class Truncation:
     """The states kept (ascending), and what cutting the others off loses at most, in all, at a state of interest.
 
-    visits: bounds on the expected time spent in each kept state, from whichever state of interest.
+    visits: bounds on the expected time spent in each kept state, from whichever state of interest. values: bounds on the value
+    of each kept state at any time, V with Q V <= (a/T) V.
     """
 
     kept: Int64s
     loss: float
     visits: Floats
+    values: Floats
 
 
 def truncate(
@@ -78,25 +81,33 @@ def truncate(
     loss = float(np.sum(flow[crossing] * value[rates.indices[crossing]])) * (1.0 + 1e-9)
     if given:
         loss += float(np.sum((start * value)[~keep])) * (1.0 + 1e-9)
-    return Truncation(np.flatnonzero(keep).astype(np.int64), loss, visits[keep])
+    return Truncation(np.flatnonzero(keep).astype(np.int64), loss, visits[keep], value[keep])
 
 
 def _resolvent(rates: SparseMatrix, exit_rates: Floats, time: float, right: Floats, haste: float, transposed: bool) -> Floats | None:
     """Upper bounds, within a factor of about two, on e^a (a/time - Q)^-1 right (or its transpose)."""
     scale = 1.0 / (exit_rates + haste / time)
-    arrays = (rates.indptr, rates.indices, rates.data)
+    arrays: tuple[Int64s, Int32s, Floats] = (rates.indptr, rates.indices, rates.data)
+    back = sparse.transpose_values(*arrays, rates.columns)
     if transposed:
-        arrays = sparse.transpose_values(*arrays, rates.columns)
+        arrays, back = back, arrays
     data = arrays[2] * np.repeat(scale, np.diff(arrays[0]))
-    matrix = SparseMatrix(arrays[0], arrays[1], data, rates.columns)
     # Every loop has been counted in the exit rate; here the equations are used as they are, whatever their rows sum to.
     system = System(*arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0)
-    parts = graph.sccs(matrix)
-    x = np.zeros((rates.states, 2))
-    block = system.block(parts.order, x)
-    done, _, _ = block.optimistic(1.0, True, SWEEPS)
-    if not done:
+    # Along the way that the values spread sweeps take them furthest; but within a component's own order they may settle far sooner.
+    nearest = uniform.nearest_first(back[0], back[1], (right > 0.0).view(np.uint8))
+    del back
+    trials = [(nearest, SWEEPS)]
+    if not transposed:
+        matrix = SparseMatrix(arrays[0], arrays[1], data, rates.columns)
+        trials.insert(0, (graph.sccs(matrix).order, TRIAL))
+    for order, sweeps in trials:
+        block = system.block(order, np.zeros((rates.states, 2)))
+        done, _, _ = block.optimistic(1.0, True, sweeps)
+        if done:
+            break
+    else:
         return None
     out = np.empty(rates.states)
-    out[parts.order] = np.asarray(block.x)[: block.n, 1]
+    out[order] = np.asarray(block.x)[: block.n, 1]
     return out * math.exp(haste) * (1.0 + 1e-9)
