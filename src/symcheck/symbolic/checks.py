@@ -6,7 +6,9 @@ the scalar semantics (`symcheck.semantics.step`), which every way of building sh
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
+from operator import and_
 from typing import TYPE_CHECKING
 
 from symcheck.errors import Diagnostic, InputError, ModelFault
@@ -53,15 +55,34 @@ def _explain(space: StateSpace, states: Bdd, options: BuildSettings) -> tuple[Di
 
 
 def _violations(space: StateSpace, options: BuildSettings) -> Iterator[Bdd]:
-    """Non-empty sets of reachable states that break a rule, one per command and rule."""
+    """Non-empty sets of reachable states that break a rule, one per command and rule.
+
+    Guards are small and reachable sets may be large: they meet only where a command could break a rule somewhere.
+    """
     for event in space.symbolic.events:
-        enabled = event.guard & space.states
-        happens = enabled & _possible(space, event)
-        for commands in event.participants if enabled else ():
-            for command in commands:
-                where = command.guard & enabled
-                if where:
-                    yield from filter(None, _command_violations(space, command, where, happens, options))
+        enabled = _Once(partial(and_, event.guard, space.states))
+        happens = _Once(partial(_happening, space, event, enabled))
+        if event.guard.disjoint(space.states):
+            continue
+        for command in (c for commands in event.participants for c in commands):
+            yield from filter(None, _command_violations(space, command, enabled, happens, options))
+
+
+def _happening(space: StateSpace, event: EncodedEvent, enabled: _Once) -> Bdd:
+    return enabled() & _possible(space, event)
+
+
+class _Once:
+    """A set that is worked out when it is first asked for."""
+
+    def __init__(self, make: Callable[[], Bdd]) -> None:
+        self._make = make
+        self._made: Bdd | None = None
+
+    def __call__(self) -> Bdd:
+        if self._made is None:
+            self._made = self._make()
+        return self._made
 
 
 def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
@@ -71,28 +92,32 @@ def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
     return manager.conjunction([manager.disjunction(m) for m in moves])
 
 
-def _command_violations(space: StateSpace, command: EncodedCommand, where: Bdd, happens: Bdd, options: BuildSettings) -> Iterator[Bdd]:
+def _command_violations(
+    space: StateSpace, command: EncodedCommand, enabled: _Once, happens: _Once, options: BuildSettings
+) -> Iterator[Bdd]:
     translator = space.symbolic.translator
+    where = _Once(lambda: command.guard & enabled())
     for update in command.updates:
         if isinstance(update.probability, float):
             if not 0 <= update.probability < float("inf"):
-                yield where
-        else:
+                yield where()
+        elif where():
             infinite = update.probability.compare("=", float("inf"))
-            yield where & (update.probability.compare("<", 0.0) | infinite | translator.undefined(update.update.probability))
-        if not update.in_range.is_true:
-            yield (where & happens & positive(translator, update)) - update.in_range
+            yield where() & (update.probability.compare("<", 0.0) | infinite | translator.undefined(update.update.probability))
+        outside = (command.guard - update.in_range) & positive(translator, update)
+        if outside:
+            yield outside & happens()
     if options.check_sums and space.symbolic.model.type is not ModelType.CTMC:
         yield _wrong_sum(space, command, where)
 
 
-def _wrong_sum(space: StateSpace, command: EncodedCommand, where: Bdd) -> Bdd:
+def _wrong_sum(space: StateSpace, command: EncodedCommand, where: _Once) -> Bdd:
     manager = space.symbolic.manager
     constant = sum(u.probability for u in command.updates if isinstance(u.probability, float))
     variable = [u.probability for u in command.updates if not isinstance(u.probability, float)]
     if not variable:
-        return manager.false if faults.sums_to_one(constant) else where
-    total = manager.sum([p.times_bdd(where) for p in variable]) + constant
+        return manager.false if faults.sums_to_one(constant) else where()
+    total = manager.sum([p.times_bdd(where()) for p in variable]) + constant
     # The bounds as the scalar rule computes them: |total - 1| <= tolerance.
     distance = (total - 1.0).maximum(1.0 - total)
-    return where & distance.compare(">", faults.SUM_TOLERANCE)
+    return where() & distance.compare(">", faults.SUM_TOLERANCE)
