@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,12 +22,14 @@ from symcheck.check.scale import Limits, main_first, scaled
 from symcheck.check.window import Count
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.epoch_layer import Epochs
-from symcheck.numerics.epochs import Found, solve_epochs, unfold
 from symcheck.numerics.matrix import Bools, Floats, SparseMatrix
 from symcheck.semantics.conditions import reward_index
 from symcheck.semantics.model import BoundReward
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
+
+if TYPE_CHECKING:
+    from symcheck.numerics.epoch_layer import Epochs
+    from symcheck.numerics.epochs import Found
 
 __all__ = ["check_even", "counted_next", "counted_until"]
 
@@ -46,6 +49,8 @@ def counted_until(context: Context, left: StateSet, right: StateSet, counts: Seq
         from symcheck.check.reach import until
 
         return until(context, left, right, direction)
+    from symcheck.numerics.epochs import solve_epochs, unfold  # few runs need it
+
     bounded = any(c.window.upper is not None for c in counts)
     system = engine.system(engine.graph.exists_until(left, right) if bounded else engine.all)
     if system.n == 0:
@@ -160,6 +165,8 @@ def _or(a: Expression, b: Expression) -> Expression:
 
 
 def _problem(context: Context, system: System, left: StateSet, right: StateSet, limit: Limits, direction: str | None) -> Epochs:
+    from symcheck.numerics.epoch_layer import Epochs
+
     matrix, leave = system.matrix, system.into(~system.states)
     if context.engine.model.type is ModelType.CTMC:
         rates = system.row_sums()
