@@ -56,3 +56,10 @@ def test_names_that_no_variable_has_are_refused():
 def test_a_variable_may_be_called_force():
     model = bound("dtmc module m a : bool; force : bool; [] true -> (a'=force); endmodule")
     assert variable_order(model, ["force"]) == ("force",)
+
+
+def test_spans_add_up_how_far_members_are_apart():
+    edges = [np.array([0, 2, 4]), np.array([], dtype=np.int64), np.array([3]), np.array([1, 4])]
+    place = np.array([5.0, 1.0, 0.0, 2.0, 3.0])
+    assert spans(edges, place) == 5.0 + 0.0 + 2.0
+    assert spans([], place) == 0.0

@@ -70,7 +70,12 @@ def force(edges: Sequence[NDArray[np.int64]], count: int) -> list[int]:
 
 def spans(edges: Sequence[NDArray[np.int64]], place: NDArray[np.float64]) -> float:
     """How far the members of each edge are apart, in total."""
-    return float(sum(place[e].max() - place[e].min() for e in edges))
+    edges = [e for e in edges if len(e)]
+    if not edges:
+        return 0.0
+    starts = np.cumsum([0, *(len(e) for e in edges[:-1])])
+    places = place[np.concatenate(edges)]
+    return float((np.maximum.reduceat(places, starts) - np.minimum.reduceat(places, starts)).sum())
 
 
 def _occurrences(model: BoundModel) -> list[NDArray[np.int64]]:
