@@ -48,3 +48,15 @@ def test_the_number_of_states_is_exact(counters):
     name = next(iter(reference))
     wrong = {**reference, name: {**reference[name], "states": reference[name]["states"] - 1}}
     assert len(counters.grown(wrong, reference)) == 1
+
+
+def test_a_small_run_imports_no_library_but_numpy(counters):
+    """Each costs more than the whole run: scipy, matplotlib, dd (with CUDD), flint, rich, and lark anyway."""
+    roots = {name.partition(".")[0] for name in counters.imported()} - sys.stdlib_module_names
+    assert {name for name in roots if "cython" not in name} == {"numpy", "symcheck"}
+
+
+def test_modules_may_not_creep_in(counters):
+    reference = json.loads(counters.REFERENCE.read_text())
+    more = {**reference, "start-up": {"modules": reference["start-up"]["modules"] + 3}}
+    assert len(counters.grown(more, reference)) == 1
