@@ -85,6 +85,17 @@ def test_the_least_cost_where_some_policies_never_leave(relative: bool, system: 
         assert Fraction(float(low)) <= value <= Fraction(float(high)) + Fraction(1, 10**300)
 
 
+def test_rows_that_lead_to_infinity_do_no_harm_to_the_least_cost() -> None:
+    half = Fraction(1, 2)
+    system: System = [[({1: half}, Fraction(1), half), ({0: half}, Fraction(1), half)], [({0: half}, Fraction(1), half)]]
+    problem = problem_of(system, "min", probability=False)
+    problem.constant[0] = np.inf
+    found, _ = accelerated(block_of(problem), 1e-6, relative=True)
+    assert found is not None
+    assert found.lower[0] <= 2.0 <= found.upper[0]
+    assert found.lower[1] <= 2.0 <= found.upper[1]
+
+
 @pytest.mark.parametrize("relative", [True, False])
 def test_policies_that_stay_for_ever_and_seem_cheap(relative: bool) -> None:
     # The second row of state 0 costs 1/64 a round, and never leaves: extrapolated, its value runs away below 0.

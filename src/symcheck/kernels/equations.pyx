@@ -153,7 +153,7 @@ cdef class Part:
                     leaving = leaving / total
                 if leaving > 0.0:
                     self.open_ = True
-                self.bl[rows] = lo - fabs(lo) * terms * U
+                self.bl[rows] = lo - fabs(lo) * terms * U if lo < INFINITY else lo
                 self.bh[rows] = hi + fabs(hi) * terms * U + (TINY if terms > SLACK and hi != 0.0 else 0.0)
                 self.exit[rows] = <double>leaving
                 self.row_id[rows] = r
