@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from typing import Any, NoReturn
 
@@ -127,9 +127,6 @@ def _width(text: str) -> float:
     return value
 
 
-Group = Callable[[_Parser], None]
-
-
 def _input(parser: _Parser) -> None:
     parser.add_argument("model", nargs="?", metavar="MODEL", help="model file (.pm .prism .sm .nm …)")
     parser.add_argument("properties", nargs="?", metavar="PROPERTIES", help="properties file (.pctl .csl .props …)")
@@ -191,7 +188,7 @@ def _simulation(parser: _Parser) -> None:
     parser.add("seed", "simseed", metavar="N", type=_count, help="seed of the random numbers (default: a new one, which is reported)")
 
 
-def _exchange(parser: _Parser) -> None:
+def _imports(parser: _Parser) -> None:
     parser.add("importmodel", metavar="BASE.all", help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…)")
     for name, what in (
         ("trans", "transitions (.tra)"),
@@ -202,6 +199,9 @@ def _exchange(parser: _Parser) -> None:
     ):
         parser.add(f"import{name}", metavar="FILE", help=f"read the {what} of a model")
     parser.add("importinitdist", metavar="FILE", help="initial distribution for -transient and -steadystate: a probability per line")
+
+
+def _exports(parser: _Parser) -> None:
     parser.add(
         "exportmodel", metavar="FILES[:OPTIONS]", action="append", default=[], help="write the model: out.tra,sta,lab,srew,trew; out.all; "
         "out.dot; out.drn; out.umb; 'stdout' for out prints. OPTIONS: actions, headers, rows, states, proplabels (=false), precision=N",
@@ -234,6 +234,9 @@ def _exchange(parser: _Parser) -> None:
         help="write the labels of the properties (without FILE: to the other labels)",
     )
     parser.add("exportmatlab", action="store_true", help="write matrices, rewards, states and labels for Matlab")
+
+
+def _distributions(parser: _Parser) -> None:
     parser.add("transient", "tr", metavar="T", help="distribution over the states at a time (DTMC: a step), or at times low:step:high")
     parser.add("steadystate", "ss", action="store_true", help="distribution over the states in the long run")
     parser.add("exporttransient", "exporttr", metavar="FILE", help="write the probabilities of -transient, a line per state")
@@ -268,7 +271,7 @@ def _parser() -> _Parser:
         add_help=False,
         allow_abbrev=False,
     )
-    for group in (_input, _methods, _model, _simulation, _exchange, _output):
+    for group in (_input, _methods, _model, _simulation, _imports, _exports, _distributions, _output):
         group(parser)
     return parser
 
