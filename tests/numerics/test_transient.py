@@ -186,6 +186,20 @@ def test_cutting_states_off_keeps_rare_events_right(monkeypatch: pytest.MonkeyPa
     assert np.all(cut.upper >= whole.lower)
 
 
+@pytest.mark.parametrize("length", [150, 1000])
+def test_what_is_too_small_for_a_double_is_not_called_0(length: int) -> None:
+    """A chain of states, one jump of rate 1 from each to the next, within a time of 0.01: 0.01**n exp(-0.01) / n! and a little more."""
+    indptr = np.minimum(np.arange(length + 1), length - 1).astype(np.int64)
+    rates = SparseMatrix(indptr, np.arange(1, length, dtype=np.int32), np.ones(length - 1), length)
+    gain = np.zeros(length)
+    gain[-1] = 1.0
+    found = transient_values(rates, np.ones(length), 0.01, Accuracy(), gain=gain, interest=np.zeros(1, np.int64))
+    log10 = (length * math.log(0.01) - math.lgamma(length + 1.0)) / math.log(10.0)
+    assert log10 < -500.0
+    assert found.lower[0] == 0.0
+    assert 0.0 < found.upper[0] <= 1e-299
+
+
 def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyPatch) -> None:
     """Values from 1e-20 up: divided by what a resolvent says of them, they are alike, and a small space holds them all."""
     slow, leave, overflow = queue(40, 1.0, 4.0)

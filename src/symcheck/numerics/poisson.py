@@ -76,8 +76,9 @@ class Weighting:
         if flat and self.constant:
             front = self.constant * (flat if log == 0.0 else _expm1(flat * log) / math.expm1(log))
         later = self.values[max(0, begin - self.left) :]
-        with np.errstate(over="ignore", under="ignore"):
-            return front + float(later @ np.exp(log * (flat + np.arange(len(later)))))
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            whole = front + float(later @ np.exp(log * (flat + np.arange(len(later)))))
+        return math.inf if math.isnan(whole) else whole  # weights that are 0 in doubles, times what is too great for one
 
 
 def _expm1(x: float) -> float:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from symcheck.records import dataclass, field
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
 
+TINY = 1e-300  # more than 1e7 steps with 1e3 roundings each lose to underflow, 1e7 times over
 LOOK = 50  # steps between two looks at the stopping test
 BUDGET = 1e10  # entries to go over, at most, before states are cut off that do not matter (a tenth of it if the whole is hopeless)
 PATIENCE = 0.03  # of the entries to go over in all, likewise
@@ -57,6 +59,10 @@ class Transient:
         """The point between the bounds."""
         return 0.5 * (self.lower + self.upper)
 
+    def widened(self, room: float) -> Transient:
+        """Bounds a little apart in absolute terms: numbers near the least double lose what relative bounds on roundings promise."""
+        return replace(self, lower=np.maximum(self.lower - room, 0.0), upper=self.upper + room)
+
     def plus(self, other: Transient) -> Transient:
         """The sum of two, each rounded outwards."""
         lower, upper = (self.lower + other.lower) * (1 - 2 * ROUND), (self.upper + other.upper) * (1 + 2 * ROUND)
@@ -76,6 +82,8 @@ def transient_values(
 ) -> Transient:
     """Bounds on x(time) for every state: see above. All arrays non-negative, float64[n].
 
+    What is too small for a double is bounded by 1e-300: only where nothing is gained at all are both bounds 0.
+
     rates: among the n states (an entry on the diagonal is a self-loop and must be counted in exit_rates). exit_rates: the
     total rate of leaving each state, to states outside as well. interest: states where the accuracy is needed (None: all).
     Raises NumericalError for negative arrays (give positive and negative parts apart).
@@ -90,7 +98,7 @@ def transient_values(
             raise NumericalError("transient values need non-negative rewards: treat gains and losses apart")
         part = _part(chain, rates, exit_rates, start, time, source, settings, interest, observer)
         found = part if found is None else found.plus(part)
-    return found or Transient(np.zeros(n), np.zeros(n), 0, "nothing to gain: 0")
+    return found.widened(TINY) if found else Transient(np.zeros(n), np.zeros(n), 0, "nothing to gain: 0")
 
 
 def _part(
