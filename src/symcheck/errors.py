@@ -20,9 +20,14 @@ The tree::
 from __future__ import annotations
 
 from bisect import bisect_right
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, wraps
+from typing import ParamSpec, TypeVar
 
 from symcheck.records import dataclass, field
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 __all__ = [
     "NO_SPAN",
@@ -42,6 +47,7 @@ __all__ = [
     "TypeFault",
     "UnsupportedError",
     "UsageError",
+    "told_in_memory",
 ]
 
 
@@ -179,6 +185,19 @@ class ResourceError(SymcheckError):
 
 class MemoryLimitError(ResourceError):
     """The memory limit was reached."""
+
+
+def told_in_memory(function: Callable[P, T]) -> Callable[P, T]:
+    """The function, with MemoryLimitError and advice where Python's MemoryError would leave it (arrays know no other limit)."""
+
+    @wraps(function)
+    def told(*args: P.args, **keywords: P.kwargs) -> T:
+        try:
+            return function(*args, **keywords)
+        except MemoryError as error:
+            raise MemoryLimitError("there is not enough memory\n  hint: the engines -h and -m need less than -s and -ex") from error
+
+    return told
 
 
 class TimeLimitError(ResourceError):

@@ -12,7 +12,7 @@ from symcheck.check.options import Options
 from symcheck.engines import auto
 from symcheck.engines.registry import build
 from symcheck.engines.written import WrittenEngine, written_out
-from symcheck.errors import TimeLimitError
+from symcheck.errors import MemoryLimitError, TimeLimitError
 from symcheck.semantics.bind import bind
 from symcheck.symbolic import reach as reaching
 from symcheck.syntax.parse import parse_model
@@ -98,6 +98,15 @@ def test_diagrams_that_miss_their_turn_say_what_they_had_found(monkeypatch):
     with pytest.raises(auto._Unfinished) as caught:
         auto._reach(bind(parse_model(COUNTER), {}), Options(), 100.0)
     assert caught.value.found == 1 + 2 + 3  # states at distance 0, 1 and 2
+
+
+def test_arrays_beyond_the_memory_end_with_advice(monkeypatch):
+    def too_large(*_):
+        np.empty(2**62, dtype=np.uint8)
+
+    monkeypatch.setattr(auto, "_explicit", too_large)
+    with pytest.raises(MemoryLimitError, match="hint: the engines -h and -m"):
+        build(bind(parse_model(COUNTER), {}), Options())
 
 
 def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatch):

@@ -17,7 +17,7 @@ from symcheck.check.options import Options
 from symcheck.check.paths import negated, resolve
 from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result, Run
 from symcheck.engines.base import Engine, StateSet, Values
-from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.errors import NumericalError, UnsupportedError, told_in_memory
 from symcheck.numerics.problem import Observer
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, Property, StateFilter, Type
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["check"]
 
 
+@told_in_memory
 def check(
     engine: Engine,
     formula: Expression | Property,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from symcheck.engines.base import Engine
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, told_in_memory
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
 
@@ -91,6 +91,7 @@ BUILDERS: Mapping[str, Builder] = {
 }
 
 
+@told_in_memory
 def build(model: BoundModel, options: BuildOptions, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 
