@@ -37,7 +37,7 @@ LOOK = 50  # steps between two looks at the stopping test
 BUDGET = 1e10  # entries to go over, at most, before states are cut off that do not matter (a tenth of it if the whole is hopeless)
 PATIENCE = 0.03  # of the entries to go over in all, likewise
 HOPELESS = 1e12  # entries to go over in all
-LONG, STIFF = 1e4, 1e10  # steps, and entries to go over in all, from which on implicit means are tried
+LONG, STIFF = 2e3, 1e10  # steps, and entries to go over in all, from which on implicit means are tried
 SELDOM = 0.01  # of the states, where gain comes from
 LAYER = 300.0  # steps of uniformisation before that
 EARLY = 4000.0  # steps until the early time from which on fewer states are kept
@@ -82,7 +82,7 @@ def transient_values(
 ) -> Transient:
     """Bounds on x(time) for every state: see above. All arrays non-negative, float64[n].
 
-    What is too small for a double is bounded by 1e-300: only where nothing is gained at all are both bounds 0.
+    What is too small for a double is bounded by 1e-300, and so are states that gain nothing: leave them out before.
 
     rates: among the n states (an entry on the diagonal is a self-loop and must be counted in exit_rates). exit_rates: the
     total rate of leaving each state, to states outside as well. interest: states where the accuracy is needed (None: all).
@@ -150,7 +150,9 @@ def _implicit(
     if chain.q * time < LONG or chain.q * time * chain.entries < STIFF:
         return None
     fine = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
-    first = _sum(chain, start / chain.q if source else start, layer, source, fine, None, observer)
+    # In terms of weights, what the window leaves out may be great.
+    tail = 1e-22 if weights is None else 1e-300
+    first = _sum(chain, start / chain.q if source else start, layer, source, fine, None, observer, tail=tail)
     assert first is not None
     scale = np.ones(len(start)) if weights is None else weights
     near, middle = float(np.max((first.upper - first.lower) / scale)), first.middle / scale
@@ -204,13 +206,15 @@ def _sum(
     mass: bool = False,
     budget: float = math.inf,
     visits: Visits | None = None,
+    tail: float = 1e-300,
 ) -> Transient | None:
     """Sum of weight_k * P^k start over the Poisson window, or less where a proof ends it early.
 
     source: weights P(N > k), else P(N = k). mass: start is a distribution (its sum does not grow), else a value (its greatest
     entry does not grow). None where it takes more than `budget` entries to go over. visits: see there.
+    tail: weights below so much of the greatest are left out, and counted as an error.
     """
-    window = poisson(chain.q * time)
+    window = poisson(chain.q * time, tail)
     weights = window.tails() if source else window.masses()
     y, z, total = start.copy(), np.empty_like(start), np.zeros_like(start)
     pick: Callable[[Floats], Floats] = (lambda v: v) if interest is None else (lambda v: v[interest])
