@@ -25,7 +25,7 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Layout, Rows, StateTable
 from symcheck.explicit.tables import Assignments, tables, total_reward
-from symcheck.kernels.explore import Explorer, Outcome
+from symcheck.kernels.explore import Explorer, Outcome, give_back
 from symcheck.kernels.packed import order_rows
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.records import dataclass, field
@@ -39,6 +39,7 @@ __all__ = ["Exploration", "Observer", "Progress", "explore"]
 
 _SLICE = 0.05  # seconds of search between looks at limits and signals
 _EXAMPLES = 3
+_LARGE = 500_000  # states after whose search freed memory is given back to the system
 _NO_BUDGET = 1 << 62
 
 
@@ -199,6 +200,8 @@ class Exploration:
         initial = states.find(self._initial).astype(np.int64)
         levels = e.level + 1
         state_rewards = self._state_rewards(states)
+        if n > _LARGE:
+            give_back()
         self._seconds += time.perf_counter() - started
         # Not np.unique, which imports numpy.ma: a tenth of the time that a small model takes.
         ordered = np.sort(initial)

@@ -21,6 +21,15 @@ cdef enum:
     SWEEPS = 8                           # sweeps per combination
 
 
+cdef bint together(const double[::1] low, const double[::1] high) noexcept nogil:
+    """Whether bounds differ by roundings only, so that one of them will do for the middle."""
+    cdef int64_t r
+    for r in range(low.shape[0]):
+        if not high[r] <= low[r] * (1.0 + 1e-14):
+            return False
+    return True
+
+
 cdef class Candidate:
     """An approximation `x` of the solution of a block, as LocalSystem describes it (no self-loops; `b` between low and high).
 
@@ -31,7 +40,8 @@ cdef class Candidate:
     cdef const int64_t[::1] ptr, group, now_ptr
     cdef const int32_t[::1] idx, now_idx
     cdef const double[::1] val, low, high, now_val, now_b
-    cdef double[::1] mid, image, last_image, last_change, weight
+    cdef const double[::1] mid
+    cdef double[::1] image, last_image, last_change, weight
     cdef float[:, ::1] residuals, images
     cdef readonly double[::1] x
     cdef readonly int64_t[::1] choice
@@ -49,16 +59,29 @@ cdef class Candidate:
         self.mode = mode
         self.relative = relative
         self.n = n
-        self.mid = low + 0.5 * (high - low) if mode != 1 else np.where(high < np.inf, 0.5 * (low + high), np.inf)
+        if together(self.low, self.high):
+            self.mid = low
+        else:
+            self.mid = low + 0.5 * (high - low) if mode != 1 else np.where(high < np.inf, 0.5 * (low + high), np.inf)
         self.x = np.zeros(n)
         self.choice = np.full(0 if mode == 0 else n, -1, dtype=np.int64)
-        self.image, self.last_image, self.last_change = np.empty(n), np.empty(n), np.empty(n)
         self.weight = np.ones(n)
-        self.residuals = np.zeros((n, MEMORY), dtype=np.float32)
-        self.images = np.zeros((n, MEMORY), dtype=np.float32)
         self.now_ptr, self.now_idx, self.now_val, self.now_b = ptr, idx, val, self.mid
         self.sweeps = 0
+        self.rest()
+
+    def rest(self):
+        """Give the memory of earlier steps back, until the next evaluation."""
+        self.image = self.last_image = self.last_change = None
+        self.residuals = self.images = None
         self.forget()
+
+    cdef remember(self):
+        """Room for the steps of an evaluation."""
+        if self.image is None:
+            self.image, self.last_image, self.last_change = np.empty(self.n), np.empty(self.n), np.empty(self.n)
+            self.residuals = np.zeros((self.n, MEMORY), dtype=np.float32)
+            self.images = np.zeros((self.n, MEMORY), dtype=np.float32)
 
     cdef void forget(self) noexcept nogil:
         cdef int64_t i, j
@@ -133,6 +156,7 @@ cdef class Candidate:
         cdef int64_t[::1] ptr = np.empty(n + 1, dtype=np.int64)
         cdef int32_t[::1] idx
         cdef double[::1] val, b
+        self.now_ptr, self.now_idx, self.now_val, self.now_b = self.ptr, self.idx, self.val, self.mid  # the old copy goes first
         for i in range(n):
             entries += self.ptr[self.choice[i] + 1] - self.ptr[self.choice[i]]
         idx, val, b = np.empty(entries + 1, dtype=np.int32), np.empty(entries + 1), np.empty(n)
@@ -184,6 +208,7 @@ cdef class Candidate:
         """Evaluate the policy, until a step of some sweeps changes nothing by more than `tolerance`: the last (relative) change."""
         cdef int64_t k
         cdef double change = INFINITY
+        self.remember()
         with nogil:
             for k in range(steps):
                 change = self.step()

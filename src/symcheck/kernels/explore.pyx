@@ -16,6 +16,18 @@ from symcheck.kernels.hashing cimport StateSet
 from symcheck.kernels.memory cimport Buffer, release, reserve
 from symcheck.kernels.vm cimport Status
 
+cdef extern from *:
+    """
+    #include <stdlib.h>
+    #ifdef __GLIBC__
+    #include <malloc.h>
+    #define trim_heap() malloc_trim(0)
+    #else
+    #define trim_heap() ((void) 0)
+    #endif
+    """
+    void trim_heap() nogil
+
 cdef enum:
     BATCH = 256  # states
     WIDE = 16384  # successors: a batch ends here
@@ -29,6 +41,12 @@ cpdef enum Outcome:
     FAULT
     NO_MEMORY
     TOO_MANY
+
+
+def give_back():
+    """Give memory that was freed, and that the allocator keeps, back to the system, where it can be told to."""
+    with nogil:
+        trim_heap()
 
 
 cdef double now() noexcept nogil:

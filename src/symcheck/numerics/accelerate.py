@@ -42,6 +42,8 @@ def accelerated(
         if observer is not None:
             observer(Step("accelerated sweeps", candidate.sweeps, change, local.n))
         if change <= tolerance:
+            if local.mode != 0:
+                candidate.rest()  # the next improvement forgets them anyway
             found = _prove(candidate, goal, spread, relative)
             if found is not None or tolerance <= FLOOR:
                 return found, candidate.sweeps

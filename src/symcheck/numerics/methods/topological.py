@@ -83,28 +83,30 @@ def _solve(problem: LinearProblem, settings: Settings, observer: Observer | None
         system.sweep_acyclic(run.x, run.strategy, shape > 0)
         return _finish(run, f"{problem.n} states, acyclic: one pass", exact=True)
     parts = graph.sccs(source)
-    _components(run, parts, source.edges)
-    explanation = _explain(run, parts)
-    del parts, source
+    # A component may use up its share of the width: what its successors brought in is part of what it is left with.
+    deep = levels(source.edges, matrix.indices, parts.of, parts.order, parts.start, SMALL if run.problem.mode == 0 else 1)
+    components, order, start = f"{parts.count} SCCs, largest {parts.largest} states", parts.order, parts.start
+    del parts, source  # what is solved now may need the memory
+    _components(run, order, start, deep)
+    explanation = _explain(run, components)
+    del order, start, deep
     exact = run.counters[2] == 0 and set(run.notes) <= {"elimination"} and not run.failed
     return _finish(run, explanation, exact=exact)
 
 
-def _components(run: _Run, parts: graph.Components, edges: Int64s) -> None:
-    """Solve all components; the kernel stops at each that needs more than its cheap means."""
-    deep = levels(edges, run.problem.rows.indices, parts.of, parts.order, parts.start, SMALL if run.problem.mode == 0 else 1)
-    # A component may use up its share of the width: what its successors brought in is part of what it is left with.
+def _components(run: _Run, order: Int32s, start: Int64s, deep: Int32s) -> None:
+    """Solve all components (see graph.Components); the kernel stops at each that needs more than its cheap means."""
     np.maximum(deep, 1, out=deep)
     share = run.settings.epsilon * 0.9 / int(deep.max(initial=1))
     component = 0
     while True:
         component = run.system.advance(
-            parts.order, parts.start, component, run.x, run.strategy, deep, share, run.settings.relative,
+            order, start, component, run.x, run.strategy, deep, share, run.settings.relative,
             run.problem.probability, SMALL, run.counters,
         )  # fmt: skip
-        if component >= parts.count:
+        if component >= len(start) - 1:
             return
-        _hard(run, parts.members(component), float(deep[component]) * share)
+        _hard(run, order[start[component] : start[component + 1]], float(deep[component]) * share)
         component += 1
 
 
@@ -303,7 +305,7 @@ def _below_doubles(lower: Floats, upper: Floats) -> bool:
     return bool(np.any(upper[small] - lower[small] > 1e-9 * upper[small]))
 
 
-def _explain(run: _Run, parts: graph.Components) -> str:
+def _explain(run: _Run, components: str) -> str:
     """For people: how many components, the largest, and what was done."""
     single, eliminated, swept, _, largest_eliminated, largest_swept = (int(c) for c in run.counters)
     done = [f"{single} single"] if single else []
@@ -314,4 +316,4 @@ def _explain(run: _Run, parts: graph.Components) -> str:
     done += [f"{name} (up to {states} states)" for name, states in run.notes.items()]
     if run.failed:
         done.append(f"{run.failed} did not reach the accuracy wanted")
-    return f"{parts.count} SCCs, largest {parts.largest} states: topological, " + ", ".join(done)
+    return f"{components}: topological, " + ", ".join(done)
