@@ -48,7 +48,7 @@ class Family:
     fixed: str = ""
 
     def constants(self, size: int) -> str:
-        own = "" if self.name == "polling" else f"{self.constant}={size}"
+        own = "" if self.name == "polling" or not self.constant else f"{self.constant}={size}"
         return ",".join(part for part in (own, self.fixed) if part)
 
 

@@ -1,0 +1,87 @@
+"""Peak memory of whole runs on models of more than a million states, for symcheck's default and engines, and Storm's.
+
+    python benchmarks/memory.py                         print a table, and write it to benchmarks/results/memory.md
+    python benchmarks/memory.py --only crowds --limit 30 --engines symcheck "Storm sparse"
+
+Instances of models/, each with one property; the dining philosophers are a ring of more of them. Every run is a process of its own,
+from start-up to the result, and its peak is what the system counted (the resident set, shared libraries included). Storm runs
+where `stormpy` is installed. Beside the megabytes stand seconds of processor time: memory could always be had for time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import re
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from growth import MODELS, RESULTS, Family, runs
+from growth_plots import Run
+
+INSTANCES = (
+    Family("crowds", "crowds/crowds.pm", 'P=? [ F "exposed" ]', "CrowdSize", (20,), "TotalRuns=5"),
+    Family("kanban", "kanban/kanban.sm", 'R{"delivered"}=? [ S ]', "t", (5,)),
+    Family("multiplex", "multiplex/multiplex.pm", "P=? [ F phase=3 & outputs/N<=0.1 ]", "N", (40, 60), "K=2"),
+    Family("polling", "polling/polling.sm", "P=? [ !(busy & at=2) U busy & at=1 ]", "N", (16,)),
+    Family("dining", "ring", 'R{"acts"}min=? [ F p1=5 ]', "", (9,)),
+)
+ENGINES = ("symcheck", "symcheck -h", "symcheck -s", "symcheck -ex", "Storm sparse", "Storm hybrid", "Storm dd")
+
+
+def ring(philosophers: int) -> str:
+    """The dining philosophers of models/dining, as many as one likes."""
+    text = (MODELS / "dining" / "dining.nm").read_text()
+    alone = re.sub(r"(?m)^module philosopher[23] = .*\n", "", text).replace("p3", f"p{philosophers}")
+    others = [
+        f"module philosopher{k} = philosopher1 [ p1=p{k}, p2=p{k % philosophers + 1}, p{philosophers}=p{k - 1} ] endmodule"
+        for k in range(2, philosophers + 1)
+    ]
+    return "\n".join([alone, *others, ""])
+
+
+def table(measured: Sequence[Run], engines: Sequence[str]) -> str:
+    """MB and seconds of processor time, an instance a line."""
+    lines = ["| model | states |" + "".join(f" {e} |" for e in engines), "|---|---|" + "---|" * len(engines)]
+    for name, size in dict.fromkeys((r.family, r.size) for r in measured):
+        mine = {r.engine: r for r in measured if (r.family, r.size) == (name, size)}
+        states = max((r.states or 0 for r in mine.values()), default=0)
+        lines.append(f"| {name} {size} | {states:,} |" + "".join(f" {_cell(mine.get(e))} |" for e in engines))
+    return "\n".join(lines) + "\n"
+
+
+def _cell(run: Run | None) -> str:
+    if run is None:
+        return ""
+    return f"{run.megabytes} ({run.processor:.1f} s)" if run.ended == "done" else f"{run.ended} at {run.megabytes}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="*", default=[f.name for f in INSTANCES], help="models")
+    parser.add_argument("--engines", nargs="*", default=ENGINES)
+    parser.add_argument("--limit", type=float, default=60, help="seconds per run")
+    parser.add_argument("--memory", type=int, default=16_000, help="megabytes of address space per run")
+    arguments = parser.parse_args()
+    engines = [e for e in arguments.engines if not e.startswith("Storm") or importlib.util.find_spec("stormpy")]
+    measured: list[Run] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for family in (f for f in INSTANCES if f.name in arguments.only):
+            if family.model == "ring":
+                path = Path(folder) / "ring.nm"
+                path.write_text(ring(family.sizes[0]))
+                family = Family(family.name, str(path), family.query, "", family.sizes)
+            for run in runs([family], engines, arguments.limit, arguments.memory):
+                measured.append(run)
+                print(json.dumps(asdict(run)), flush=True)
+    text = table(measured, engines)
+    print(text)
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "memory.md").write_text(text)
+
+
+if __name__ == "__main__":
+    main()
