@@ -56,7 +56,7 @@ def test_every_switch_is_explained() -> None:
     text = (DOCS / "command_line.md").read_text()
     named = {switch for cell in re.findall(r"`([^`]*)`", text) for switch in re.findall(r"(?:^|\s)-([a-z?][\w]*)", cell)}
     own = {s.lstrip("-") for action in _parser()._actions for s in action.option_strings}
-    foreign = {*compatible._WITHOUT_EFFECT, *compatible._REFUSED, "exportadv", "dir"}
+    foreign = {*compatible._WITHOUT_EFFECT, *compatible._REFUSED, "exportadv", "exportadvmdp", "dir"}
     assert named == own | foreign
 
 
