@@ -36,6 +36,7 @@ STEPS = 200  # of BiCGStab, per vector
 DIRECT, OPERATIONS = 50_000, 1500  # states up to which elimination is tried instead, and operations that it may need per entry
 SOLVED = 1e-12  # residual of a vector, relative
 DEGREE = 10  # of the polynomials in time
+SLICE = 65_536  # states at a time, where all at once would take a copy of the space
 INTERVALS = 150  # at most
 SAMPLES = 4 * DEGREE  # angles, at which bounds are looked for: with nodes at cosines, a maximum is at most an angle of pi/2N away
 LEBESGUE = 1.0 / math.cos(0.5 * math.pi * DEGREE / SAMPLES) * (1 + 1e-9)  # and so much greater at most (Ehlich & Zeller 1964)
@@ -83,7 +84,7 @@ def implicit_values(
             return None
         try:
             basis, matrix, first = space.projected(size)
-            greatest = np.max(np.abs(basis), axis=1)
+            greatest = _greatest(basis)
             path = _path(matrix, first, time, greatest, 3e-3 * goal / (growth * LEBESGUE))
             defect = _defect(system, basis, matrix, first, speed, path)
         except (np.linalg.LinAlgError, OverflowError):  # singular, or not finite
@@ -307,7 +308,7 @@ def _defect(system: _System, basis: Floats, matrix: Floats, first: Floats, speed
     """An upper bound on the integral over time of the greatest entry of the defect, roundings counted in."""
     size = len(first)
     along, width, others, rounding = _rest(system, basis, matrix)
-    greatest = np.max(np.abs(basis), axis=1)
+    greatest = _greatest(basis)
     norm = np.abs(matrix)
     constant = float(np.max(np.abs(first @ basis - speed)))
     slope, finer = _differentiation(), _samples()
@@ -333,6 +334,11 @@ def _samples() -> Floats:
     return np.asarray(np.linalg.solve(np.cos(np.outer(nodes, k)).T, np.cos(np.outer(angles, k)).T).T)
 
 
+def _greatest(rows: Floats) -> Floats:
+    """The greatest entry of each row, in absolute terms, without a copy of them all."""
+    return np.array([max(float(row.max()), -float(row.min())) for row in rows])
+
+
 def _rest(system: _System, basis: Floats, matrix: Floats) -> tuple[Floats, float, Floats, Floats]:
     """V H - Q V as one vector times coefficients, and what the solver left: (coefficients, greatest entry, others, roundings).
 
@@ -340,21 +346,23 @@ def _rest(system: _System, basis: Floats, matrix: Floats) -> tuple[Floats, float
     """
     size = len(basis)
     chunk = math.ceil(math.sqrt(size))  # sums of sums: fewer roundings in a row
-    rest = np.zeros_like(basis)
-    for j in range(0, size, chunk):
-        rest += matrix[j : j + chunk].T @ basis[j : j + chunk]
+    rest = np.empty_like(basis)
     for j in range(size):
-        rest[j] -= system.generator(basis[j])
+        np.negative(system.generator(basis[j]), out=rest[j])
+    for at in range(0, basis.shape[1], SLICE):
+        part = slice(at, at + SLICE)
+        rest[:, part] += sum(matrix[j : j + chunk].T @ basis[j : j + chunk, part] for j in range(0, size, chunk))
     _, vectors = np.linalg.eigh(rest @ rest.T)
     along = vectors[:, -1]
     single = np.einsum("i,ij->j", along, rest)
     width = float(np.max(np.abs(single)))
-    rest -= np.outer(along, single)
-    others = np.max(np.abs(rest), axis=1)
+    for weight, row in zip(along.tolist(), rest, strict=True):
+        row -= weight * single
+    others = _greatest(rest)
     norm, terms = np.abs(matrix).T, np.abs(along)
     inner, outer = (2 * chunk + 4) * ROUND, (system.longest + 6) * ROUND
     if system.factors is None:
-        greatest = np.max(np.abs(basis), axis=1)
+        greatest = _greatest(basis)
         bound = inner * (norm @ greatest + terms * width) + outer * 2.0 * system.fastest * greatest
         return along, width, others, bound[:, None]
     rounding = inner * (norm @ np.abs(basis) + np.outer(terms, np.abs(single)))
