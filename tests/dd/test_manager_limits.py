@@ -183,3 +183,18 @@ def test_networkx_that_is_loaded_already_is_kept():
         assert sys.modules["networkx"] is mine and _utils.import_module("networkx") is mine
         """)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_importing_keeps_nothing_of_its_caller_alive():
+    """dd keeps the error of the import that is made to fail; its traceback would keep the frames of all that were active."""
+    done = run("""
+        import weakref
+        class Large: pass
+        def work():
+            large = Large()
+            seen = weakref.ref(large)
+            import symcheck.dd.manager
+            return seen
+        assert work()() is None
+        """)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -40,7 +40,10 @@ def _import_cudd() -> ModuleType:
         if skip:
             del sys.modules["networkx"]
     if skip:
-        vars(importlib.import_module("dd._utils"))["_nx"] = _OnDemand("networkx")
+        names = vars(importlib.import_module("dd._utils"))
+        names["_nx"] = _OnDemand("networkx")
+        # dd keeps the error, and its traceback every frame that was active: with them the model that made us import dd.
+        names["_nx_error"] = None
     return module
 
 

@@ -71,6 +71,7 @@ def choose(model: BoundModel, options: BuildSettings, observer: Observer | None 
     Raises ModelFault for a faulty model, and ResourceError.
     """
     from symcheck.explicit.build import Exploration
+    from symcheck.kernels.explore import give_back
 
     if model.initial is not None and _valuations(model) > _ENUMERATED:
         return _symbolic(_reach(model, options, None), options, observer, "a search would have to try too many initial states")
@@ -93,6 +94,7 @@ def choose(model: BoundModel, options: BuildSettings, observer: Observer | None 
                 case space:
                     del exploration  # its states take memory that the diagrams' numbers want
                     return _symbolic(space, options, observer, f"{space.states.node_count:,} nodes hold {space.count:,} states")
+        give_back()  # what the diagrams took
         if missed.found > _TURNS[-1][1]:
             states = missed.found
             break
