@@ -70,7 +70,7 @@ def test_a_model_that_does_not_compress_goes_on_being_searched(monkeypatch):
 
 def test_diagrams_that_take_too_long_give_way(monkeypatch):
     def too_long(*_):
-        raise TimeLimitError("time")
+        raise auto._Unfinished("time", 7)
 
     engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long)
     assert engine.name == "explicit"
@@ -118,10 +118,20 @@ def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatc
     assert choice.reason == "updates read too much for diagrams"
 
 
+@pytest.mark.parametrize("missed", [TimeLimitError("while encoding"), auto._Unfinished("while searching", 7)])
+def test_where_diagrams_found_less_in_their_long_turn_the_search_goes_on(monkeypatch, missed):
+    def too_long(*_):
+        raise missed
+
+    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long, _TURNS=((1.0, 1000), (10.0, 2000)))
+    assert engine.name == "explicit"
+    assert choice.reason == "diagrams did not finish within 10 s"
+
+
 def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
     def too_long_at_first(model, options, seconds, reach=auto._reach):
         if seconds is not None:
-            raise TimeLimitError("time")
+            raise auto._Unfinished("time", 0)
         return reach(model, options, seconds)
 
     engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long_at_first, _TURNS=((1.0, 1000),))

@@ -6,8 +6,8 @@
    compressed rows where those fit well into memory, and stays with the diagrams where not.
 3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped, up to a number of states;
    then the diagrams get a longer turn, and so on. In the end, or once they have found more states than the search would
-   ever list, the diagrams get all the time there is; but where they were finished and compressed nothing, or would have to
-   learn what updates do, the search goes on as far as memory reaches.
+   ever list, the diagrams get all the time there is; but where they were finished and compressed nothing, would have to learn
+   what updates do, or found less in the long turn than the search had, the search goes on as far as memory reaches.
 
 So a wrong guess costs a bounded share of the run, and what the search has explored is kept.
 """
@@ -98,7 +98,7 @@ def choose(model: BoundModel, options: BuildSettings, observer: Observer | None 
         if missed.found > _TURNS[-1][1]:
             states = missed.found
             break
-        if missed.hopeless:
+        if missed.hopeless or (turn == len(_TURNS) - 1 and 0 < missed.found < exploration.progress.states):
             states = max(states, _that_fit(exploration))
         if missed.found <= states and exploration.run(states, observer):
             return _explicit(exploration, observer, missed.reason)
@@ -129,9 +129,10 @@ def _try_diagrams(model: BoundModel, options: BuildSettings, seconds: float, str
         space = _reach(model, options, seconds * stretch)
     except UnsupportedError as error:
         return _Missed(str(error), hopeless=True)
-    except TimeLimitError as error:
-        found = error.found if isinstance(error, _Unfinished) else 0
-        return _Missed(f"diagrams did not finish within {seconds:g} s", found=found)
+    except _Unfinished as error:
+        return _Missed(f"diagrams did not finish within {seconds:g} s", found=error.found)
+    except TimeLimitError:  # before the search for states began
+        return _Missed(f"diagrams did not finish within {seconds:g} s", hopeless=seconds >= _TURNS[-1][0])
     except MemoryLimitError as error:
         return _Missed(str(error))
     nodes = space.states.node_count
