@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.base import Engine
+from symcheck.engines.explicit_graph import Owner
 from symcheck.errors import MemoryLimitError
 from symcheck.explicit.states import StateTable
 from symcheck.kernels import pairs
@@ -28,32 +29,12 @@ __all__ = ["Base", "ExplicitProduct", "ProductModel", "pair_matrix", "product", 
 _PAIRS_LIMIT = 2**33
 
 
-class Base(Protocol):
-    """What a product asks of the engine that it is made with."""
+class Base(Owner, Protocol):
+    """What a product asks of the engine that it is made with: what graph questions ask, and more."""
 
     @property
     def explored(self) -> ExplicitModel:
         """The explored model."""
-        ...
-
-    @property
-    def model(self) -> BoundModel:
-        """The bound model."""
-        ...
-
-    @property
-    def matrix(self) -> SparseMatrix:
-        """One-step probabilities (rates)."""
-        ...
-
-    @property
-    def states(self) -> int:
-        """Number of reachable states."""
-        ...
-
-    @property
-    def initial(self) -> ArraySet:
-        """The initial states."""
         ...
 
     @property

@@ -16,6 +16,19 @@ cdef double SLACK = 8.0
 cdef double TINY = 1e-307
 
 
+cdef inline double wider(double widest, double low, double high, bint relative) noexcept nogil:
+    """The greater of `widest` and the (relative) width of these bounds."""
+    cdef double width = high - low
+    if not relative:
+        return width if width > widest else widest
+    # width / upper > widest, without a division where it does not matter
+    if width > widest * high:
+        width = width / (high if high > 1e-300 else 1e-300)
+        if width > widest:
+            return width
+    return widest
+
+
 cdef class Block(Part):
     """Equations that are swept over. All bounds in `x` stay bounds, whatever is called in between."""
 
@@ -46,7 +59,7 @@ cdef class Block(Part):
 
     cdef double chain_sweep(self, bint relative, bint backwards) noexcept nogil:
         cdef int64_t i, j, k, n = self.n, end
-        cdef double lo, hi, margin, width, widest = 0.0, a
+        cdef double lo, hi, margin, widest = 0.0, a
         cdef double* x = &self.x[0, 0]
         cdef double* y
         cdef const double* val = &self.val[0]
@@ -72,20 +85,12 @@ cdef class Block(Part):
                 y[0] = lo
             if hi < y[1]:
                 y[1] = hi
-            width = y[1] - y[0]
-            if relative:
-                # width / upper > widest, without a division where it does not matter
-                if width > widest * y[1]:
-                    width = width / (y[1] if y[1] > 1e-300 else 1e-300)
-                    if width > widest:
-                        widest = width
-            elif width > widest:
-                widest = width
+            widest = wider(widest, y[0], y[1], relative)
         return widest
 
     cdef double choice_sweep(self, bint relative, bint backwards) noexcept nogil:
         cdef int64_t i, j, r, k, n = self.n, first, last
-        cdef double lo, hi, best_lo, best_hi, margin, width, widest = 0.0, a
+        cdef double lo, hi, best_lo, best_hi, margin, widest = 0.0, a
         cdef int64_t arg_lo, arg_hi
         cdef bint most = self.mode == 2
         cdef double* x = &self.x[0, 0]
@@ -132,14 +137,7 @@ cdef class Block(Part):
                 y[1] = best_hi
                 if not most:
                     self.choice[i] = arg_hi
-            width = y[1] - y[0]
-            if relative:
-                if width > widest * y[1]:
-                    width = width / (y[1] if y[1] > 1e-300 else 1e-300)
-                    if width > widest:
-                        widest = width
-            elif width > widest:
-                widest = width
+            widest = wider(widest, y[0], y[1], relative)
         return widest
 
     cdef double low_sweep(self, bint relative, bint backwards) noexcept nogil:
