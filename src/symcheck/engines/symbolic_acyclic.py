@@ -25,6 +25,7 @@ from symcheck.engines.symbolic_sets import (
     SymbolicValues,
     array_piece,
     constant_piece,
+    constants_on,
     merged,
 )
 from symcheck.numerics.matrix import Floats
@@ -121,14 +122,7 @@ def _pieces(
     d: Diagrams, function: Mtbdd, on: Bdd, error: float, rest: Sequence[tuple[SymbolicSet, float]], states: Bdd
 ) -> tuple[Piece, ...]:
     """Of `states`: the function of the row bits `on` some, up to a relative error; constants on the `rest`, 0 elsewhere."""
-    pieces = []
-    left = states - on
-    for set_, value in reversed(rest):  # the last of two that overlap counts
-        if set_.bdd & left:
-            pieces.append(constant_piece(set_.bdd & left, value))
-            left = left - set_.bdd
-    if left:
-        pieces.append(constant_piece(left, 0.0))
+    pieces = list(constants_on(states - on, rest))
     here = states & on
     if here:
         pieces.extend(_spread_out(d, function.times_bdd(here), here, error))

@@ -7,7 +7,7 @@ only the states between need an array, numbered by an ODD of their own. What is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property
 
@@ -29,6 +29,7 @@ __all__ = [
     "SymbolicValues",
     "array_piece",
     "constant_piece",
+    "constants_on",
     "merged",
     "picked",
     "values_of",
@@ -126,6 +127,16 @@ def constant_piece(states: Bdd, lower: float, upper: float | None = None, comput
     low = np.array([float(lower)])
     high = low if upper is None or upper == lower else np.array([float(upper)])
     return Piece(states, ArrayValues(low, high, np.ones(1, bool) if computed else None), None)
+
+
+def constants_on(states: Bdd, parts: Sequence[tuple[SymbolicSet, float]]) -> Iterator[Piece]:
+    """Pieces that cover `states`: the value of the last part that a state is in, 0 elsewhere."""
+    for part, value in reversed(parts):
+        if part.bdd & states:
+            yield constant_piece(part.bdd & states, value)
+            states = states - part.bdd
+    if states:
+        yield constant_piece(states, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

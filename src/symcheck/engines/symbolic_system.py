@@ -8,11 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from symcheck.dd.manager import Bdd, Mtbdd
+from symcheck.dd.manager import Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.dd.quad import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.engines.diagrams import Diagrams
-from symcheck.engines.symbolic_sets import Piece, SymbolicSet, SymbolicValues, array_piece, constant_piece, merged
+from symcheck.engines.symbolic_sets import Piece, SymbolicSet, SymbolicValues, array_piece, constants_on, merged
 from symcheck.kernels.quad import Quad
 from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.records import dataclass, field
@@ -190,14 +190,8 @@ class SymbolicSystem:
         """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
         d = self._d
         pieces = []
-        left: Bdd = d.states - self.states.bdd
         if self.states:
             same = upper is None or upper is lower
             pieces.append(array_piece(self.states.bdd, self.odd, lower, None if same else upper, exact))
-        for states, value in reversed(rest):  # the last of two that overlap counts
-            if states.bdd & left:
-                pieces.append(constant_piece(states.bdd & left, value))
-                left = left - states.bdd
-        if left:
-            pieces.append(constant_piece(left, 0.0))
+        pieces.extend(constants_on(d.states - self.states.bdd, rest))
         return SymbolicValues(d, merged(d, pieces))
