@@ -7,8 +7,9 @@ automaton: a path that satisfies it exists where, in the product, a path exists 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
+from itertools import count
 from operator import and_, or_
 from typing import assert_never
 
@@ -63,16 +64,8 @@ def _exists_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -
     if steps.upper is None:
         found = graph.exists_until(left, right)
     else:
-        found = right
-        for _ in range(steps.upper - steps.lower):
-            before, found = found, found | (left & graph.predecessors(found))
-            if found == before:
-                break
-    for _ in range(steps.lower):
-        before, found = found, left & graph.predecessors(found)
-        if found == before:
-            break
-    return found
+        found = _repeated(lambda states: states | (left & graph.predecessors(states)), right, steps.upper - steps.lower)
+    return _repeated(lambda states: left & graph.predecessors(states), found, steps.lower)
 
 
 def _exists_not_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -> StateSet:
@@ -80,16 +73,17 @@ def _exists_not_until(graph: Graph, left: StateSet, right: StateSet, steps: Step
     if steps.upper is None:
         found = graph.exists_globally(~right) | graph.exists_until(~right, ~(left | right))
     else:
-        found = ~right
-        for _ in range(steps.upper - steps.lower):
-            before, found = found, found & (~left | graph.predecessors(found))
-            if found == before:
-                break
-    for _ in range(steps.lower):
-        before, found = found, ~left | graph.predecessors(found)
-        if found == before:
+        found = _repeated(lambda states: states & (~left | graph.predecessors(states)), ~right, steps.upper - steps.lower)
+    return _repeated(lambda states: ~left | graph.predecessors(states), found, steps.lower)
+
+
+def _repeated(step: Callable[[StateSet], StateSet], states: StateSet, times: int | None = None) -> StateSet:
+    """What comes of so many steps, or of as many as change something."""
+    for _ in count() if times is None else range(times):
+        before, states = states, step(states)
+        if states == before:
             break
-    return found
+    return states
 
 
 def _exists_linear(context: Context, path: TemporalPath) -> StateSet:
@@ -108,14 +102,13 @@ def _visits_for_ever(graph: Graph, within: StateSet, visits: Sequence[StateSet])
     The greatest set from which each of `visits` can be reached in at least one step without leaving it; in between,
     what has no infinite path in it goes at once, as long chains would else be taken apart one state a round.
     """
+
+    def again(found: StateSet) -> StateSet:
+        each = (graph.predecessors(graph.exists_until(found, found & states)) for states in visits)
+        return graph.exists_globally(reduce(and_, each, found))
+
     found = graph.exists_globally(within)
-    while found and visits:
-        again = (graph.predecessors(graph.exists_until(found, found & states)) for states in visits)
-        smaller = graph.exists_globally(reduce(and_, again, found))
-        if smaller == found:
-            break
-        found = smaller
-    return found
+    return _repeated(again, found) if visits else found
 
 
 def witness(context: Context, path: Path) -> Sequence[Mapping[str, int | bool]] | None:
