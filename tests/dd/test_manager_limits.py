@@ -149,7 +149,7 @@ def test_teardown_in_any_order(ending):
     x, y = manager.add_variables("xy")
     f = x & ~y
     m = manager.table("xy", [0.5, 1, 2, 3])
-    cube, renaming = manager.cube("x"), manager.swapping(["x"], ["y"])
+    cube, renaming = manager.cube("x"), manager.renaming({"x": "y", "y": "x"})
     all = [f, manager, m, cube, renaming, x]
     """
     done = run(textwrap.dedent(code) + ending)

@@ -45,7 +45,7 @@ def test_numbers_arrays_and_diagrams(seed: int, share: float) -> None:
     values = rng.integers(0, 5, 2**K) / 3
     function = m.table(ROWS, values)
     np.testing.assert_array_equal(odd.to_vector(function), values[member])
-    assert odd.from_vector(values[member]) == function * m.from_bdd(states)
+    assert odd.from_vector(values[member]) == function * states.to_mtbdd()
 
     sub = Odd(m, states & other, ROWS)
     np.testing.assert_array_equal(sub.places(odd), np.flatnonzero(flags[member]))

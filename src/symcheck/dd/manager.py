@@ -128,10 +128,6 @@ class DiagramManager:
         """The variable with this index."""
         return str(self.bdd._var_with_index[index])
 
-    def names_of(self, diagram: Bdd | Mtbdd) -> tuple[str, ...]:
-        """The variables that a diagram depends on, from the top down."""
-        return tuple(map(self.name_of, diagram.support))
-
     def _indices(self, variables: Variables) -> tuple[int, ...]:
         return variables.indices if isinstance(variables, Cube) else tuple(map(self.index_of, variables))
 
@@ -142,11 +138,6 @@ class DiagramManager:
     def renaming(self, changes: Mapping[str, str]) -> Renaming:
         """Prepare f[a := b] for all items (a, b) at once; variables not mentioned stay."""
         return Renaming(self.core, [(self.index_of(a), self.index_of(b)) for a, b in changes.items()])
-
-    def swapping(self, left: Sequence[str], right: Sequence[str]) -> Renaming:
-        """Prepare the exchange of variables pairwise."""
-        pairs = list(zip(map(self.index_of, left), map(self.index_of, right), strict=True))
-        return Renaming(self.core, pairs + [(b, a) for a, b in pairs])
 
     def transition(self, rows: Sequence[str], columns: Sequence[str]) -> Transition:
         """Prepare `image` and `preimage` of relations over these row and column variables (pairwise)."""
@@ -161,10 +152,6 @@ class DiagramManager:
     def constant(self, value: float) -> Mtbdd:
         """The function with one value. NaN is refused (NumericalError); -0.0 becomes 0."""
         return self.core.constant(value)
-
-    def from_bdd(self, states: Bdd, value: float = 1.0) -> Mtbdd:
-        """`value` on the set, 0 elsewhere."""
-        return self.core.from_any(states).to_mtbdd(value)
 
     def from_dd(self, function: Any) -> Bdd:
         """The set of a dd `Function` of `self.bdd`."""
@@ -212,11 +199,6 @@ class DiagramManager:
     def multiply_sum(self, left: Mtbdd, right: Mtbdd, variables: Variables) -> Mtbdd:
         """Sum of left × right over the variables: matrix times vector, or matrix times matrix."""
         return left.multiply_sum(right, self.cube(variables))
-
-    def relational_product(self, states: Bdd, relation: Bdd, quantify: Cube, rename: Renaming | None = None) -> Bdd:
-        """(states & relation).exists(quantify), then renamed. With neighbouring row and column variables `transition` is faster."""
-        result = states.and_exists(relation, quantify)
-        return result if rename is None else result.rename(rename)
 
     def count(self, states: Bdd, variables: Variables) -> int:
         """Exact number of assignments of the variables in the set. ValueError if it depends on others."""
