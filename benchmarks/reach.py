@@ -47,7 +47,7 @@ def measure(path: Path, constants: str, schedule: str | None, order: str | None,
         times.append(time.perf_counter())
         symbolic = build(model, options)
         times.append(time.perf_counter())
-        space = reach(symbolic, options, schedule=schedule)
+        space = reach(symbolic, schedule=schedule)
         times.append(time.perf_counter())
         result |= {"schedule": space.schedule, "states": space.count, "nodes": space.states.node_count}
         made = transitions(space, options)

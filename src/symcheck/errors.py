@@ -31,6 +31,7 @@ T = TypeVar("T")
 
 __all__ = [
     "NO_SPAN",
+    "SMALLER_ENGINES",
     "Diagnostic",
     "InputError",
     "Interrupted",
@@ -47,6 +48,7 @@ __all__ = [
     "TypeFault",
     "UnsupportedError",
     "UsageError",
+    "out_of_memory",
     "told_in_memory",
 ]
 
@@ -187,17 +189,29 @@ class MemoryLimitError(ResourceError):
     """The memory limit was reached."""
 
 
-def told_in_memory(function: Callable[P, T]) -> Callable[P, T]:
-    """The function, with MemoryLimitError and advice where Python's MemoryError would leave it (arrays know no other limit)."""
+SMALLER_ENGINES = "the engines -h and -m need less than -s and -ex"
+"""What helps nearly everything that does not fit into memory."""
 
-    @wraps(function)
-    def told(*args: P.args, **keywords: P.kwargs) -> T:
-        try:
-            return function(*args, **keywords)
-        except MemoryError as error:
-            raise MemoryLimitError("there is not enough memory\n  hint: the engines -h and -m need less than -s and -ex") from error
 
-    return told
+def out_of_memory(hint: str = SMALLER_ENGINES) -> MemoryLimitError:
+    """What a MemoryError is told as: arrays know no other limit than that of the process."""
+    return MemoryLimitError(f"there is not enough memory\n  hint: {hint}")
+
+
+def told_in_memory(hint: str = SMALLER_ENGINES) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """A decorator: MemoryLimitError, with advice, where Python's MemoryError would leave a function."""
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def told(*args: P.args, **keywords: P.kwargs) -> T:
+            try:
+                return function(*args, **keywords)
+            except MemoryError as error:
+                raise out_of_memory(hint) from error
+
+        return told
+
+    return decorate
 
 
 class TimeLimitError(ResourceError):

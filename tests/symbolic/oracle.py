@@ -40,7 +40,7 @@ def explore(model: BoundModel) -> dict[State, tuple[step.Row, ...]]:
 
 def symbolic(model: BoundModel, schedule: str | None = None, **keywords: object) -> Transitions:
     made = build(model, Options(), **keywords)
-    return transitions(reach(made, Options(), schedule=schedule), Options())
+    return transitions(reach(made, schedule=schedule), Options())
 
 
 def states_of(space: StateSpace) -> list[State]:

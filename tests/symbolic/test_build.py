@@ -119,7 +119,7 @@ def test_breadth_first_search_tells_each_step():
     found = list(search(model, "frontier"))
     assert [f.iteration.frontier for f in found] == [1, 2, 4, 6, 0]
     assert [f.iteration.states for f in found] == [1, 3, 7, 13, 13]
-    assert found[-1].states == reach(model, Options()).states
+    assert found[-1].states == reach(model).states
 
 
 def test_construct_shows_every_stage():
@@ -181,13 +181,13 @@ def test_a_fault_that_no_reachable_state_meets_is_none():
 
 def test_sums_need_not_be_checked():
     text, _ = FAULTS["update-sum"]
-    space = reach(build(bound(text), Options()), Options())
+    space = reach(build(bound(text), Options()))
     made = transitions(space, Options(check_sums=False))
     assert at(space, made.matrix, (0,), (1,)) == 0.5
 
 
 def test_deadlocks_are_errors_where_they_are_not_fixed():
-    space = reach(build(bound(DEADLOCK), Options()), Options())
+    space = reach(build(bound(DEADLOCK), Options()))
     with pytest.raises(ModelFault, match=r"deadlock.*x=1,y=1"):
         transitions(space, Options(fix_deadlocks=False))
 

@@ -32,7 +32,7 @@ def test_everything_learned_is_the_same_model(name):
     model = bound(MODELS[name])
     made = build(model, Options(), limits=NOTHING)
     assert any(e.learned is not None for e in made.events)
-    space = reach(made, Options())
+    space = reach(made)
     assert_same(model, transitions(space, Options()))
 
 
@@ -40,7 +40,7 @@ def test_a_domain_beyond_tables_needs_the_reached_valuations_only():
     model = bound(WIDE)
     made = build(model, Options())
     assert any(e.learned is not None for e in made.events)
-    space = reach(made, Options())
+    space = reach(made)
     expected = explore(model)
     assert set(states_of(space)) == set(expected)
     assert_same(model, transitions(space, Options()))
@@ -50,7 +50,7 @@ def test_a_domain_beyond_tables_needs_the_reached_valuations_only():
 
 def test_a_learned_update_out_of_range_is_reported():
     text = "dtmc module m a : [0..1000000] init 1; b : [0..1000000] init 1; c : [0..100]; [] true -> (c'=a*b+c) & (a'=a*2+b); endmodule"
-    space = reach(build(bound(text), Options()), Options())
+    space = reach(build(bound(text), Options()))
     with pytest.raises(ModelFault, match="c would become") as caught:
         transitions(space, Options())
     assert [d.code for d in caught.value.diagnostics] == ["update-range"]
@@ -64,4 +64,4 @@ def test_only_breadth_first_search_learns():
 def test_what_stands_behind_a_guard_that_something_else_taught_is_learned_too():
     # The condition b is known from the initial states before the command was ever encoded behind it.
     model = bound("mdp module m b : bool; x : [0..2]; [] b -> (x'=floor(x/2)); endmodule init b endinit")
-    assert_same(model, transitions(reach(build(model, Options(), limits=NOTHING), Options()), Options()))
+    assert_same(model, transitions(reach(build(model, Options(), limits=NOTHING)), Options()))

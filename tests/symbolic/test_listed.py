@@ -39,7 +39,7 @@ def test_listed_rows_are_those_of_the_search(text, limits, monkeypatch):
     monkeypatch.setattr(lister, "_CHUNK", 7)
     monkeypatch.setattr(lister, "_SLICE", 2)
     model = bound(text)
-    found = listed_rows(reach(build(model, Options(), limits=limits), Options()))
+    found = listed_rows(reach(build(model, Options(), limits=limits)))
     assert found is not None
     np.testing.assert_allclose(dense(found), dense(explore(model, Options()).matrix), rtol=1e-15)
 

@@ -35,8 +35,8 @@ def test_a_found_order_is_a_permutation_and_never_worse(edges):
 
 def test_partners_are_brought_together():
     model = bound(partners(12))
-    as_declared = reach(build(model, Options()), Options())
-    found = reach(build(model, Options(order=("force",))), Options())
+    as_declared = reach(build(model, Options()))
+    found = reach(build(model, Options(order=("force",))))
     assert found.count == as_declared.count == 2**12
     assert found.states.node_count < 100 < 2**12 < as_declared.states.node_count
 

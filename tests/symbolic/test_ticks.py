@@ -46,7 +46,7 @@ def test_where_everything_is_a_clock_there_is_none() -> None:
 
 def test_ticks_find_what_saturation_finds() -> None:
     model = _timed()
-    by_ticks, saturated = (reach(model, Options(), schedule=s) for s in ("ticks", "saturation"))
+    by_ticks, saturated = (reach(model, schedule=s) for s in ("ticks", "saturation"))
     assert by_ticks.states == saturated.states
     assert (by_ticks.schedule, saturated.schedule) == ("ticks", "saturation")
 
@@ -65,7 +65,7 @@ def test_what_a_tick_finds_is_closed_under_the_rest() -> None:
 
 
 def test_turns_go_on_where_they_stopped_and_say_which_ended() -> None:
-    expected = reach(_timed(), Options(), schedule="saturation")
+    expected = reach(_timed(), schedule="saturation")
     count = expected.count
     for budgets, winner in [(((1, 1),), {"ticks", "saturation"}), (((1, 10**9),), {"ticks"}), (((10**9, 1),), {"saturation"})]:
         model = _timed()

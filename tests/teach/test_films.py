@@ -52,7 +52,7 @@ def test_construction_of_synchronised_modules_and_slots() -> None:
 def test_frontiers_add_up(schedule: str) -> None:
     symbolic = symcheck.build(bound(PHILOSOPHERS), OPTIONS)
     frames = list(teach.frontiers(symbolic, schedule, limit=1000))
-    space = symcheck.reach(symbolic, OPTIONS)
+    space = symcheck.reach(symbolic)
     assert frames[-1].states == space.states
     found = [state for frame in frames for state in frame.found]
     assert len(found) == len(set(found)) == space.count

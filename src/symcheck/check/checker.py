@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["check"]
 
 
-@told_in_memory
+@told_in_memory()
 def check(
     engine: Engine,
     formula: Expression | Property,

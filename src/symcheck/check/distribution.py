@@ -15,7 +15,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.options import Options
 from symcheck.engines.base import ROUNDING, Engine
-from symcheck.errors import NumericalError, UnsupportedError, UsageError
+from symcheck.errors import NumericalError, UnsupportedError, UsageError, told_in_memory
 from symcheck.kernels import sparse
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, SparseMatrix
@@ -65,6 +65,7 @@ def initial_distribution(engine: Engine) -> Floats:
     return np.asarray(members / members.sum())
 
 
+@told_in_memory()
 def transient(engine: Engine, time: float, options: Options | None = None, start: Floats | None = None) -> Distribution:
     """The distribution after `time` steps (DTMC) or units of time (CTMC).
 
@@ -130,6 +131,7 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
     return x * (1 - error), x * (1 + error), text
 
 
+@told_in_memory()
 def steady_state(engine: Engine, options: Options | None = None, start: Floats | None = None) -> Distribution:
     """The long-run distribution: the share of time that is spent in each state.
 

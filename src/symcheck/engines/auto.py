@@ -201,7 +201,7 @@ def _reach(model: BoundModel, options: BuildSettings, seconds: float | None) -> 
         raise UnsupportedError(_TOO_MUCH)
     last: deque[Found] = deque(maxlen=1)
     try:
-        space = reach(symbolic, options, watch=last.append)
+        space = reach(symbolic, watch=last.append)
     except TimeLimitError as error:
         symbolic.manager.limit_time(None)
         found = sum(symbolic.manager.count(f.states, symbolic.encoding.rows) for f in last)

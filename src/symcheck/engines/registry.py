@@ -91,7 +91,7 @@ BUILDERS: Mapping[str, Builder] = {
 }
 
 
-@told_in_memory
+@told_in_memory()
 def build(model: BoundModel, options: BuildOptions, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 

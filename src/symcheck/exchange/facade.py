@@ -12,7 +12,7 @@ from symcheck.check.context import Context
 from symcheck.check.formulas import satisfying
 from symcheck.check.options import Options
 from symcheck.engines.base import Engine, StateSet
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, told_in_memory
 from symcheck.exchange import targets
 from symcheck.exchange.imported import Given, imported_engine
 from symcheck.exchange.read import read_files
@@ -55,6 +55,7 @@ class ReadModel(Model):
         self.simulate()
 
 
+@told_in_memory()
 def export(model: Model, target: str) -> list[str]:
     """Write a built model: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`, `die.umb` (see -exportmodel); gives the files.
 
@@ -68,6 +69,7 @@ def export(model: Model, target: str) -> list[str]:
     return list(targets.export(snapshot(model.engine, list(model.engine.model.labels), states), wanted, sys.stdout))
 
 
+@told_in_memory("a .umb file is read with less than text is")
 def load_explicit(files: str, *, type: ModelType | None = None, **options: Any) -> Model:
     """Read a model that is given state by state in PRISM's explicit files, such as `die.all` or `die.tra,lab`, or as `die.umb`.
 

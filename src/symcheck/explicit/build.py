@@ -13,6 +13,7 @@ from typing import NoReturn
 import numpy as np
 
 from symcheck.errors import (
+    SMALLER_ENGINES,
     Diagnostic,
     Interrupted,
     MemoryLimitError,
@@ -20,6 +21,7 @@ from symcheck.errors import (
     ResourceError,
     TimeLimitError,
     UnsupportedError,
+    told_in_memory,
 )
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
@@ -41,6 +43,7 @@ _SLICE = 0.05  # seconds of search between looks at limits and signals
 _EXAMPLES = 3
 _LARGE = 500_000  # states after whose search freed memory is given back to the system
 _NO_BUDGET = 1 << 62
+_LESS_MEMORY = f"-cuddmaxmem gives more; {SMALLER_ENGINES}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,9 +152,9 @@ class Exploration:
             case Outcome.FAULT:
                 self._fault()
             case Outcome.NO_MEMORY:
-                self._stop(MemoryLimitError, "out of memory")
+                self._stop(MemoryLimitError, "out of memory", SMALLER_ENGINES)
             case Outcome.TOO_MANY:
-                self._stop(MemoryLimitError, "more than 2**31 - 1 states")
+                self._stop(MemoryLimitError, "more than 2**31 - 1 states", SMALLER_ENGINES)
         return True
 
     def _slice(self) -> float:
@@ -163,10 +166,10 @@ class Exploration:
         if limit is not None and self._seconds >= limit:
             self._stop(TimeLimitError, f"the time limit of {limit:g} s is reached")
         if memory is not None and self._explorer.nbytes > memory:
-            self._stop(MemoryLimitError, f"the memory limit of {memory / 1e6:.0f} MB is reached")
+            self._stop(MemoryLimitError, f"the memory limit of {memory / 1e6:.0f} MB is reached", _LESS_MEMORY)
 
-    def _stop(self, error: type[ResourceError], why: str) -> NoReturn:
-        raise error(f"explicit exploration: {why}, after {self.progress}")
+    def _stop(self, error: type[ResourceError], why: str, hint: str | None = None) -> NoReturn:
+        raise error(f"explicit exploration: {why}, after {self.progress}" + (f"\n  hint: {hint}" if hint else ""))
 
     def _fault(self) -> NoReturn:
         """Raise what the scalar semantics raises in the state where the search stopped."""
@@ -240,6 +243,7 @@ class Exploration:
         raise AssertionError("a state reward that is not finite, where the scalar semantics finds no fault")
 
 
+@told_in_memory()
 def explore(
     model: BoundModel,
     options: BuildSettings,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from symcheck.errors import told_in_memory
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.commands import encode_event
@@ -23,6 +24,7 @@ __all__ = ["Observer", "build", "construct", "explored", "initial_states"]
 Observer = Callable[[object], None]
 
 
+@told_in_memory()
 def build(
     model: BoundModel,
     options: BuildSettings,
@@ -71,7 +73,7 @@ def explored(
     model: BoundModel, options: BuildSettings, observer: Observer | None = None, *, order: Sequence[str] | None = None
 ) -> StateSpace:
     """Build and explore: what `construct` does before the matrices are made."""
-    space = reach(build(model, options, observer, order=order), options, observer)
+    space = reach(build(model, options, observer, order=order), observer)
     if observer is not None:
         observer(space)
     return space

@@ -19,8 +19,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from symcheck.errors import told_in_memory
 from symcheck.records import dataclass
-from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.checks import check_initial
 from symcheck.symbolic.commands import encode_event, knowledge
 from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
@@ -47,9 +47,9 @@ class Found:
     schedule: str
 
 
+@told_in_memory()
 def reach(
     symbolic: SymbolicModel,
-    options: BuildSettings,
     observer: Callable[[object], None] | None = None,
     *,
     schedule: str | None = None,
@@ -62,7 +62,6 @@ def reach(
     chosen for the model. Raises ResourceError at a limit (of the manager, set by `build`), and ModelFault where no state is
     initial.
     """
-    del options
     check_initial(symbolic)
     started = time.perf_counter()
     schedule = schedule or choose_schedule(symbolic)

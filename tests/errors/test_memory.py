@@ -1,0 +1,43 @@
+"""What arrays lack is told as an error of symcheck, with advice, by whatever a library calls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import symcheck
+from symcheck.errors import MemoryLimitError
+
+DIE = Path(__file__).parents[2] / "models" / "die" / "die.pm"
+
+
+def _bound() -> symcheck.BoundModel:
+    return symcheck.bind(symcheck.parse_model_file(DIE))
+
+
+@pytest.mark.parametrize(
+    ("within", "call"),
+    [
+        ("symcheck.check.checker._boolean", lambda: symcheck.load(DIE).check("P>0 [ F d=6 ]")),
+        ("symcheck.check.distribution._matrix", lambda: symcheck.load(DIE).transient(2)),
+        ("symcheck.check.distribution._prepared", lambda: symcheck.load(DIE).steady_state()),
+        ("symcheck.explicit.build.initial_rows", lambda: symcheck.load(DIE).engine),
+        ("symcheck.explicit.build.initial_rows", lambda: symcheck.explore(_bound(), symcheck.Options())),
+        ("symcheck.symbolic.build.encode", lambda: symcheck.build(_bound(), symcheck.Options())),
+        ("symcheck.symbolic.reach.search", lambda: symcheck.reach(symcheck.build(_bound(), symcheck.Options()))),
+        ("symcheck.exchange.facade.snapshot", lambda: symcheck.export(symcheck.load(DIE), "die.drn")),
+        ("symcheck.exchange.facade.read_files", lambda: symcheck.load_explicit("die.all")),
+        ("symcheck.simulate.walk._first", lambda: symcheck.load(DIE).simulate(3)),
+        ("symcheck.simulate.check.Sampler", lambda: symcheck.load(DIE).estimate("P=? [ F d=6 ]")),
+    ],
+)
+def test_memory_that_arrays_lack(within: str, call: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacking(*_: Any, **__: Any) -> object:
+        raise MemoryError
+
+    monkeypatch.setattr(within, lacking)
+    with pytest.raises(MemoryLimitError, match="not enough memory\n  hint: "):
+        call()
