@@ -245,21 +245,24 @@ def test_time_limit(write, capsys: pytest.CaptureFixture[str]) -> None:  # type:
     assert "time limit" in capsys.readouterr().err
 
 
-def test_interrupt(write) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize(("number", "status", "message"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "hint: SIGTERM")])
+def test_a_signal_ends_a_run_with_a_message(write, number: int, status: int, message: str) -> None:  # type: ignore[no-untyped-def]
     process = _start(write(ENDLESS), "-ex", "-timeout", "60")
     assert process.stdout is not None
     while not process.stdout.readline().startswith("Variables:"):
         assert process.poll() is None
     time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert "interrupted" in errors or "Ctrl-C" in errors
+    assert process.returncode == status
+    assert message in errors
     assert "Traceback" not in errors
 
 
 def test_an_interrupt_that_has_no_effect_is_repeated(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """What is interrupted may be code that cannot raise, such as a destructor; Python then goes on."""
+
+    before = signal.getsignal(signal.SIGTERM)
 
     def deaf(_: object) -> int:
         try:
@@ -269,12 +272,13 @@ def test_an_interrupt_that_has_no_effect_is_repeated(monkeypatch: pytest.MonkeyP
         return 0
 
     monkeypatch.setattr("symcheck.cli.entry.run", deaf)
-    monkeypatch.setattr("symcheck.cli.entry._PATIENCE", 0.1)
+    monkeypatch.setattr("symcheck.cli.stopping._PATIENCE", 0.1)
     started = time.perf_counter()
     assert main([DIE]) == 130
     assert time.perf_counter() - started < 10
     assert "Ctrl-C" in capsys.readouterr().err
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_closed_pipe() -> None:

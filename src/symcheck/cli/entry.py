@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from types import FrameType
 from typing import NoReturn
 
 from symcheck import __version__
@@ -17,14 +14,11 @@ from symcheck.cli.arguments import parse_arguments
 from symcheck.cli.job import Job, results_file, sorted_rows
 from symcheck.cli.report import Report
 from symcheck.cli.run import run
-from symcheck.errors import Interrupted, MemoryLimitError, ResourceError, SymcheckError, TimeLimitError, UsageError
+from symcheck.cli.stopping import Stopping, limited
+from symcheck.errors import Interrupted, ResourceError, SymcheckError, TimeLimitError, UsageError, out_of_memory
 from symcheck.experiment.table import render
 
 __all__ = ["run_safely"]
-
-_GRACE = 5.0  # seconds that compiled code has to notice that time is up
-_INTERRUPTED = 130  # the exit status of what Ctrl-C has stopped
-_PATIENCE = 1.0  # seconds until a Ctrl-C that has had no effect is repeated
 
 
 def run_safely(words: list[str] | None = None) -> int:
@@ -58,6 +52,7 @@ def _leave(status: int) -> NoReturn:
 def _guarded(words: list[str], stack: ExitStack) -> int:
     """The exit status of a run, whatever happens in it; `stack` is left when results have been written."""
     job: Job | None = None
+    stopping = Stopping()
     try:
         arguments = parse_arguments(words)
         if arguments.version:
@@ -67,14 +62,14 @@ def _guarded(words: list[str], stack: ExitStack) -> int:
         if arguments.exportresults is not None:
             results_file_checked(arguments.exportresults)
         job = Job(arguments, Report(verbose=arguments.verbose))
-        with _insistent(), _limits(arguments.timeout, lambda: _give_up(job)):
+        with stopping, limited(arguments.timeout, lambda: _give_up(job)):
             status = run(job)
         _export(job)
         return status
     except UsageError as error:
         return _fail(_kept(job, error), 2)
     except (ResourceError, MemoryError, KeyboardInterrupt) as error:
-        return _stopped(job, _as_resource_error(error))
+        return _stopped(job, _as_resource_error(error, stopping), stopping)
     except SymcheckError as error:
         return _fail(_kept(job, error), 1)
     except RecursionError:
@@ -133,22 +128,24 @@ def _fail(error: SymcheckError, status: int) -> int:
     return status
 
 
-def _as_resource_error(error: BaseException) -> ResourceError:
+def _as_resource_error(error: BaseException, stopping: Stopping) -> ResourceError:
     match error:
+        case Interrupted():
+            return Interrupted(f"{error}{stopping.advice}")
         case ResourceError():
             return error
         case MemoryError():
-            return MemoryLimitError("there is not enough memory\n  hint: the engines -h and -m need less than -s and -ex")
+            return out_of_memory()
         case _:
-            return Interrupted("stopped by Ctrl-C")
+            return Interrupted(f"stopped by {stopping.name}{stopping.advice}")
 
 
-def _stopped(job: Job | None, error: ResourceError) -> int:
+def _stopped(job: Job | None, error: ResourceError, stopping: Stopping) -> int:
     """The end of a run that a limit or the user has stopped: finished results are kept."""
     _export(job)
     if job is not None and job.rows:
         print(f"{len(job.rows)} finished result{'s are' if len(job.rows) > 1 else ' is'} above", file=sys.stderr)
-    return _fail(error, _INTERRUPTED if isinstance(error, Interrupted) else 3)
+    return _fail(error, stopping.status if isinstance(error, Interrupted) else 3)
 
 
 def _export(job: Job | None) -> None:
@@ -169,55 +166,7 @@ def _export(job: Job | None) -> None:
 
 def _give_up(job: Job | None) -> None:
     """Compiled code did not notice that time is up: end the process from beside it."""
-    _stopped(job, TimeLimitError("the time limit was reached"))
+    _stopped(job, TimeLimitError("the time limit was reached"), Stopping())
     sys.stderr.flush()
     sys.stdout.flush()
     os._exit(3)
-
-
-@contextmanager
-def _insistent() -> Iterator[None]:
-    """Repeat Ctrl-C until it has had an effect: what it interrupts may be code that cannot raise, such as a destructor."""
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-    timers: list[threading.Timer] = []
-
-    def interrupted(_: int, __: FrameType | None) -> None:
-        again = threading.Timer(_PATIENCE, os.kill, (os.getpid(), signal.SIGINT))
-        again.daemon = True
-        again.start()
-        timers.append(again)
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, interrupted)
-    try:
-        yield
-    finally:
-        for timer in timers:
-            timer.cancel()
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-@contextmanager
-def _limits(seconds: float | None, last_resort: Callable[[], None]) -> Iterator[None]:
-    """Raise TimeLimitError in the main thread after some seconds; `last_resort` is called where that has no effect."""
-    if seconds is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def expired(_: int, __: FrameType | None) -> None:
-        raise TimeLimitError("the time limit was reached\n  hint: -timeout gives more; finished results are kept")
-
-    watchdog = threading.Timer(seconds + _GRACE, last_resort)
-    watchdog.daemon = True
-    previous = signal.signal(signal.SIGALRM, expired)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    watchdog.start()
-    try:
-        yield
-    finally:
-        watchdog.cancel()
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        with suppress(ValueError):
-            signal.signal(signal.SIGALRM, previous)
