@@ -5,7 +5,7 @@ Everything it does is a call of a stage's own function; `Model` only keeps the v
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from symcheck.check.checker import check
 from symcheck.check.options import Options
+from symcheck.check.question import Question, lumped, reduced
 from symcheck.check.result import Result
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
@@ -20,11 +21,10 @@ from symcheck.errors import UsageError
 from symcheck.records import dataclass
 from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import ModelType, Program, PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation import Common
     from symcheck.check.distribution import Distribution
     from symcheck.simulate.path import Path as RandomPath
 
@@ -71,7 +71,7 @@ class Model:
         file = parse_properties(formula)
         if len(file.properties) != 1:
             raise UsageError(f"one property is wanted here, not {len(file.properties)}; check_all takes several")
-        return self._check(file, 0, constants)[1]
+        return next(self._answers(file, constants))[1]
 
     def check_all(self, properties: str | Path | PropertiesFile, constants: Given | None = None) -> Iterator[tuple[BoundProperty, Result]]:
         """Check the properties of a file (a Path), of a text, or parsed already, one after the other.
@@ -85,9 +85,7 @@ class Model:
                 file = parse_properties_file(properties)
             case str():
                 file = parse_properties(properties)
-        shared = self._shared(file, constants)
-        for i in range(len(file.properties)):
-            yield self._check(file, i, constants, shared)
+        yield from self._answers(file, constants)
 
     def properties(self, file: PropertiesFile, constants: Given | None = None) -> BoundProperties:
         """Properties bound to this model."""
@@ -131,42 +129,25 @@ class Model:
         fixed = self.options.fix_deadlocks
         return check_by_sampling(self.bound, bound.properties[0].formula, Plan(**plan), labels=bound.labels, fix_deadlocks=fixed)
 
-    def _check(
-        self, file: PropertiesFile, index: int, constants: Given | None, shared: Common | None = None
-    ) -> tuple[BoundProperty, Result]:
-        bound = self.properties(file, constants)
-        one = bound.properties[index]
-
-        def rebind(model: BoundModel) -> Expression:
-            return bind_properties(file, model, constants).properties[index].formula
-
-        engine = self._engine_for(file, constants)
-        return one, check(engine, one.formula, self.options, labels=bound.labels, rebind=rebind, shared=shared)
-
-    def _shared(self, file: PropertiesFile, constants: Given | None) -> Common | None:
-        """One quotient for the properties of a file, with the option `bisim`."""
-        if not self.options.bisim or len(file.properties) < 2:
-            return None
-        from symcheck.check.bisimulation import common
-
-        bound = self.properties(file, constants)
-        formulas = [(p.formula, bound.labels) for p in bound.properties if p.fault is None]
-        return common(self._engine_for(file, constants), formulas, self.options)
+    def _answers(self, file: PropertiesFile, constants: Given | None) -> Iterator[tuple[BoundProperty, Result]]:
+        questions = [Question(file, i, constants or {}) for i in range(len(file.properties))]
+        bound = [q.bind(self.bound) for q in questions]  # faults of the text come before anything is built
+        engine = self._engine_for(questions)
+        shared = lumped(engine, questions, self.options)
+        for question, (one, labels) in zip(questions, bound, strict=True):
+            yield one, check(engine, one.formula, self.options, labels=labels, rebind=question.formula, shared=shared)
 
     @cached_property
     def _reduced(self) -> dict[Any, Engine]:
         """The engine built last of a reduced model, by the questions that it was reduced for."""
         return {}
 
-    def _engine_for(self, file: PropertiesFile, constants: Given | None) -> Engine:
-        """The engine on which the properties of a file are checked: with `reduce`, that of a model made for them."""
+    def _engine_for(self, questions: Sequence[Question]) -> Engine:
+        """The engine to which the questions of a file are put: with `reduce`, that of a model made for them."""
         if not self.options.reduce or self.options.fairness:
             return self.engine
-        from symcheck.check.question import Question, reduced
-
-        asked = file, tuple((constants or {}).items())
+        asked = tuple((q.file, q.index, *q.constants.items()) for q in questions)
         if asked not in self._reduced:
-            questions = [Question(file, i, constants or {}) for i in range(len(file.properties))]
             self._reduced.clear()
             self._reduced[asked] = registry.build(reduced(self.bound, questions, steps=False).model, self.options)
         return self._reduced[asked]

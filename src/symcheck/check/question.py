@@ -12,9 +12,12 @@ from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import Expression, PropertiesFile
 
 if TYPE_CHECKING:
+    from symcheck.check.bisimulation import Common
+    from symcheck.check.options import Options
+    from symcheck.engines.base import Engine
     from symcheck.semantics.reduce import Reduction
 
-__all__ = ["Question", "reduced"]
+__all__ = ["Question", "lumped", "reduced"]
 
 
 @dataclass(frozen=True)
@@ -47,3 +50,13 @@ def reduced(model: BoundModel, questions: Sequence[Question], *, steps: bool = T
     labels = {n: x for _, own in bound for n, x in own.items()}
     observed = observe(model, [p.formula for p, _ in bound if p.fault is None], labels)
     return reduce(model, replace(observed, steps=observed.steps or steps))
+
+
+def lumped(engine: Engine, questions: Sequence[Question], options: Options) -> Common | None:
+    """With the option `bisim`: one quotient for all of several questions, where that is a gain. Raises ResourceError."""
+    if not options.bisim or len(questions) < 2:
+        return None
+    from symcheck.check.bisimulation import common
+
+    bound = [(p.formula, labels) for p, labels in (q.bind(engine.model) for q in questions) if p.fault is None]
+    return common(engine, bound, options)

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from symcheck.check.options import Options
-from symcheck.check.question import Question, reduced
+from symcheck.check.question import Question, lumped, reduced
 from symcheck.check.resultlines import judge
 from symcheck.cli import exports
 from symcheck.cli.answers import Stop, answer, broken, conclude, unbuilt
@@ -233,15 +233,10 @@ def _reduced(job: Job, model: BoundModel, questions: Sequence[Question]) -> Boun
 
 def _shared(job: Job, engine: Engine, questions: Sequence[Question], options: Options) -> Common | None:
     """One quotient by bisimulation for all questions, where that is asked for and a gain."""
-    if not options.bisim or len(questions) < 2:
-        return None
-    from symcheck.check.bisimulation import common
-
-    bound = [(p.formula, labels) for p, labels in (q.bind(engine.model) for q in questions) if p.fault is None]
-    shared = common(engine, bound, options)
+    shared = lumped(engine, questions, options)
     if shared is not None:
         job.report.line(f"Bisimulation: {shared}")
-    else:
+    elif options.bisim and len(questions) > 1:
         job.report.detail("Bisimulation: no quotient that is common to the properties is half as large as the model; each gets its own")
     return shared
 
