@@ -15,7 +15,8 @@ from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError
 from symcheck.semantics.bind import bind, bind_properties
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, ModelType, PropertiesFile
+from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_properties
 
 __all__ = ["RESULTS", "Checked", "check_text", "engine_of", "judge_file"]

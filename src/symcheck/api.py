@@ -21,7 +21,8 @@ from symcheck.errors import UsageError
 from symcheck.records import dataclass
 from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.syntax.ast import ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import ModelType
+from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
 
 if TYPE_CHECKING:

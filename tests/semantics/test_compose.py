@@ -8,17 +8,8 @@ from hypothesis import strategies as st
 
 from symcheck.semantics.compose import events
 from symcheck.semantics.model import BoundCommand, BoundModule, Event
-from symcheck.syntax.ast import (
-    Composition,
-    Hiding,
-    Interleaving,
-    Literal,
-    ModuleReference,
-    Parallel,
-    Renaming,
-    Synchronised,
-    Type,
-)
+from symcheck.syntax.ast import Literal, Type
+from symcheck.syntax.declarations import Composition, Hiding, Interleaving, ModuleReference, Parallel, Renaming, Synchronised
 from symcheck.syntax.parse import parse_model
 
 TRUE = Literal(True, Type.BOOL)

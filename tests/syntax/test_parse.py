@@ -8,6 +8,7 @@ import pytest
 
 from symcheck.errors import SyntaxFault
 from symcheck.syntax import ast
+from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Literal, Name, Type
 from symcheck.syntax.build import LONGEST_CHAIN
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
@@ -139,9 +140,9 @@ def test_model() -> None:
         *[("K", Type.INT), ("lambda", Type.DOUBLE)],
     ]
     first, second, third = program.modules
-    assert isinstance(first, ast.Module)
-    assert isinstance(second, ast.RenamedModule)
-    assert isinstance(third, ast.RenamedModule)
+    assert isinstance(first, decl.Module)
+    assert isinstance(second, decl.RenamedModule)
+    assert isinstance(third, decl.RenamedModule)
     assert [v.type for v in first.variables] == [Type.INT, Type.BOOL, Type.INT]
     assert [c.action for c in first.commands] == [None, "go", "stop"]
     assert [len(u.assignments) for u in first.commands[0].updates] == [2, 0]
@@ -153,17 +154,17 @@ def test_model() -> None:
 
 
 def test_composition() -> None:
-    def a(name: str) -> ast.ModuleReference:
-        return ast.ModuleReference(name)
+    def a(name: str) -> decl.ModuleReference:
+        return decl.ModuleReference(name)
 
     def system(text: str) -> object:
         return parse_model(f"system {text} endsystem").system
 
-    assert system("a || b ||| c || d") == ast.Parallel((a("a"), ast.Interleaving((a("b"), a("c"))), a("d")))
-    assert system("a |[x]| b ||| c") == ast.Interleaving((ast.Synchronised(a("a"), a("b"), ("x",)), a("c")))
-    assert system("a |[x]| b |[y,z]| c") == ast.Synchronised(ast.Synchronised(a("a"), a("b"), ("x",)), a("c"), ("y", "z"))
-    assert system("a || b / {x,y}") == ast.Parallel((a("a"), ast.Hiding(a("b"), ("x", "y"))))
-    assert system("(a || b) {x<-y} / {y}") == ast.Hiding(ast.Renaming(ast.Parallel((a("a"), a("b"))), (("x", "y"),)), ("y",))
+    assert system("a || b ||| c || d") == decl.Parallel((a("a"), decl.Interleaving((a("b"), a("c"))), a("d")))
+    assert system("a |[x]| b ||| c") == decl.Interleaving((decl.Synchronised(a("a"), a("b"), ("x",)), a("c")))
+    assert system("a |[x]| b |[y,z]| c") == decl.Synchronised(decl.Synchronised(a("a"), a("b"), ("x",)), a("c"), ("y", "z"))
+    assert system("a || b / {x,y}") == decl.Parallel((a("a"), decl.Hiding(a("b"), ("x", "y"))))
+    assert system("(a || b) {x<-y} / {y}") == decl.Hiding(decl.Renaming(decl.Parallel((a("a"), a("b"))), (("x", "y"),)), ("y",))
 
 
 @pytest.mark.parametrize("word", ["dtmc", "probabilistic", "ctmc", "stochastic", "mdp", "nondeterministic", ""])
@@ -176,7 +177,7 @@ def test_model_types(word: str) -> None:
 def test_positions() -> None:
     program = parse_model(MODEL)
     first = program.modules[0]
-    assert isinstance(first, ast.Module)
+    assert isinstance(first, decl.Module)
     assert first.span.text.startswith("module first")
     assert first.span.text.endswith("endmodule")
     command = first.commands[0]

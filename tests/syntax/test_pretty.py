@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from symcheck.errors import SyntaxFault
 from symcheck.syntax import ast
+from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, PathFormula, Type
 from symcheck.syntax.build import FILTERS, FUNCTIONS, LONGEST_CHAIN
 from symcheck.syntax.lexer import KEYWORDS
@@ -106,54 +107,54 @@ def test_properties(tree: Expression) -> None:
     assert parse_expression(pretty(tree)) == tree
 
 
-def variables(name: str) -> st.SearchStrategy[ast.VariableDeclaration]:
+def variables(name: str) -> st.SearchStrategy[decl.VariableDeclaration]:
     initial = st.one_of(st.none(), EXPRESSIONS)
     return st.one_of(
-        st.builds(ast.VariableDeclaration, st.just(name), st.just(Type.INT), EXPRESSIONS, EXPRESSIONS, initial),
-        st.builds(ast.VariableDeclaration, st.just(name), st.sampled_from([Type.INT, Type.BOOL]), st.none(), st.none(), initial),
+        st.builds(decl.VariableDeclaration, st.just(name), st.just(Type.INT), EXPRESSIONS, EXPRESSIONS, initial),
+        st.builds(decl.VariableDeclaration, st.just(name), st.sampled_from([Type.INT, Type.BOOL]), st.none(), st.none(), initial),
     )
 
 
-UPDATES = st.lists(st.builds(ast.Assignment, NAMES, EXPRESSIONS), max_size=3).map(tuple)
+UPDATES = st.lists(st.builds(decl.Assignment, NAMES, EXPRESSIONS), max_size=3).map(tuple)
 COMMANDS = st.builds(
-    ast.Command,
+    decl.Command,
     st.one_of(st.none(), NAMES),
     EXPRESSIONS,
     st.one_of(
-        UPDATES.map(lambda a: (ast.Update(None, a),)),
-        st.lists(st.builds(ast.Update, EXPRESSIONS, UPDATES), min_size=1, max_size=3).map(tuple),
+        UPDATES.map(lambda a: (decl.Update(None, a),)),
+        st.lists(st.builds(decl.Update, EXPRESSIONS, UPDATES), min_size=1, max_size=3).map(tuple),
     ),
 )
 ACTIONS = st.lists(NAMES, min_size=1, max_size=2).map(tuple)
-COMPOSITIONS: st.SearchStrategy[ast.Composition] = st.recursive(
-    NAMES.map(ast.ModuleReference),
+COMPOSITIONS: st.SearchStrategy[decl.Composition] = st.recursive(
+    NAMES.map(decl.ModuleReference),
     lambda inner: st.one_of(
-        st.builds(ast.Parallel, st.lists(inner, min_size=2, max_size=3).map(tuple)),
-        st.builds(ast.Interleaving, st.lists(inner, min_size=2, max_size=3).map(tuple)),
-        st.builds(ast.Synchronised, inner, inner, ACTIONS),
-        st.builds(ast.Hiding, inner, ACTIONS),
-        st.builds(ast.Renaming, inner, st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple)),
+        st.builds(decl.Parallel, st.lists(inner, min_size=2, max_size=3).map(tuple)),
+        st.builds(decl.Interleaving, st.lists(inner, min_size=2, max_size=3).map(tuple)),
+        st.builds(decl.Synchronised, inner, inner, ACTIONS),
+        st.builds(decl.Hiding, inner, ACTIONS),
+        st.builds(decl.Renaming, inner, st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple)),
     ),
     max_leaves=6,
 )
-ITEMS = st.builds(ast.RewardItem, st.one_of(st.just(False), st.none(), NAMES), EXPRESSIONS, EXPRESSIONS)
+ITEMS = st.builds(decl.RewardItem, st.one_of(st.just(False), st.none(), NAMES), EXPRESSIONS, EXPRESSIONS)
 PROGRAMS = st.builds(
-    ast.Program,
+    decl.Program,
     st.one_of(st.none(), st.sampled_from(ast.ModelType)),
-    constants=st.lists(st.builds(ast.Constant, NAMES, st.sampled_from(Type), st.one_of(st.none(), EXPRESSIONS)), max_size=2).map(tuple),
-    formulas=st.lists(st.builds(ast.Formula, NAMES, EXPRESSIONS), max_size=1).map(tuple),
-    labels=st.lists(st.builds(ast.Label, NAMES, EXPRESSIONS), max_size=1).map(tuple),
+    constants=st.lists(st.builds(decl.Constant, NAMES, st.sampled_from(Type), st.one_of(st.none(), EXPRESSIONS)), max_size=2).map(tuple),
+    formulas=st.lists(st.builds(decl.Formula, NAMES, EXPRESSIONS), max_size=1).map(tuple),
+    labels=st.lists(st.builds(decl.Label, NAMES, EXPRESSIONS), max_size=1).map(tuple),
     globals=st.lists(variables("g"), max_size=1).map(tuple),
     modules=st.lists(
         st.one_of(
-            st.builds(ast.Module, NAMES, st.lists(variables("v"), max_size=2).map(tuple), st.lists(COMMANDS, max_size=2).map(tuple)),
-            st.builds(ast.RenamedModule, NAMES, NAMES, st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple)),
+            st.builds(decl.Module, NAMES, st.lists(variables("v"), max_size=2).map(tuple), st.lists(COMMANDS, max_size=2).map(tuple)),
+            st.builds(decl.RenamedModule, NAMES, NAMES, st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple)),
         ),
         max_size=2,
     ).map(tuple),
     rewards=st.lists(
         st.builds(
-            ast.RewardStructure,
+            decl.RewardStructure,
             st.one_of(st.none(), NAMES),
             st.lists(ITEMS, max_size=2).map(tuple),
         ),
@@ -166,12 +167,12 @@ PROGRAMS = st.builds(
 
 @settings(deadline=None, max_examples=60)
 @given(PROGRAMS)
-def test_programs(program: ast.Program) -> None:
+def test_programs(program: decl.Program) -> None:
     assert parse_model(pretty(program)) == program
 
 
 @given(COMPOSITIONS)
-def test_compositions(tree: ast.Composition) -> None:
+def test_compositions(tree: decl.Composition) -> None:
     assert parse_model(f"system {pretty(tree)} endsystem").system == tree
 
 

@@ -20,7 +20,8 @@ from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, UnsupportedError, told_in_memory
 from symcheck.numerics.problem import Observer
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, Property, StateFilter, Type
+from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, StateFilter, Type
+from symcheck.syntax.declarations import Property
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation import Common

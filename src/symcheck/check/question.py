@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from symcheck.records import dataclass, field
 from symcheck.semantics.bind import BoundProperty, bind_properties
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.syntax.ast import Expression, PropertiesFile
+from symcheck.syntax.ast import Expression
+from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation import Common

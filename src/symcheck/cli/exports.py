@@ -17,7 +17,8 @@ from symcheck.errors import UnsupportedError, UsageError
 from symcheck.experiment.constants import combinations, parse_constants
 from symcheck.semantics.literals import format_state
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, LabelReference, ModelType, Program
+from symcheck.syntax.ast import Expression, LabelReference, ModelType
+from symcheck.syntax.declarations import Program
 
 __all__ = ["MODEL_EXPORTS", "export_constants", "export_model", "export_program", "imported", "report_distributions", "targets", "wanted"]
 

@@ -22,7 +22,8 @@ from symcheck.errors import Diagnostic, NameFault, ResourceError, SymcheckError,
 from symcheck.experiment.constants import combinations, parse_constants
 from symcheck.semantics.bind import bind, bind_properties, needed_constants, split_constants
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, ModelType, Program, PropertiesFile
+from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import parse_model_file
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
 from symcheck.records import dataclass, field
-from symcheck.syntax.ast import PropertiesFile
+from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_properties, parse_properties_file
 
 __all__ = ["Broken", "Texts", "read_texts"]

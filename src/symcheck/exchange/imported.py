@@ -18,18 +18,8 @@ from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.records import dataclass, field
 from symcheck.semantics.bind import bind
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import (
-    Expression,
-    Label,
-    Literal,
-    ModelType,
-    Module,
-    Name,
-    Program,
-    RewardStructure,
-    Type,
-    VariableDeclaration,
-)
+from symcheck.syntax.ast import Expression, Literal, ModelType, Name, Type
+from symcheck.syntax.declarations import Label, Module, Program, RewardStructure, VariableDeclaration
 
 __all__ = ["Given", "GivenRewards", "ImportedEngine", "expected_rewards", "imported_engine"]
 

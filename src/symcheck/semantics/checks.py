@@ -11,7 +11,8 @@ from symcheck.semantics.copies import Copy, copies
 from symcheck.semantics.names import Given, Names, Table, names_in, undefined
 from symcheck.semantics.report import suggest
 from symcheck.semantics.types import article, rounding_hint
-from symcheck.syntax.ast import (
+from symcheck.syntax.ast import Type
+from symcheck.syntax.declarations import (
     Assignment,
     Command,
     Composition,
@@ -24,7 +25,6 @@ from symcheck.syntax.ast import (
     Program,
     Renaming,
     Synchronised,
-    Type,
     VariableDeclaration,
 )
 

@@ -14,7 +14,7 @@ from typing import assert_never
 
 from symcheck.records import dataclass
 from symcheck.semantics.model import BoundCommand, BoundModule, Event
-from symcheck.syntax.ast import Composition, Hiding, Interleaving, ModuleReference, Parallel, Renaming, Synchronised
+from symcheck.syntax.declarations import Composition, Hiding, Interleaving, ModuleReference, Parallel, Renaming, Synchronised
 
 __all__ = ["events"]
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from symcheck.errors import Span
 from symcheck.records import dataclass, field
 from symcheck.semantics.report import Report, suggest
-from symcheck.syntax.ast import Module, Program, RenamedModule
+from symcheck.syntax.declarations import Module, Program, RenamedModule
 
 __all__ = ["Copy", "copies"]
 

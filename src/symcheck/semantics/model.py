@@ -11,7 +11,8 @@ from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Span
 from symcheck.records import dataclass, field
-from symcheck.syntax.ast import Composition, Expression, ModelType, Program, Type
+from symcheck.syntax.ast import Expression, ModelType, Type
+from symcheck.syntax.declarations import Composition, Program
 
 __all__ = ["BoundCommand", "BoundModel", "BoundModule", "BoundReward", "BoundRewards", "BoundUpdate", "Event", "Value", "Variable"]
 

@@ -12,7 +12,8 @@ from symcheck.semantics.literals import as_expression, convert, format_value
 from symcheck.semantics.model import Value
 from symcheck.semantics.report import Report, suggest
 from symcheck.semantics.types import Typer, type_of
-from symcheck.syntax.ast import Constant, Expression, Formula, LabelReference, Literal, Name, Type
+from symcheck.syntax.ast import Expression, LabelReference, Literal, Name, Type
+from symcheck.syntax.declarations import Constant, Formula
 from symcheck.syntax.walk import Tree, nodes, transform
 
 __all__ = ["Given", "Names", "Table", "names_in", "read_value", "undefined", "unknown"]

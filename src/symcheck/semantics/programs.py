@@ -23,7 +23,8 @@ from symcheck.semantics.model import (
 )
 from symcheck.semantics.names import Given, Names, Table
 from symcheck.semantics.report import Report
-from symcheck.syntax.ast import Command, Constant, Expression, Literal, ModelType, Program, RewardStructure, Type, Update
+from symcheck.syntax.ast import Expression, Literal, ModelType, Type
+from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
 
 __all__ = ["bind", "undefined_constants"]
 

@@ -17,7 +17,8 @@ from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.names import Given, Names, Table, undefined
 from symcheck.semantics.report import Report, suggest
 from symcheck.semantics.texts import PropertyTexts
-from symcheck.syntax.ast import Constant, Expression, Formula, LabelReference, Program, PropertiesFile, Type
+from symcheck.syntax.ast import Expression, LabelReference, Type
+from symcheck.syntax.declarations import Constant, Formula, Program, PropertiesFile
 from symcheck.syntax.walk import Tree, transform
 
 __all__ = [

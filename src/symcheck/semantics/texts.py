@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from symcheck.semantics.checks import RESERVED_LABELS
 from symcheck.semantics.names import Table
-from symcheck.syntax.ast import Constant, Expression, LabelReference, PropertiesFile
+from symcheck.syntax.ast import Expression, LabelReference
+from symcheck.syntax.declarations import Constant, PropertiesFile
 from symcheck.syntax.walk import Tree, nodes, transform
 
 __all__ = ["PropertyTexts"]

@@ -13,6 +13,7 @@ from typing import Any, cast
 
 from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax import ast
+from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Expression
 
 __all__ = ["FUNCTIONS", "LONGEST_CHAIN", "Builder", "ModelBuilder", "PropertiesBuilder"]
@@ -125,16 +126,16 @@ class Builder:
 
     # -------------------------------------------------------------------------------------------- constants, formulas, labels
 
-    def constant(self, values: Values, start: int, end: int) -> ast.Constant:
+    def constant(self, values: Values, start: int, end: int) -> decl.Constant:
         type_, name, value = values
         kind = ast.Type.DOUBLE if type_ in ("rate", "prob") else ast.Type(type_ or "int")
-        return ast.Constant(name, kind, value, span=Span(self.source, start, end))
+        return decl.Constant(name, kind, value, span=Span(self.source, start, end))
 
-    def formula(self, values: Values, start: int, end: int) -> ast.Formula:
-        return ast.Formula(values[0], values[1], span=Span(self.source, start, end))
+    def formula(self, values: Values, start: int, end: int) -> decl.Formula:
+        return decl.Formula(values[0], values[1], span=Span(self.source, start, end))
 
-    def label(self, values: Values, start: int, end: int) -> ast.Label:
-        return ast.Label(_unquoted(values[0]), values[1], span=Span(self.source, start, end))
+    def label(self, values: Values, start: int, end: int) -> decl.Label:
+        return decl.Label(_unquoted(values[0]), values[1], span=Span(self.source, start, end))
 
 
 class ModelBuilder(Builder):
@@ -143,19 +144,19 @@ class ModelBuilder(Builder):
     def model_type(self, values: Values, start: int, end: int) -> tuple[ast.ModelType, Span]:
         return _MODEL_TYPES[values[0]], Span(self.source, start, end)
 
-    def program(self, values: Values, start: int, end: int) -> ast.Program:
+    def program(self, values: Values, start: int, end: int) -> decl.Program:
         def those(kind: Any) -> tuple[Any, ...]:
             return tuple(v for v in values if isinstance(v, kind))
 
         tagged = [v for v in values if isinstance(v, tuple)]
-        return ast.Program(
+        return decl.Program(
             self._single([v for v in tagged if isinstance(v[0], ast.ModelType)], "model type"),
-            constants=those(ast.Constant),
-            formulas=those(ast.Formula),
-            labels=those(ast.Label),
-            globals=those(ast.VariableDeclaration),
-            modules=those(ast.Module | ast.RenamedModule),
-            rewards=those(ast.RewardStructure),
+            constants=those(decl.Constant),
+            formulas=those(decl.Formula),
+            labels=those(decl.Label),
+            globals=those(decl.VariableDeclaration),
+            modules=those(decl.Module | decl.RenamedModule),
+            rewards=those(decl.RewardStructure),
             initial=self._single([v[1:] for v in tagged if v[0] == "init"], "init … endinit"),
             system=self._single([v[1:] for v in tagged if v[0] == "system"], "system … endsystem"),
             span=Span(self.source, start, end),
@@ -169,100 +170,100 @@ class ModelBuilder(Builder):
     def initial(self, values: Values, start: int, end: int) -> tuple[str, Expression, Span]:
         return "init", values[0], Span(self.source, start, end)
 
-    def system(self, values: Values, start: int, end: int) -> tuple[str, ast.Composition, Span]:
+    def system(self, values: Values, start: int, end: int) -> tuple[str, decl.Composition, Span]:
         return "system", values[0], Span(self.source, start, end)
 
     # -------------------------------------------------------------------------------------------- modules
 
-    def ranged(self, values: Values, start: int, end: int) -> ast.VariableDeclaration:
+    def ranged(self, values: Values, start: int, end: int) -> decl.VariableDeclaration:
         name, low, high, initial = values
-        return ast.VariableDeclaration(name, ast.Type.INT, low, high, initial, span=Span(self.source, start, end))
+        return decl.VariableDeclaration(name, ast.Type.INT, low, high, initial, span=Span(self.source, start, end))
 
-    def unranged(self, values: Values, start: int, end: int) -> ast.VariableDeclaration:
+    def unranged(self, values: Values, start: int, end: int) -> decl.VariableDeclaration:
         name, type_, initial = values
-        return ast.VariableDeclaration(name, ast.Type(type_), None, None, initial, span=Span(self.source, start, end))
+        return decl.VariableDeclaration(name, ast.Type(type_), None, None, initial, span=Span(self.source, start, end))
 
-    def global_variable(self, values: Values, _start: int, _end: int) -> ast.VariableDeclaration:
-        return cast(ast.VariableDeclaration, values[0])
+    def global_variable(self, values: Values, _start: int, _end: int) -> decl.VariableDeclaration:
+        return cast(decl.VariableDeclaration, values[0])
 
-    def module(self, values: Values, start: int, end: int) -> ast.Module:
+    def module(self, values: Values, start: int, end: int) -> decl.Module:
         name, *parts = values
-        variables = tuple(p for p in parts if isinstance(p, ast.VariableDeclaration))
-        return ast.Module(name, variables, tuple(parts[len(variables) :]), span=Span(self.source, start, end))
+        variables = tuple(p for p in parts if isinstance(p, decl.VariableDeclaration))
+        return decl.Module(name, variables, tuple(parts[len(variables) :]), span=Span(self.source, start, end))
 
-    def command(self, values: Values, start: int, end: int) -> ast.Command:
+    def command(self, values: Values, start: int, end: int) -> decl.Command:
         action, guard, *updates = values
-        return ast.Command(action, guard, tuple(updates), span=Span(self.source, start, end))
+        return decl.Command(action, guard, tuple(updates), span=Span(self.source, start, end))
 
-    def certain(self, values: Values, start: int, end: int) -> ast.Update:
-        return ast.Update(None, tuple(values), span=Span(self.source, start, end))
+    def certain(self, values: Values, start: int, end: int) -> decl.Update:
+        return decl.Update(None, tuple(values), span=Span(self.source, start, end))
 
-    def update(self, values: Values, start: int, end: int) -> ast.Update:
-        return ast.Update(values[0], tuple(values[1:]), span=Span(self.source, start, end))
+    def update(self, values: Values, start: int, end: int) -> decl.Update:
+        return decl.Update(values[0], tuple(values[1:]), span=Span(self.source, start, end))
 
-    def assignment(self, values: Values, start: int, end: int) -> ast.Assignment:
-        return ast.Assignment(values[0], values[1], span=Span(self.source, start, end))
+    def assignment(self, values: Values, start: int, end: int) -> decl.Assignment:
+        return decl.Assignment(values[0], values[1], span=Span(self.source, start, end))
 
-    def renamed_module(self, values: Values, start: int, end: int) -> ast.RenamedModule:
+    def renamed_module(self, values: Values, start: int, end: int) -> decl.RenamedModule:
         name, base, *pairs = values
-        return ast.RenamedModule(name, base, tuple(pairs), span=Span(self.source, start, end))
+        return decl.RenamedModule(name, base, tuple(pairs), span=Span(self.source, start, end))
 
     def rename(self, values: Values, _start: int, _end: int) -> tuple[str, str]:
         return values[0], values[1]
 
     # -------------------------------------------------------------------------------------------- rewards
 
-    def rewards(self, values: Values, start: int, end: int) -> ast.RewardStructure:
+    def rewards(self, values: Values, start: int, end: int) -> decl.RewardStructure:
         name, *items = values
-        return ast.RewardStructure(name and _unquoted(name), tuple(items), span=Span(self.source, start, end))
+        return decl.RewardStructure(name and _unquoted(name), tuple(items), span=Span(self.source, start, end))
 
-    def state_reward(self, values: Values, start: int, end: int) -> ast.RewardItem:
-        return ast.RewardItem(False, values[0], values[1], span=Span(self.source, start, end))
+    def state_reward(self, values: Values, start: int, end: int) -> decl.RewardItem:
+        return decl.RewardItem(False, values[0], values[1], span=Span(self.source, start, end))
 
-    def transition_reward(self, values: Values, start: int, end: int) -> ast.RewardItem:
-        return ast.RewardItem(values[0], values[1], values[2], span=Span(self.source, start, end))
+    def transition_reward(self, values: Values, start: int, end: int) -> decl.RewardItem:
+        return decl.RewardItem(values[0], values[1], values[2], span=Span(self.source, start, end))
 
     # -------------------------------------------------------------------------------------------- composition
 
-    def parallel(self, values: Values, start: int, end: int) -> ast.Parallel:
-        return ast.Parallel(tuple(values), span=Span(self.source, start, end))
+    def parallel(self, values: Values, start: int, end: int) -> decl.Parallel:
+        return decl.Parallel(tuple(values), span=Span(self.source, start, end))
 
-    def interleaving(self, values: Values, start: int, end: int) -> ast.Interleaving:
-        return ast.Interleaving(tuple(values), span=Span(self.source, start, end))
+    def interleaving(self, values: Values, start: int, end: int) -> decl.Interleaving:
+        return decl.Interleaving(tuple(values), span=Span(self.source, start, end))
 
-    def synchronised(self, values: Values, start: int, end: int) -> ast.Synchronised:
-        return ast.Synchronised(values[0], values[-1], tuple(values[1:-1]), span=Span(self.source, start, end))
+    def synchronised(self, values: Values, start: int, end: int) -> decl.Synchronised:
+        return decl.Synchronised(values[0], values[-1], tuple(values[1:-1]), span=Span(self.source, start, end))
 
-    def hiding(self, values: Values, start: int, end: int) -> ast.Hiding:
-        return ast.Hiding(values[0], tuple(values[1:]), span=Span(self.source, start, end))
+    def hiding(self, values: Values, start: int, end: int) -> decl.Hiding:
+        return decl.Hiding(values[0], tuple(values[1:]), span=Span(self.source, start, end))
 
-    def renaming(self, values: Values, start: int, end: int) -> ast.Renaming:
-        return ast.Renaming(values[0], tuple(values[1:]), span=Span(self.source, start, end))
+    def renaming(self, values: Values, start: int, end: int) -> decl.Renaming:
+        return decl.Renaming(values[0], tuple(values[1:]), span=Span(self.source, start, end))
 
     def action_pair(self, values: Values, _start: int, _end: int) -> tuple[str, str]:
         return values[0], values[1]
 
-    def module_reference(self, values: Values, start: int, end: int) -> ast.ModuleReference:
-        return ast.ModuleReference(values[0], span=Span(self.source, start, end))
+    def module_reference(self, values: Values, start: int, end: int) -> decl.ModuleReference:
+        return decl.ModuleReference(values[0], span=Span(self.source, start, end))
 
 
 class PropertiesBuilder(Builder):
     """The actions of properties.lark."""
 
-    def properties(self, values: Values, start: int, end: int) -> ast.PropertiesFile:
+    def properties(self, values: Values, start: int, end: int) -> decl.PropertiesFile:
         def those(kind: Any) -> tuple[Any, ...]:
             return tuple(v for v in values if isinstance(v, kind))
 
         span = Span(self.source, start, end)
-        return ast.PropertiesFile(those(ast.Constant), those(ast.Formula), those(ast.Label), those(ast.Property), span=span)
+        return decl.PropertiesFile(those(decl.Constant), those(decl.Formula), those(decl.Label), those(decl.Property), span=span)
 
-    def property(self, values: Values, start: int, end: int) -> ast.Property:
+    def property(self, values: Values, start: int, end: int) -> decl.Property:
         name, formula = values
         called = _CALLED.search(self.source.text, start, min(end + 40, len(self.source.text)))
         if called and called.end(1) == end:
             hint = f"the functions are {', '.join(FUNCTIONS)}"
             self._wrong(f"there is no function '{called[1]}'", called.start(1), end, "function", hint)
-        return ast.Property(name and _unquoted(name), formula, comments_above(self.source.text, start), span=Span(self.source, start, end))
+        return decl.Property(name and _unquoted(name), formula, comments_above(self.source.text, start), span=Span(self.source, start, end))
 
     def reference(self, values: Values, start: int, end: int) -> ast.LabelReference:
         return ast.LabelReference(_unquoted(values[0]), span=Span(self.source, start, end))

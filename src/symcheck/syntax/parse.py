@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from symcheck.errors import Diagnostic, Source, SyntaxFault, UsageError
-from symcheck.syntax.ast import Expression, Program, PropertiesFile
+from symcheck.syntax.ast import Expression
 from symcheck.syntax.build import Builder, ModelBuilder, PropertiesBuilder
+from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.faults import diagnose
 from symcheck.syntax.grammars import load
 from symcheck.syntax.lalr import MAX_NESTING, Parser

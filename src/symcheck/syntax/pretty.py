@@ -6,6 +6,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from symcheck.syntax import ast
+from symcheck.syntax import declarations as decl
 from symcheck.syntax.build import LONGEST_CHAIN
 from symcheck.syntax.walk import Tree
 
@@ -31,19 +32,19 @@ _BINARY = {
     "^": 12,
 }
 
-Printable = Tree | ast.Program | ast.PropertiesFile | ast.Property | ast.Composition
+Printable = Tree | decl.Program | decl.PropertiesFile | decl.Property | decl.Composition
 
 
 def pretty(node: Printable) -> str:
     """The text of a model, a property, a properties file, or a piece of one of them. Comments are not part of a tree."""
     match node:
-        case ast.Program():
+        case decl.Program():
             return _program(node)
-        case ast.PropertiesFile():
+        case decl.PropertiesFile():
             return _properties(node)
-        case ast.Property(name=name, formula=formula):
+        case decl.Property(name=name, formula=formula):
             return (f'"{name}": ' if name is not None else "") + _tree(formula, _CONDITIONAL)
-        case ast.ModuleReference() | ast.Parallel() | ast.Interleaving() | ast.Synchronised() | ast.Hiding() | ast.Renaming():
+        case decl.ModuleReference() | decl.Parallel() | decl.Interleaving() | decl.Synchronised() | decl.Hiding() | decl.Renaming():
             return _composition(node, 0)
         case _:
             return _tree(node, _PATH)
@@ -260,7 +261,7 @@ def _asked(bound: ast.Bound | None) -> str:
 # ------------------------------------------------------------------------------------------------ files
 
 
-def _program(program: ast.Program) -> str:
+def _program(program: decl.Program) -> str:
     blocks = [
         [program.type.value] if program.type else [],
         [_constant(c) for c in program.constants],
@@ -275,7 +276,7 @@ def _program(program: ast.Program) -> str:
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
 
 
-def _properties(file: ast.PropertiesFile) -> str:
+def _properties(file: decl.PropertiesFile) -> str:
     blocks = [
         [_constant(c) for c in file.constants],
         [_formula(f) for f in file.formulas],
@@ -285,20 +286,20 @@ def _properties(file: ast.PropertiesFile) -> str:
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
 
 
-def _constant(constant: ast.Constant) -> str:
+def _constant(constant: decl.Constant) -> str:
     value = "" if constant.value is None else f" = {_tree(constant.value, _CONDITIONAL)}"
     return f"const {constant.type.value} {constant.name}{value};"
 
 
-def _formula(formula: ast.Formula) -> str:
+def _formula(formula: decl.Formula) -> str:
     return f"formula {formula.name} = {_tree(formula.expression, _CONDITIONAL)};"
 
 
-def _label(label: ast.Label) -> str:
+def _label(label: decl.Label) -> str:
     return f'label "{label.name}" = {_tree(label.expression, _CONDITIONAL)};'
 
 
-def _variable(variable: ast.VariableDeclaration) -> str:
+def _variable(variable: decl.VariableDeclaration) -> str:
     if variable.low is not None and variable.high is not None:
         kind = f"[{_tree(variable.low, _CONDITIONAL)}..{_tree(variable.high, _CONDITIONAL)}]"
     else:
@@ -307,28 +308,28 @@ def _variable(variable: ast.VariableDeclaration) -> str:
     return f"{variable.name} : {kind}{initial};"
 
 
-def _module(module: ast.Module | ast.RenamedModule) -> str:
+def _module(module: decl.Module | decl.RenamedModule) -> str:
     match module:
-        case ast.Module(name=name, variables=variables, commands=commands):
+        case decl.Module(name=name, variables=variables, commands=commands):
             parts = [[f"  {_variable(v)}" for v in variables], [f"  {_command(c)}" for c in commands]]
             body = "\n\n".join("\n".join(part) for part in parts if part)
             return f"module {name}\n{body}\nendmodule"
-        case ast.RenamedModule(name=name, base=base, renaming=renaming):
+        case decl.RenamedModule(name=name, base=base, renaming=renaming):
             return f"module {name} = {base} [ {', '.join(f'{old}={new}' for old, new in renaming)} ] endmodule"
         case _:
             assert_never(module)
 
 
-def _command(command: ast.Command) -> str:
+def _command(command: decl.Command) -> str:
     return f"[{command.action or ''}] {_tree(command.guard, _CONDITIONAL)} -> {' + '.join(map(_update, command.updates))};"
 
 
-def _update(update: ast.Update) -> str:
+def _update(update: decl.Update) -> str:
     assignments = " & ".join(f"({a.variable}'={_tree(a.expression, _CONDITIONAL)})" for a in update.assignments) or "true"
     return assignments if update.probability is None else f"{_tree(update.probability, _CONDITIONAL)} : {assignments}"
 
 
-def _rewards(rewards: ast.RewardStructure) -> str:
+def _rewards(rewards: decl.RewardStructure) -> str:
     title = "rewards" if rewards.name is None else f'rewards "{rewards.name}"'
     lines = []
     for item in rewards.items:
@@ -337,20 +338,20 @@ def _rewards(rewards: ast.RewardStructure) -> str:
     return "\n".join([title, *lines, "endrewards"])
 
 
-def _composition(node: ast.Composition, least: int) -> str:
+def _composition(node: decl.Composition, least: int) -> str:
     """A process expression; `least` is 0 at the outside, then 1 in `||`, 2 in `|||`, 3 in `|[…]|` and 4 before `/` and `{`."""
     match node:
-        case ast.ModuleReference(name=name):
+        case decl.ModuleReference(name=name):
             return name
-        case ast.Parallel(operands=operands):
+        case decl.Parallel(operands=operands):
             text, strength = " || ".join(_composition(o, 1) for o in operands), 0
-        case ast.Interleaving(operands=operands):
+        case decl.Interleaving(operands=operands):
             text, strength = " ||| ".join(_composition(o, 2) for o in operands), 1
-        case ast.Synchronised(left=left, right=right, actions=actions):
+        case decl.Synchronised(left=left, right=right, actions=actions):
             text, strength = f"{_composition(left, 2)} |[{', '.join(actions)}]| {_composition(right, 3)}", 2
-        case ast.Hiding(operand=operand, actions=actions):
+        case decl.Hiding(operand=operand, actions=actions):
             text, strength = f"{_composition(operand, 3)} / {{{', '.join(actions)}}}", 3
-        case ast.Renaming(operand=operand, pairs=pairs):
+        case decl.Renaming(operand=operand, pairs=pairs):
             text, strength = f"{_composition(operand, 3)} {{{', '.join(f'{a} <- {b}' for a, b in pairs)}}}", 3
         case _:
             assert_never(node)

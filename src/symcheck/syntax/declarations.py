@@ -1,0 +1,230 @@
+"""The abstract syntax around expressions: declarations, modules and their composition, properties, and the two kinds of text."""
+
+from __future__ import annotations
+
+from typing import Literal as Choice
+
+from symcheck.records import dataclass, field
+from symcheck.syntax.ast import Expression, ModelType, Node, Type
+
+__all__ = [
+    "Assignment",
+    "Command",
+    "Composition",
+    "Constant",
+    "Formula",
+    "Hiding",
+    "Interleaving",
+    "Label",
+    "Module",
+    "ModuleReference",
+    "Parallel",
+    "Program",
+    "PropertiesFile",
+    "Property",
+    "RenamedModule",
+    "Renaming",
+    "RewardItem",
+    "RewardStructure",
+    "Synchronised",
+    "Update",
+    "VariableDeclaration",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Constant(Node):
+    """`const type name = value;` (value None: to be given)."""
+
+    name: str
+    type: Type
+    value: Expression | None
+
+
+@dataclass(frozen=True, slots=True)
+class Formula(Node):
+    """`formula name = expression;`."""
+
+    name: str
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Label(Node):
+    """`label "name" = expression;`."""
+
+    name: str
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class VariableDeclaration(Node):
+    """`name : [low..high] init value;`; low and high None: unbounded int, or bool by `type`."""
+
+    name: str
+    type: Type
+    low: Expression | None
+    high: Expression | None
+    initial: Expression | None
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment(Node):
+    """`(variable'=expression)`."""
+
+    variable: str
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Update(Node):
+    """`probability : assignments`; probability None is 1; no assignments is `true`."""
+
+    probability: Expression | None
+    assignments: tuple[Assignment, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Command(Node):
+    """`[action] guard -> updates;`; action None for `[]`."""
+
+    action: str | None
+    guard: Expression
+    updates: tuple[Update, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Module(Node):
+    """`module name … endmodule`."""
+
+    name: str
+    variables: tuple[VariableDeclaration, ...]
+    commands: tuple[Command, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RenamedModule(Node):
+    """`module name = base [ old=new, … ] endmodule`."""
+
+    name: str
+    base: str
+    renaming: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RewardItem(Node):
+    """`guard : value;` on states (action False), `[] guard : value;` (action None) or `[a] guard : value;`."""
+
+    action: str | Choice[False] | None
+    guard: Expression
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class RewardStructure(Node):
+    """`rewards "name" … endrewards`; name None where none is given."""
+
+    name: str | None
+    items: tuple[RewardItem, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleReference(Node):
+    """A module in a `system` expression."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Parallel(Node):
+    """`A || B || …`: synchronise on the actions that both sides have."""
+
+    operands: tuple[Composition, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Interleaving(Node):
+    """`A ||| B ||| …`: no synchronisation."""
+
+    operands: tuple[Composition, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Synchronised(Node):
+    """`A |[a,b]| B`: synchronise on the given actions only."""
+
+    left: Composition
+    right: Composition
+    actions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Hiding(Node):
+    """`A / {a,b}`."""
+
+    operand: Composition
+    actions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Renaming(Node):
+    """`A {a<-b, …}`: pairs (old, new)."""
+
+    operand: Composition
+    pairs: tuple[tuple[str, str], ...]
+
+
+Composition = ModuleReference | Parallel | Interleaving | Synchronised | Hiding | Renaming
+
+
+@dataclass(frozen=True, slots=True)
+class Program(Node):
+    """A whole model text. `type` None where no keyword stands (PRISM reads that as an MDP)."""
+
+    type: ModelType | None
+    constants: tuple[Constant, ...] = ()
+    formulas: tuple[Formula, ...] = ()
+    labels: tuple[Label, ...] = ()
+    globals: tuple[VariableDeclaration, ...] = ()
+    modules: tuple[Module | RenamedModule, ...] = ()
+    rewards: tuple[RewardStructure, ...] = ()
+    initial: Expression | None = None
+    system: Composition | None = None
+
+    def __repr__(self) -> str:
+        """A line: the nodes fill pages (`symcheck.pretty` gives the text)."""
+        kind = self.type.value if self.type is not None else "no type"
+        return f"<Program: {kind}, {_counted(constants=self.constants, modules=self.modules, labels=self.labels, rewards=self.rewards)}>"
+
+
+@dataclass(frozen=True, slots=True)
+class Property(Node):
+    """One property. `comments`: the comment lines directly above it, without their slashes (RESULT lines)."""
+
+    name: str | None
+    formula: Expression
+    comments: tuple[str, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PropertiesFile(Node):
+    """A whole properties text, in its order."""
+
+    constants: tuple[Constant, ...] = ()
+    formulas: tuple[Formula, ...] = ()
+    labels: tuple[Label, ...] = ()
+    properties: tuple[Property, ...] = ()
+
+    def __repr__(self) -> str:
+        """A line: the nodes fill pages (`symcheck.pretty` gives the text)."""
+        return f"<PropertiesFile: {_counted(constants=self.constants, labels=self.labels, properties=self.properties)}>"
+
+
+def _counted(**parts: tuple[Node, ...]) -> str:
+    """How many there are of each, and their names: `constants N p (2), modules m (1)`."""
+    found = []
+    for kind, nodes in parts.items():
+        names = [name for name in (getattr(n, "name", None) for n in nodes) if name]
+        shown = " ".join([*names[:4], *(["…"] if len(names) > 4 else [])])
+        found.append(f"{kind} {shown} ({len(nodes)})" if shown else f"{len(nodes)} {kind}")
+    return ", ".join(found)
