@@ -10,8 +10,6 @@ where `stormpy` is installed. Beside the megabytes stand seconds of processor ti
 
 from __future__ import annotations
 
-import argparse
-import importlib.util
 import json
 import re
 import tempfile
@@ -19,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from growth import MODELS, RESULTS, Family, runs
 from growth_plots import Run
+from whole_runs import MODELS, RESULTS, Family, available, runs, switches
 
 INSTANCES = (
     Family("crowds", "crowds/crowds.pm", 'P=? [ F "exposed" ]', "CrowdSize", (20,), "TotalRuns=5"),
@@ -60,13 +58,8 @@ def _cell(run: Run | None) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="*", default=[f.name for f in INSTANCES], help="models")
-    parser.add_argument("--engines", nargs="*", default=ENGINES)
-    parser.add_argument("--limit", type=float, default=60, help="seconds per run")
-    parser.add_argument("--memory", type=int, default=16_000, help="megabytes of address space per run")
-    arguments = parser.parse_args()
-    engines = [e for e in arguments.engines if not e.startswith("Storm") or importlib.util.find_spec("stormpy")]
+    arguments = switches(__doc__, INSTANCES, ENGINES).parse_args()
+    engines = available(arguments.engines)
     measured: list[Run] = []
     with tempfile.TemporaryDirectory() as folder:
         for family in (f for f in INSTANCES if f.name in arguments.only):
