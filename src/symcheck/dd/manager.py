@@ -9,7 +9,6 @@ Automatic reordering is off; reorder on purpose with `sift` or `reorder`. Arrays
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -20,6 +19,7 @@ from symcheck.dd import _cudd, _layout
 from symcheck.dd._cudd import Bdd, Closure, Core, Cube, Mtbdd, Renaming, Transition
 from symcheck.dd.export import BddTable, NodeTable
 from symcheck.dd.library import cudd
+from symcheck.machine import memory
 from symcheck.records import dataclass
 
 __all__ = ["Bdd", "Closure", "Cube", "DiagramManager", "Mtbdd", "Renaming", "Statistics", "Transition", "Variables"]
@@ -38,13 +38,7 @@ MINIMAL_HITS = 5
 
 def default_memory() -> int:
     """Three quarters of the memory that this process may have, in bytes: ending with advice is better than being killed."""
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    try:
-        with open("/sys/fs/cgroup/memory.max", encoding="ascii") as file:
-            memory = min(memory, int(file.read()))
-    except (OSError, ValueError):
-        pass
-    return memory * 3 // 4
+    return memory() * 3 // 4
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ So a wrong guess costs a bounded share of the run, and what the search has explo
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from collections.abc import Callable
 from math import prod
@@ -23,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from symcheck.engines.base import Engine
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
+from symcheck.machine import memory
 from symcheck.records import dataclass
 from symcheck.semantics.settings import BuildSettings
 from symcheck.syntax.ast import Call
@@ -144,7 +144,7 @@ def _try_diagrams(model: BoundModel, options: BuildSettings, seconds: float, str
 def _that_fit(exploration: Exploration) -> int:
     """How many states a search may hold, going by what it has taken so far."""
     progress = exploration.progress
-    return int(_SEARCH_SHARE * _memory() * progress.states / max(progress.memory, 1))
+    return int(_SEARCH_SHARE * memory() * progress.states / max(progress.memory, 1))
 
 
 class _Dense(Exception):
@@ -221,10 +221,10 @@ def _symbolic(space: StateSpace, options: BuildSettings, observer: Observer | No
     built: Transitions = transitions(space, options, observer)
     engine = SparseEngine.of(built)
     size = engine.transitions * _ENTRY_BYTES
-    if engine.states <= _WRITTEN and size <= _ROWS_SHARE * _memory():
+    if engine.states <= _WRITTEN and size <= _ROWS_SHARE * memory():
         _tell(observer, "sparse", f"{reason}, and its rows of {size / 1e6:,.0f} MB are soon written out")
         return written_out(engine)
-    if size <= _ROWS_SHARE * _memory():
+    if size <= _ROWS_SHARE * memory():
         _tell(observer, "sparse", f"{reason}, and the rows of what is asked fit into memory")
         return engine
     _tell(observer, "hybrid", f"{reason}, and rows of {size / 1e6:,.0f} MB are too many")
@@ -234,8 +234,3 @@ def _symbolic(space: StateSpace, options: BuildSettings, observer: Observer | No
 def _tell(observer: Observer | None, engine: str, reason: str) -> None:
     if observer is not None:
         observer(Choice(engine, reason))
-
-
-def _memory() -> int:
-    """Memory of the machine, in bytes."""
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
