@@ -82,6 +82,15 @@ def test_what_speaks_of_the_states_themselves_is_not_reduced(asked: str) -> None
     assert "nothing" in str(reduction)
 
 
+def test_a_variable_of_many_values_is_no_program_counter() -> None:
+    """Its values are not listed to find that out."""
+    wide = (
+        PHASES.replace("t : [0..9]", "t : [0..2000000000]").replace("s=2 & t>=5", "s=2 & t=5").replace("s=2 & t<5", "s=2 & t!=5 & !(t=5)")
+    )
+    model, reduction = reduced(wide, 'P=? [ F "seen" ]')
+    assert [model.variables[i].name for i in reduction.liveness.locations.control] == ["s"]
+
+
 def test_faults_in_dead_values_are_still_found() -> None:
     text = """dtmc module m s : [0..2] init 0; x : [0..3] init 3; d : [0..3] init 0;
       [] s=0 -> (d'=x+1)&(s'=1); [] s=1 -> (s'=2); [] s=2 -> true; endmodule"""

@@ -36,6 +36,11 @@ def domain(variable: Variable) -> tuple[bool | int, ...]:
     return tuple(range(variable.low, variable.high + 1))
 
 
+def _count(variable: Variable) -> int:
+    """How many values a bounded variable has."""
+    return 2 if variable.low is None or variable.high is None else variable.high - variable.low + 1
+
+
 def control_variables(model: BoundModel) -> tuple[int, ...]:
     """Indices of the variables that act as program counters: compared with constants by guards, and set to constants.
 
@@ -51,7 +56,7 @@ def control_variables(model: BoundModel) -> tuple[int, ...]:
         variable = model.variables[i]
         if count < 2 or i in data or (variable.low is None and variable.type is not Type.BOOL):
             continue
-        grown = size * len(domain(variable))
+        grown = size * _count(variable)
         if grown <= _MOST_LOCATIONS and grown * len(commands) <= _MOST_WORK:
             chosen.append(i)
             size = grown
