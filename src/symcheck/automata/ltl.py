@@ -5,7 +5,7 @@ Sources of the rules: Etessami & Holzmann (CONCUR 2000), Somenzi & Bloem (CAV 20
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from symcheck.automata.formula import Formula, Kind
 
@@ -310,11 +310,11 @@ def _flat(kind: Kind, parts: Iterable[Formula], neutral: Formula) -> list[Formul
     return [flat[number] for number in sorted(flat)]
 
 
-def _split(f: Formula, kind: Kind, test: object) -> tuple[list[Formula], list[Formula]]:
+def _split(f: Formula, kind: Kind, test: Callable[[Formula], bool]) -> tuple[list[Formula], list[Formula]]:
     """The parts that pass the test, and the others; nothing where f is not of this kind."""
     if f.kind is not kind:
         return [], [f]
-    chosen = [p for p in f.parts if test(p)]  # type: ignore[operator]
+    chosen = [p for p in f.parts if test(p)]
     return chosen, [p for p in f.parts if p not in chosen]
 
 

@@ -9,7 +9,7 @@ beside the main one while it is in the component. Source: Esparza, Kretinsky & S
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from typing import assert_never
+from typing import Generic, TypeVar, assert_never
 
 import numpy as np
 
@@ -50,11 +50,14 @@ class State:
     beside: tuple[int, ...] = ()
 
 
+S = TypeVar("S", bound=Hashable)
+
+
 @dataclass
-class _Explored:
+class _Explored(Generic[S]):
     """States in order of discovery, with an edge per letter: the state after it, and the requirements that took note."""
 
-    states: list[Hashable] = field(default_factory=list)
+    states: list[S] = field(default_factory=list)
     delta: list[list[int]] = field(default_factory=list)
     marks: list[list[frozenset[int]]] = field(default_factory=list)
 
@@ -102,17 +105,17 @@ def _whole(formulas: Formulas, formula: Formula, letters: Sequence[int]) -> Auto
     start = after.simplified(after.of(formula))
     main = _explore(start, len(letters), lambda state: [(after.after(state, a), frozenset()) for a in letters])
     delta = np.array(main.delta, dtype=np.int32)
-    states: list[int] = main.states  # type: ignore[assignment]
+    states = main.states
     number = {state: i for i, state in enumerate(states)}
     of, looping = strong_components(delta)
     parts = [_component(after, [states[q] for q in np.flatnonzero(of == c)]) if looping[c] else Component() for c in range(len(looping))]
     where = {state: int(of[number[state]]) for state in states}
     runner = _Runner(after, where, parts)
     whole = _explore(runner.entered(start), len(letters), lambda state: [runner.step(state, a) for a in letters])
-    return reduced(_assembled(whole, [parts[where[s.main]] for s in whole.states]))  # type: ignore[attr-defined]
+    return reduced(_assembled(whole, [parts[where[s.main]] for s in whole.states]))
 
 
-def _explore(start: Hashable, letters: int, successors: Callable[..., list[tuple[Hashable, frozenset[int]]]]) -> _Explored:
+def _explore(start: S, letters: int, successors: Callable[[S], list[tuple[S, frozenset[int]]]]) -> _Explored[S]:
     found = _Explored([start])
     number = {start: 0}
     for state in found.states:  # the list grows on the way
@@ -185,7 +188,7 @@ def _initial(requirement: Requirement, main: int) -> int:
             assert_never(requirement)
 
 
-def _assembled(whole: _Explored, parts: list[Component]) -> Automaton:
+def _assembled(whole: _Explored[State], parts: list[Component]) -> Automaton:
     """One automaton: the i-th alternatives of all components together make the i-th pair, as no run stays in two components."""
     delta = np.array(whole.delta, dtype=np.int32)
     pairs = []
