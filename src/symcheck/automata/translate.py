@@ -205,5 +205,5 @@ def _assembled(whole: _Explored[State], parts: list[Component]) -> Automaton:
             for v, requirement in enumerate(again[q]):
                 visits[v, q] = [requirement in m for m in marks]
         pairs.append(Pair(avoid, tuple(visits)))
-    accepting = frozenset(q for q, s in enumerate(whole.states) if isinstance(s, State) and s.main == TRUE)
+    accepting = frozenset(q for q, s in enumerate(whole.states) if s.main == TRUE)
     return Automaton(delta, 0, tuple(pairs), accepting)
