@@ -140,7 +140,7 @@ def _strategy(context: Context, formula: Expression) -> Strategy | None:
 
 def _boolean(context: Context, formula: Expression) -> Result:
     initial = context.engine.initial
-    states = satisfying(context, formula, initial)
+    states = satisfying(context, formula, context.engine.all if context.options.everywhere else initial)
     value = initial <= states
     if isinstance(formula, PathQuantifier):
         _explain(context, formula, value)

@@ -76,6 +76,10 @@ class Context:
         """The context for what a reference stands for."""
         return replace(self, open=self.open | {reference.name})
 
+    def about(self, states: StateSet) -> Context:
+        """The same where values are needed at these states (at all, if the options say so)."""
+        return replace(self, matter=None if self.options.everywhere else states)
+
     def tighter(self, epsilon: float) -> Context:
         """The same with another accuracy wanted; notes are shared."""
         return replace(self, options=replace(self.options, epsilon=epsilon))

@@ -182,7 +182,7 @@ def _note_width(context: Context, system: System, lower: Floats, upper: Floats, 
     """Warn where the bounds are further apart than was asked for, at states that matter."""
     width = upper - lower
     if context.options.relative:
-        width = width / np.maximum(np.abs(upper), 1e-300)
+        width = np.where(upper > 1e-300, width / np.maximum(np.abs(upper), 1e-300), 0.0)  # below, accuracy is absolute
     if context.matter is not None:
         width = width[system.restrict(context.matter) > 0]
     if len(width) and width.max() > context.options.epsilon * (1 + 1e-9):

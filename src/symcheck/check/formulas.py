@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 
@@ -109,7 +108,7 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
     if is_plain(formula):
         return context.engine.values(formula, context.type(formula))
     here = partial(numbers, context, matter=matter)
-    context = replace(context, matter=matter)
+    context = context.about(matter)
     match formula:
         case Unary("-", operand):
             return here(operand).map("-")
@@ -204,7 +203,7 @@ def _bounded_probability(context: Context, formula: ProbabilityOperator, matter:
     operator, threshold = formula.bound.operator, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
     path = resolve(formula.path, states_of(context), context.engine.all)
-    context = replace(context, matter=matter)
+    context = context.about(matter)
     by_graph = qualitative(context, path, operator, threshold, direction)
     if by_graph is not None:
         return by_graph
@@ -216,7 +215,7 @@ def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet)
     operator, threshold = formula.bound.operator, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
     structure = structure_number(context, formula)
-    context = replace(context, matter=matter)
+    context = context.about(matter)
 
     def compute(c: Context) -> Values:
         return reward_values(c, formula, structure, states_of(c), direction)
@@ -227,7 +226,7 @@ def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet)
 def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) -> StateSet:
     assert formula.bound is not None
     states = states_of(context)(formula.formula)
-    context = replace(context, matter=matter)
+    context = context.about(matter)
     threshold, operator = _threshold(formula.bound), formula.bound.operator
     direction = _direction(context, formula, formula.direction, operator)
     return decide(context, lambda c: steady_values(c, states, direction), operator, threshold, matter, partial(_exactly, context, formula))

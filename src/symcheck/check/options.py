@@ -26,6 +26,8 @@ class Options:
     reduce: reset variables whose values nothing will read again (see `symcheck.semantics.reduce`), before the model is built.
     strategy: find a strategy that attains the value (MDP): `Result.strategy`.
     bisim: check each formula on the quotient by the coarsest bisimulation that keeps what it speaks of.
+    everywhere: find the answer to the accuracy wanted at every state, not only where the result reads it (the initial states, or
+        those of a filter). Without it, large models may have wider bounds elsewhere, or undecided comparisons taken as false.
     order: variables from the top of the diagrams down (the rest follows as declared), or ('force',): an order that is looked
         for. None: as declared. Another order numbers the states otherwise.
     ltl2da: program that makes automata of formulas of linear time, called with the names of a formula file and a HOA file.
@@ -47,6 +49,7 @@ class Options:
     reduce: bool = False
     strategy: bool = False
     bisim: bool = False
+    everywhere: bool = False
     order: tuple[str, ...] | None = None
     ltl2da: str | None = None
     ltl2da_syntax: str = "lbt"

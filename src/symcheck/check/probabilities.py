@@ -15,6 +15,9 @@ __all__ = ["complement", "flipped", "probability", "qualitative"]
 
 _LEAST = 5e-324
 
+_LARGE = 100_000
+"""States from which on values are not computed that nothing asks for."""
+
 
 def flipped(direction: str | None) -> str | None:
     """The direction of the complement: the least probability of something is 1 - the greatest one of its negation."""
@@ -34,6 +37,10 @@ def complement(context: Context, values: Values) -> Values:
 
 def probability(context: Context, path: Path, direction: str | None) -> Values:
     """Probability of a path formula at each state (of an MDP: the least or greatest one)."""
+    if isinstance(path, UntilPath) and _decided(context, path):
+        known = path.right | ~path.left
+        satisfied = context.engine.indicator(known - path.right if path.negative else path.right)
+        return satisfied.choose(known, context.engine.constant(0, 1))
     if isinstance(path, UntilPath) and path.negative and not context.engine.exact:
         from symcheck.check.missed import missed
 
@@ -62,6 +69,14 @@ def probability(context: Context, path: Path, direction: str | None) -> Values:
             return _linear_time(context, path, direction)
         case _:
             assert_never(path)
+
+
+def _decided(context: Context, path: UntilPath) -> bool:
+    """Whether the model is large, and the states where a value is needed decide the formula by themselves."""
+    matter = context.matter
+    if matter is None or context.engine.states < _LARGE or not path.window.at_once:
+        return False
+    return matter <= path.right | ~path.left
 
 
 def _linear_time(context: Context, path: TemporalPath, direction: str | None) -> Values:

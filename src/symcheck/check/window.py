@@ -36,6 +36,11 @@ class Window:
             raise InputError(_empty(self.span))
         return Steps(lower, upper)
 
+    @property
+    def at_once(self) -> bool:
+        """Whether time 0 is in the window."""
+        return self.lower == 0 and not self.lower_strict
+
     def times(self) -> tuple[float, float | None]:
         """The window in continuous time, where a single instant has probability 0, so that strictness does not matter."""
         return float(self.lower), None if self.upper is None else float(self.upper)

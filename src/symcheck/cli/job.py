@@ -50,6 +50,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         reduce=arguments.reduce,
         order=tuple(arguments.order.split(",")) if arguments.order else None,
         bisim=arguments.bisim,
+        everywhere=arguments.exportvector is not None,
         strategy=arguments.exportstrat is not None,
         ltl2da=arguments.ltl2datool,
         ltl2da_syntax=arguments.ltl2dasyntax,

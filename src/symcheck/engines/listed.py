@@ -40,6 +40,9 @@ _STATES = 10_000_000  # whose rows are listed
 class ListedEngine(WrittenEngine):
     """States and rows as arrays. Expressions are evaluated on the states: as diagrams they may read more than the rows."""
 
+    transitions = ExplicitEngine.transitions  # the rows are there, and no matrix to count them on
+    choices = ExplicitEngine.choices
+
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy a boolean expression over the variables."""
         return ExplicitEngine.where(self, expression)

@@ -37,6 +37,24 @@ class WrittenEngine(ExplicitEngine):
 
     source: SymbolicEngine | None = None
 
+    @property
+    def states(self) -> int:
+        """Number of reachable states."""
+        assert self.source is not None
+        return self.source.states
+
+    @property
+    def transitions(self) -> int:
+        """Number of stored transitions."""
+        assert self.source is not None
+        return self.source.transitions
+
+    @property
+    def choices(self) -> int:
+        """Number of choices (states, where there is no nondeterminism)."""
+        assert self.source is not None
+        return self.source.choices
+
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy a boolean expression over the variables."""
         assert self.source is not None
@@ -52,7 +70,7 @@ class WrittenEngine(ExplicitEngine):
 
 @dataclass(frozen=True, eq=False)
 class WrittenModel:
-    """An explored model (see `symcheck.explicit.model.ExplicitModel`) of which only the rows are arrays.
+    """An explored model (see `symcheck.explicit.model.ExplicitModel`) of which only the rows are arrays, written when first asked for.
 
     Rewards and actions are read off the diagrams whenever they are asked for, and not kept: most properties ask for none of
     them, and each takes as much memory as a vector of values.
@@ -60,7 +78,13 @@ class WrittenModel:
 
     source: SymbolicEngine = field(repr=False)
     system: SymbolicSystem = field(repr=False)
-    matrix: SparseMatrix
+
+    @cached_property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities (rates), deadlocks fixed."""
+        source, system = self.source, self.system
+        indptr, indices, data = flatten(quad_dag(system.roots, system.odd, system.odd, source.diagrams.columns), system.layout)
+        return SparseMatrix(indptr, indices, data, system.n, system.groups)
 
     @property
     def model(self) -> BoundModel:
@@ -128,13 +152,13 @@ def written_out(engine: SymbolicEngine) -> WrittenEngine:
 
     Raises OverflowError for more than 2**31 - 1 states, ModelFault for a reward that has no value.
     """
+    if engine.states >= 2**31:
+        raise OverflowError(f"{engine.states:,} states are too many for rows of 32-bit numbers")
     diagrams = engine.diagrams
     for rewards in (diagrams.state_rewards, diagrams.transition_rewards):
         list(rewards)  # what is wrong with one is said now
     # A system of its own, which does not keep its rows: the engine keeps its last one, and that would be a second copy.
-    system = SymbolicSystem(engine, engine.all)
-    indptr, indices, data = flatten(quad_dag(system.roots, system.odd, system.odd, diagrams.columns), system.layout)
-    model = WrittenModel(engine, system, SparseMatrix(indptr, indices, data, system.n, system.groups))
+    model = WrittenModel(engine, SymbolicSystem(engine, engine.all))
     return WrittenEngine(model, name="sparse", source=engine)  # type: ignore[arg-type]
 
 
