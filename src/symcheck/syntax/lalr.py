@@ -88,7 +88,7 @@ class Parser:
 
     def _run(self, i: int, last: int) -> int | None:
         """Parse from word i on. Returns None at the end, or the number of the word that does not fit."""
-        rows, gotos, rules, builders = self.grammar.rows, self.grammar.gotos, self.grammar.rules, self._builders
+        rows, rules = self.grammar.rows, self.grammar.rules
         states, values, starts, ends, depths = self._states, self._values, self._starts, self._ends, self._depths
         words, climbs = self.words, self._climbs
         text, kinds, word_starts, word_ends = words.text, words.kinds, words.starts, words.ends
@@ -119,29 +119,10 @@ class Parser:
                     landing = climbs[key] = self._climb(*key)
                 states[-1] = landing
             elif n:
-                start, end = starts[-n], ends[-1]
-                value = self._reduce(number, values[-n:], start, end)
-                depth = max(depths[-n:])
-                if rule.action and value is not self.build.balanced:
-                    depth += 1
-                values[-n:] = [value]
-                del states[-n:], starts[-n:], ends[-n:], depths[-n:]
-                states.append(gotos[states[-1]][rule.head])
-                starts.append(start)
-                ends.append(end)
-                depths.append(depth)
-                if depth > self.deepest:
-                    self.deepest = depth
-                    if depth > MAX_NESTING:
-                        return i
+                if self._reduce(number, n) > MAX_NESTING:
+                    return i
             else:
-                at = word_starts[i]
-                build = builders[number]
-                values.append(build([], at, at) if build else [])
-                states.append(gotos[states[-1]][rule.head])
-                starts.append(at)
-                ends.append(at)
-                depths.append(0)
+                self._reduce_nothing(number, word_starts[i])
             if kind == end_kind and states[-1] == last:
                 return None
 
@@ -157,7 +138,32 @@ class Parser:
             if grammar.rules[number].length != 1 or grammar.rules[number].action is not None:
                 return state
 
-    def _reduce(self, number: int, symbols: list[Any], start: int, end: int) -> Any:
+    def _reduce(self, number: int, n: int) -> int:
+        """Put what rule `number` makes of the last n symbols in their place; how deep it is nested."""
+        states, starts, ends, depths, rule = self._states, self._starts, self._ends, self._depths, self.grammar.rules[number]
+        start, end, depth = starts[-n], ends[-1], max(depths[-n:])
+        value = self._value(number, self._values[-n:], start, end)
+        if rule.action and value is not self.build.balanced:
+            depth += 1
+            self.deepest = max(self.deepest, depth)
+        self._values[-n:] = [value]
+        del states[-n:], starts[-n:], ends[-n:], depths[-n:]
+        states.append(self.grammar.gotos[states[-1]][rule.head])
+        starts.append(start)
+        ends.append(end)
+        depths.append(depth)
+        return depth
+
+    def _reduce_nothing(self, number: int, at: int) -> None:
+        """Put what a rule makes of no symbols before the word that begins at `at`."""
+        build = self._builders[number]
+        self._values.append(build([], at, at) if build else [])
+        self._states.append(self.grammar.gotos[self._states[-1]][self.grammar.rules[number].head])
+        self._starts.append(at)
+        self._ends.append(at)
+        self._depths.append(0)
+
+    def _value(self, number: int, symbols: list[Any], start: int, end: int) -> Any:
         """The value of a rule, from those of its symbols."""
         rule = self.grammar.rules[number]
         if self._plain[number]:
