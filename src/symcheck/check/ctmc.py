@@ -38,6 +38,9 @@ __all__ = [
     "until",
 ]
 
+_TINY = 1e-299
+"""The width that bounds may have however small the value is."""
+
 
 def next_probability(context: Context, target: StateSet, window: Window, direction: str | None) -> Values:  # noqa: ARG001
     """Probability that the first jump leads into `target` and happens within the window.
@@ -182,7 +185,7 @@ def _note_width(context: Context, system: System, lower: Floats, upper: Floats, 
     """Warn where the bounds are further apart than was asked for, at states that matter."""
     width = upper - lower
     if context.options.relative:
-        width = np.where(upper > 1e-300, width / np.maximum(np.abs(upper), 1e-300), 0.0)  # below, accuracy is absolute
+        width = np.maximum(width - _TINY, 0.0) / np.maximum(np.abs(upper), _TINY)
     if context.matter is not None:
         width = width[system.restrict(context.matter) > 0]
     if len(width) and width.max() > context.options.epsilon * (1 + 1e-9):
