@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines.arrays import ArraySet
+from symcheck.engines.enumerated import Enumerated
 from symcheck.engines.explicit_graph import ExplicitGraph
 from symcheck.engines.rationals import RationalMatrix, Rationals, RationalValues
 from symcheck.errors import ModelFault, UnsupportedError
-from symcheck.numerics.matrix import Bools, Int64s, SparseMatrix
+from symcheck.numerics.matrix import SparseMatrix
 from symcheck.records import dataclass, field
 from symcheck.semantics import faults
 from symcheck.semantics.evaluate import evaluate
@@ -30,7 +31,7 @@ __all__ = ["ExactEngine", "explore_exactly"]
 
 
 @dataclass(frozen=True, eq=False)
-class ExactEngine:
+class ExactEngine(Enumerated):
     """A model explored in rational arithmetic. `table`: the states in index order; `rewards`: per structure, for states and rows."""
 
     model: BoundModel
@@ -48,31 +49,6 @@ class ExactEngine:
     def matrix(self) -> SparseMatrix:
         """The matrix as doubles."""
         return self.rationals.shape
-
-    @property
-    def states(self) -> int:
-        """Number of reachable states."""
-        return len(self.table)
-
-    @property
-    def transitions(self) -> int:
-        """Number of transitions."""
-        return self.matrix.entries
-
-    @property
-    def choices(self) -> int:
-        """Number of choices."""
-        return self.matrix.rows
-
-    @cached_property
-    def all(self) -> ArraySet:
-        """Every reachable state."""
-        return ArraySet(np.ones(self.states, bool))
-
-    @cached_property
-    def none(self) -> ArraySet:
-        """The empty set."""
-        return ArraySet(np.zeros(self.states, bool))
 
     @cached_property
     def graph(self) -> ExplicitGraph:
@@ -104,23 +80,6 @@ class ExactEngine:
     def indicator(self, states: ArraySet) -> RationalValues:
         """1 on the set and 0 elsewhere."""
         return RationalValues(_objects([Fraction(int(m)) for m in states.members]))
-
-    def from_bools(self, members: Bools) -> ArraySet:
-        """The states at which the array (in index order) is True."""
-        return ArraySet(np.asarray(members, dtype=bool))
-
-    def to_bools(self, states: ArraySet) -> Bools:
-        """Membership of each state, in index order."""
-        return states.members
-
-    def first(self, states: ArraySet) -> ArraySet:
-        """The singleton of the state with the lowest index."""
-        return self._of(np.array([int(np.argmax(states.members))]))
-
-    def _of(self, indices: Int64s) -> ArraySet:
-        members = np.zeros(self.states, bool)
-        members[indices] = True
-        return ArraySet(members)
 
     def valuations(self, states: ArraySet, limit: int | None = None) -> Iterator[State]:
         """The states' variable values, in index order."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines.arrays import ArraySet, ArrayValues
+from symcheck.engines.enumerated import Enumerated
 from symcheck.engines.explicit_graph import ExplicitGraph
 from symcheck.kernels.rows import groups_among, select_states, sum_among, take_rows
 from symcheck.kernels.sparse import multiply
@@ -34,7 +35,7 @@ _MANY = 1_000_000
 
 
 @dataclass(frozen=True)
-class ExplicitEngine:
+class ExplicitEngine(Enumerated):
     """An explored model as an engine."""
 
     explored: ExplicitModel
@@ -52,31 +53,6 @@ class ExplicitEngine:
         """One-step probabilities (rates), deadlocks fixed."""
         return self.explored.matrix
 
-    @property
-    def states(self) -> int:
-        """Number of reachable states."""
-        return self.matrix.states
-
-    @property
-    def transitions(self) -> int:
-        """Number of stored transitions."""
-        return self.matrix.entries
-
-    @property
-    def choices(self) -> int:
-        """Number of choices (states, where there is no nondeterminism)."""
-        return self.matrix.rows
-
-    @cached_property
-    def all(self) -> ArraySet:
-        """Every reachable state."""
-        return ArraySet(np.ones(self.states, bool))
-
-    @cached_property
-    def none(self) -> ArraySet:
-        """The empty set."""
-        return ArraySet(np.zeros(self.states, bool))
-
     @cached_property
     def initial(self) -> ArraySet:
         """The initial states."""
@@ -91,11 +67,6 @@ class ExplicitEngine:
     def graph(self) -> ExplicitGraph:
         """Questions that need no numbers."""
         return ExplicitGraph(self)
-
-    def _of(self, indices: Int64s) -> ArraySet:
-        members = np.zeros(self.states, bool)
-        members[indices] = True
-        return ArraySet(members)
 
     @cached_property
     def _known(self) -> dict[Expression, ArraySet]:
@@ -127,18 +98,6 @@ class ExplicitEngine:
         """1 on the set and 0 elsewhere."""
         array = states.members.astype(np.float64)
         return ArrayValues(array, array)
-
-    def from_bools(self, members: Bools) -> ArraySet:
-        """The states at which the array (in index order) is True."""
-        return ArraySet(np.asarray(members, dtype=bool))
-
-    def to_bools(self, states: ArraySet) -> Bools:
-        """Membership of each state, in index order."""
-        return states.members
-
-    def first(self, states: ArraySet) -> ArraySet:
-        """The singleton of the state with the lowest index."""
-        return self._of(np.array([int(np.argmax(states.members))]))
 
     def system(self, states: ArraySet) -> ExplicitSystem:
         """The equations over some states."""
