@@ -1,4 +1,4 @@
-from symcheck.numerics.matrix import Floats, Int32s, Int64s
+from symcheck.kernels.arrays import Floats, Int32s, Int64s
 
 def certify(
     indptr: Int64s,

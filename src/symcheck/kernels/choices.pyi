@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.numerics.matrix import Int32s, Int64s
+from symcheck.kernels.arrays import Int32s, Int64s
 
 _Mask = NDArray[np.uint8]
 

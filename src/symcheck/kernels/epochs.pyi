@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.numerics.matrix import Int32s
+from symcheck.kernels.arrays import Int32s
 
 class Levels:
     sweeps: int

@@ -1,6 +1,6 @@
+from symcheck.kernels.arrays import Floats, Int32s, Int64s
 from symcheck.kernels.equations import Equations
 from symcheck.kernels.sweeps import Block
-from symcheck.numerics.matrix import Floats, Int32s, Int64s
 
 class System(Equations):
     def block(self, states: Int32s, x: Floats) -> Block: ...

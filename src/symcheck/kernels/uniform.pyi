@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.numerics.matrix import Floats, Int32s, Int64s
+from symcheck.kernels.arrays import Floats, Int32s, Int64s
 
 def steps(
     indptr: Int64s, indices: Int32s, data: Floats, diagonal: Floats, y: Floats, z: Floats, total: Floats, weights: Floats, floor: float

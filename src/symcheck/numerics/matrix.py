@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
 from symcheck.records import dataclass
 
 __all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix", "spans", "starts_of"]
-
-Floats = NDArray[np.float64]
-Int64s = NDArray[np.int64]
-Int32s = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
