@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from symcheck.dd.odd import Odd, levels_of
 from symcheck.errors import MemoryLimitError
+from symcheck.kernels.arrays import Floats
 from symcheck.kernels.blocks import Blocks
 from symcheck.kernels.graph import components
 from symcheck.kernels.quad import Quad
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
 
 __all__ = ["BlockMatrix", "RowLayout", "blocks", "flatten", "quad_dag"]
-
-Floats = NDArray[np.float64]
 
 BUDGET = 60_000
 """Runs in distinct blocks: about half a megabyte, so that they stay in a core's cache while places stream by."""

@@ -1,26 +1,22 @@
-import numpy as np
-from numpy.typing import NDArray
+from symcheck.kernels.arrays import Floats, Int32s, Int64s
 
-_Int32s = NDArray[np.int32]
-_Int64s = NDArray[np.int64]
-_Floats = NDArray[np.float64]
-_Odd = tuple[_Int32s, _Int32s, _Int32s, _Int64s, int]
+_Odd = tuple[Int32s, Int32s, Int32s, Int64s, int]
 
 class Quad:
     rows: int
     columns: int
     triples: int
     nodes: int
-    entries: _Int64s
+    entries: Int64s
     def __init__(
         self,
-        level: _Int32s,
-        low: _Int32s,
-        high: _Int32s,
-        values: _Floats,
-        roots: _Int32s,
+        level: Int32s,
+        low: Int32s,
+        high: Int32s,
+        values: Floats,
+        roots: Int32s,
         row: _Odd,
         col: _Odd,
-        row_levels: _Int32s,
-        col_levels: _Int32s,
+        row_levels: Int32s,
+        col_levels: Int32s,
     ) -> None: ...
