@@ -16,12 +16,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from symcheck.kernels import sparse, stationary
+from symcheck.kernels import eisenstat, sparse
 from symcheck.kernels.eliminate import Elimination
-from symcheck.numerics.krylov import bicgstab
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import Observer, Step
 from symcheck.numerics.settings import Settings
+from symcheck.numerics.split import Split
 from symcheck.records import dataclass
 
 __all__ = ["Implicit", "implicit_values", "importance"]
@@ -30,11 +30,11 @@ ROUND = 2.0**-53
 SIZES = (8, 12, 18, 24, 30, 36, 44, 52, 60)  # of the space, at which the defect is measured
 MORE = (75, 90, 110, 130, 160, 200)  # where vectors are cheap
 MILD = 1.0  # a of the weights
-POLE = 10.0  # γ is the time over this
-SWEEPS = 3  # Gauss-Seidel sweeps, to and fro, in a preconditioner
-STEPS = 200  # of BiCGStab, per vector
+POLE = 15.0  # γ is the time over this
+STEPS = 400  # of BiCGStab, per vector
 DIRECT, OPERATIONS = 50_000, 1500  # states up to which elimination is tried instead, and operations that it may need per entry
 SOLVED = 1e-12  # residual of a vector, relative
+EASE = 1e3  # at most: what is left of a vector is worth so much less, at the end, than of the first
 DEGREE = 10  # of the polynomials in time
 SLICE = 65_536  # states at a time, where all at once would take a copy of the space
 INTERVALS = 150  # at most
@@ -80,7 +80,7 @@ def implicit_values(
     goal = math.inf
     sizes = SIZES if system.factors is None else SIZES + MORE
     for size in sizes:
-        if not space.extend(size):
+        if not space.extend(size, _ease(widths)):
             return None
         try:
             basis, matrix, first = space.projected(size)
@@ -120,6 +120,11 @@ def importance(rates: SparseMatrix, exit_rates: Floats, gain: Floats, time: floa
     return found if found is not None and bool(np.all(found > 0.0)) else None
 
 
+def _ease(widths: list[float]) -> float:
+    """How much less well the next vectors may be solved for than the first, as the solution has less of them."""
+    return min(max(widths[0] / widths[-1], 1.0), EASE) if widths else 1.0
+
+
 def _converges(widths: list[float], goal: float, sizes: tuple[int, ...]) -> bool:
     """Whether the greatest space will do, going by how the widths fell from size to size."""
     if not np.isfinite(widths[-1]):
@@ -132,29 +137,25 @@ def _converges(widths: list[float], goal: float, sizes: tuple[int, ...]) -> bool
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Q, and I - γ Q with rows divided by their diagonal: I - A with A non-negative."""
+    """Q, and I - γ Q with rows divided by their diagonal: I - A with A non-negative. Either factors or the split is there."""
 
     rates: SparseMatrix
     exit_rates: Floats
     pole: float
-    data: Floats
     scale: Floats
     fastest: float
     longest: int
     factors: Elimination | None
+    split: Split | None
 
     @staticmethod
     def of(rates: SparseMatrix, exit_rates: Floats, pole: float) -> _System:
-        lengths = np.diff(rates.indptr)
-        owner = np.repeat(np.arange(rates.states, dtype=np.int32), lengths)
-        loops = rates.indices == owner
-        diagonal = 1.0 + pole * exit_rates
-        np.subtract.at(diagonal, owner[loops], pole * rates.data[loops])
-        data = pole * rates.data / diagonal[owner]
-        data[loops] = 0.0
-        fastest = float(np.max(exit_rates, initial=0.0))
-        factors = _factors(rates, data) if rates.states <= DIRECT else None
-        return _System(rates, exit_rates, pole, data, 1.0 / diagonal, fastest, int(np.max(lengths, initial=0)), factors)
+        diagonal = 1.0 + pole * (exit_rates - eisenstat.loops(rates.indptr, rates.indices, rates.data))
+        scale = 1.0 / diagonal
+        factors = _factors(rates, pole * scale) if rates.states <= DIRECT else None
+        split = None if factors is not None else Split.of(rates, pole * scale)
+        longest = int(np.max(np.diff(rates.indptr), initial=0))
+        return _System(rates, exit_rates, pole, scale, float(np.max(exit_rates, initial=0.0)), longest, factors, split)
 
     def generator(self, v: Floats) -> Floats:
         """Q v."""
@@ -170,20 +171,11 @@ class _System:
         out += self.exit_rates * v
         return out
 
-    def times(self, v: Floats) -> Floats:
-        """(I - A) v."""
-        out = np.empty(len(v))
-        stationary.less_product(self.rates.indptr, self.rates.indices, self.data, v, out)
-        return out
 
-    def precondition(self, v: Floats) -> Floats:
-        """About (I - A)^-1 v."""
-        out = np.empty(len(v))
-        stationary.symmetric_sweeps(self.rates.indptr, self.rates.indices, self.data, v, out, SWEEPS)
-        return out
-
-
-def _factors(rates: SparseMatrix, data: Floats) -> Elimination | None:
+def _factors(rates: SparseMatrix, scale: Floats) -> Elimination | None:
+    owner = np.repeat(np.arange(rates.states, dtype=np.int32), np.diff(rates.indptr))
+    data = rates.data * scale[owner]
+    data[rates.indices == owner] = 0.0
     leaves = 1.0 - sparse.row_sums(rates.indptr, data)
     if not leaves.min(initial=1.0) > 0.0:
         return None
@@ -209,11 +201,11 @@ class _Space:
         basis[0] = first / length if length else 0.0
         return _Space(system, basis, np.zeros((most + 1, most)), length)
 
-    def extend(self, size: int) -> bool:
+    def extend(self, size: int, ease: float = 1.0) -> bool:
         """Up to so many vectors; False where the equations are not solved soon, or nothing new comes up."""
         while self.made < size:
             j = self.made
-            found = self._inverse(self.basis[j] * self.system.scale)
+            found = self._inverse(self.basis[j] * self.system.scale, ease)
             if found is None:
                 return False
             for _ in range(2):  # orthogonalised twice: once is not enough
@@ -228,14 +220,15 @@ class _Space:
             self.made += 1
         return True
 
-    def _inverse(self, right: Floats) -> Floats | None:
+    def _inverse(self, right: Floats, ease: float) -> Floats | None:
         if self.system.factors is not None:
             return self.system.factors.solve(right)
-        goal = SOLVED * float(np.max(np.abs(right)))
-        for count, (x, rest) in enumerate(bicgstab(self.system.times, self.system.precondition, right, np.ones(len(right)))):
+        assert self.system.split is not None
+        goal = SOLVED * ease * float(np.max(np.abs(right)))
+        for count, (x, rest) in enumerate(self.system.split.solve(right)):
             self.steps += 1
-            if float(np.max(np.abs(rest))) <= goal:
-                return x
+            if rest <= goal:
+                return self.system.split.above(x)
             if count > STEPS:
                 break
         return None

@@ -39,7 +39,7 @@ PATIENCE = 0.03  # of the entries to go over in all, likewise
 HOPELESS = 1e12  # entries to go over in all
 LONG, STIFF = 2e3, 1e10  # steps, and entries to go over in all, from which on implicit means are tried
 SELDOM = 0.01  # of the states, where gain comes from
-LAYER = 300.0  # steps of uniformisation before that
+LAYER = 200.0  # steps of uniformisation before that
 EARLY = 4000.0  # steps until the early time from which on fewer states are kept
 HASTE = (20.0, 5.0)  # of the rounds of cutting off
 
@@ -151,7 +151,7 @@ def _implicit(
         return None
     fine = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
     # In terms of weights, what the window leaves out may be great.
-    tail = 1e-22 if weights is None else 1e-300
+    tail = 1e-16 if weights is None else 1e-300
     first = _sum(chain, start / chain.q if source else start, layer, source, fine, None, observer, tail=tail)
     assert first is not None
     scale = np.ones(len(start)) if weights is None else weights
