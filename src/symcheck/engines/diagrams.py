@@ -8,29 +8,13 @@ from typing import TYPE_CHECKING
 
 from symcheck.dd.odd import Odd
 from symcheck.records import dataclass, field
+from symcheck.symbolic.model import Step
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Closure, Cube, DiagramManager, Mtbdd, Renaming, Transition
     from symcheck.symbolic.model import Transitions
 
 __all__ = ["Diagrams", "Step", "diagrams_of"]
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """Some of the transitions, over the variables that they change; `top` is the level of the first of them."""
-
-    relation: Bdd
-    transition: Transition
-    top: int
-
-    def image(self, states: Bdd) -> Bdd:
-        """Successors."""
-        return self.transition.image(states, self.relation)
-
-    def preimage(self, states: Bdd) -> Bdd:
-        """Predecessors (reachable or not)."""
-        return self.transition.preimage(states, self.relation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +119,6 @@ def diagrams_of(transitions: Transitions) -> Diagrams:
     """The diagrams of a model without automaton."""
     space = transitions.space
     symbolic = space.symbolic
-    steps = tuple(Step(r.relation, r.transition, r.top) for r in symbolic.relations)
     return Diagrams(
         symbolic.manager,
         symbolic.encoding.rows,
@@ -144,7 +127,7 @@ def diagrams_of(transitions: Transitions) -> Diagrams:
         symbolic.initial,
         transitions.fixed,
         transitions.fixed,
-        steps,
+        symbolic.relations,
         transitions.roots,
         None if transitions.matrix is not None else tuple(c.guard for c in transitions.choices),
         transitions.action_sets,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.engines.arrays import ArraySet
-from symcheck.engines.diagrams import Diagrams, Step
+from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.explicit import ExplicitEngine
 from symcheck.engines.sparse import SparseEngine
 from symcheck.engines.written import WrittenEngine, stored_states
@@ -88,7 +88,7 @@ def _diagrams(space: StateSpace, options: BuildSettings) -> Diagrams:
         symbolic.initial,
         space.deadlocks,
         space.deadlocks,
-        tuple(Step(r.relation, r.transition, r.top) for r in symbolic.relations),
+        symbolic.relations,
         Deferred([partial(_matrix, space, options)]),
         None,
         {},

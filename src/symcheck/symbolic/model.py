@@ -33,6 +33,7 @@ __all__ = [
     "Iteration",
     "Relation",
     "StateSpace",
+    "Step",
     "SymbolicModel",
     "Transitions",
 ]
@@ -84,22 +85,28 @@ class EncodedEvent:
 
 
 @dataclass(frozen=True, eq=False)
-class Relation:
-    """Events with the same touched variables, as one relation; what images are computed with."""
+class Step:
+    """Some of the transitions, over the variables that they change; `top` is the place in the order of the first of them."""
 
-    events: tuple[int, ...]
-    touched: tuple[int, ...]
     relation: Bdd
     transition: Transition
     top: int
 
     def image(self, states: Bdd) -> Bdd:
-        """Successors of `states` by these events."""
+        """Successors."""
         return self.transition.image(states, self.relation)
 
     def preimage(self, states: Bdd) -> Bdd:
-        """Predecessors of `states` by these events."""
+        """Predecessors (reachable or not)."""
         return self.transition.preimage(states, self.relation)
+
+
+@dataclass(frozen=True, eq=False)
+class Relation(Step):
+    """The transitions of all events (by number) with the same touched variables."""
+
+    events: tuple[int, ...]
+    touched: tuple[int, ...]
 
     def __repr__(self) -> str:
         return f"Relation({len(self.events)} events, {self.relation.node_count} nodes, touches {len(self.touched)} variables)"

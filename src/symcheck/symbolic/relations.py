@@ -33,4 +33,4 @@ def _united(manager: DiagramManager, encoding: Encoding, events: Sequence[Encode
     rows = [bit for v in variables for bit in v.rows]
     columns = [bit for v in variables for bit in v.columns]
     top = min((encoding.rank[v.name] for v in variables), default=len(encoding.variables))
-    return Relation(numbers, touched, relation, manager.transition(rows, columns), top)
+    return Relation(relation, manager.transition(rows, columns), top, numbers, touched)
