@@ -76,8 +76,5 @@ def test_it_goes_on_from_the_true_residual_until_nothing_is_left_to_gain() -> No
     """More steps than a run of the method is good for lose nothing of what was found."""
     dense, matrix, scale = chain(40, 7, 5)
     split, right = Split.of(matrix, scale), np.ones(40)
-    x = right
-    for x, _ in split.solve(right):
-        if split.steps >= 80:
-            break
+    x = next(x for x, _ in split.solve(right) if split.steps >= 80)
     assert np.allclose(dense @ split.above(x), right, atol=1e-13)

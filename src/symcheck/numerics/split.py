@@ -62,7 +62,7 @@ class Split:
     def above(self, v: Floats) -> Floats:
         """K2^-1 v."""
         t = np.empty_like(v)
-        self._back(v, np.empty_like(v), v, 0.0, 0.0, t)
+        self._back(v, np.zeros_like(v), v, 0.0, 0.0, t)  # nothing times what is no number is none
         return t
 
     def solve(self, right: Floats) -> Iterator[tuple[Floats, float]]:
@@ -92,9 +92,11 @@ class Split:
                 omega = inner / outer if outer > 0.0 else 0.0
                 before = rho
                 rho, square, most = eisenstat.update(x, p, r, q, shadow, alpha, omega)
+                if not math.isfinite(omega * square):
+                    return
                 yield x, most
                 greatest = max(greatest, square)
-                if omega == 0.0 or not math.isfinite(omega * square):
+                if omega == 0.0:
                     return
                 beta = rho * alpha / (before * omega)
                 gamma = beta * omega
