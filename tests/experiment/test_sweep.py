@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from symcheck.check import bisimulation
 from symcheck.check.options import Options
 from symcheck.experiment.sweep import Instance, check_instance, read_journal, sweep
 
@@ -38,6 +39,21 @@ def test_reduction_keeps_the_values():
     small = check_instance(replace(task, options=Options(engine="explicit", reduce=True)))
     assert small.states == 3
     assert [r.value for r in small.rows] == [r.value for r in check_instance(task).rows]
+
+
+def test_properties_of_an_instance_share_a_quotient(monkeypatch):
+    asked = []
+
+    def common(engine, formulas, options):
+        asked.append(len(formulas))
+        return made(engine, formulas, options)
+
+    made = bisimulation.common
+    monkeypatch.setattr(bisimulation, "common", common)
+    task = replace(INSTANCE, constants={"N": "2", "p": "0.5"}, varying={"k": ("2", "3")})
+    smaller = check_instance(replace(task, options=Options(engine="explicit", bisim=True)))
+    assert asked == [4]
+    assert [r.value for r in smaller.rows] == [r.value for r in check_instance(task).rows]
 
 
 def test_a_faulty_instance_says_why():

@@ -11,7 +11,7 @@ import numpy as np
 
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit import ExplicitEngine
-from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
+from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, told_in_memory
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
 from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
@@ -149,6 +149,7 @@ def _rational(value: float) -> Fraction | float:
     return near if float(near) == value else Fraction(repr(value))
 
 
+@told_in_memory("the rows are listed as they were read: there is no engine that needs less")
 def imported_engine(given: Given, *, fix_deadlocks: bool = True) -> ImportedEngine:
     """The explicit engine on a model that was read. Raises ModelFault for a deadlock that is not to be fixed."""
     fixed, row_actions, rewards, dead = _fixed(given, fix_deadlocks)

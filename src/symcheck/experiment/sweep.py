@@ -24,7 +24,7 @@ from time import perf_counter, process_time
 from symcheck import __version__
 from symcheck.check.checker import check
 from symcheck.check.options import Options
-from symcheck.check.question import Question, reduced
+from symcheck.check.question import Question, lumped, reduced
 from symcheck.check.result import show_value
 from symcheck.engines import registry
 from symcheck.errors import SymcheckError
@@ -104,13 +104,14 @@ def check_instance(instance: Instance) -> Finished:
         if instance.options.reduce and not instance.options.fairness:
             model = reduced(model, [q for q, _ in asked], steps=False).model
         engine = registry.build(model, instance.options)
+        shared = lumped(engine, [q for q, _ in asked], instance.options)
         rows = []
         for question, choice in asked:
             bound, labels = question.bind(model)
             name = bound.name or " ".join(bound.span.text.split())
             given = {**instance.constants, **choice}
             try:
-                result = check(engine, bound.formula, instance.options, labels=labels, rebind=question.formula)
+                result = check(engine, bound.formula, instance.options, labels=labels, rebind=question.formula, shared=shared)
                 rows.append(Row(name, given, show_value(result.value), str(result.accuracy)))
             except SymcheckError as error:
                 rows.append(Row(name, given, "Error", str(error).splitlines()[0]))
