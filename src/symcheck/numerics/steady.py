@@ -5,29 +5,33 @@ A stationary distribution comes from elimination without subtraction, which keep
 
     min over s of (r + Q h)(s)  <=  average of r  <=  max over s of (r + Q h)(s),
 
-as the stationary distribution annuls Q h. So h may come from any method (here: BiCGStab over Gauss-Seidel sweeps), and what
+as the stationary distribution annuls Q h. So h may come from any method (here: BiCGStab between the triangles of Q), and what
 it leaves is the error.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from symcheck.kernels import sparse, stationary
 from symcheck.kernels.eliminate import Elimination
-from symcheck.numerics.krylov import bicgstab
 from symcheck.numerics.matrix import Floats, SparseMatrix
 from symcheck.numerics.problem import Observer, Step
 from symcheck.numerics.settings import Settings
+from symcheck.numerics.split import Split
 from symcheck.records import dataclass
 
 __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
 
 OPERATIONS = 3_000_000_000
-SWEEPS = 3  # Gauss-Seidel sweeps, to and fro, in a preconditioner
-PUSHES = 8  # sweeps that find a state that is visited often
+PUSHES = 2  # sweeps that find a state that is visited often
 PATIENCE = 20  # steps between looks where the residual does not fall
 ALWAYS = 2_000  # states for which elimination is tried at length before anything else
+GIVE_UP = 600  # steps without a residual of half the size: where chains drift, it stays for as long as the way is
+NEARER = 0.5  # part of what was left at the last look that the residual has come down to before the next
+SHIFT = 0.2  # of the eigenvalue 0, in terms of the diagonal: about what the others are
 QUICK = 50  # operations per entry for which it is tried in any case
 SPARSE = 250_000  # states beyond which it is not tried at length
 
@@ -130,78 +134,31 @@ def _weighted(known: Stationary, rewards: Floats) -> Average:
     return Average(low - slip, high + slip, True, 1, known.explanation)
 
 
-@dataclass(frozen=True, eq=False)
-class _Bordered:
-    """The Poisson equation g - (Q h)(s) = r(s) with h = 0 at a state that is visited often; the gain g takes that entry's place.
+def _bordered(rates: SparseMatrix, leave: Floats) -> Split:
+    """The Poisson equation g - (Q h)(s) = r(s), divided by the rates of leaving, with g = row·h.
 
-    Gauss-Seidel sweeps with that state pinned solve for the time and for the reward until it is met again, roughly; the gain
-    that they imply (reward per time of a cycle) makes them a preconditioner for the whole.
+    As constants do not matter to Q h, the row may be any that does not annul them. About the stationary distribution, as far as
+    some sweeps tell, it moves the eigenvalue 0 to among the others.
     """
-
-    rates: SparseMatrix
-    leave: Floats
-    pin: int
-    pinned: Floats
-    clock: Floats
-
-    @staticmethod
-    def of(rates: SparseMatrix, leave: Floats) -> _Bordered:
-        """Pinned where the chain spends most of its time, as far as some sweeps tell."""
-        arrays = (rates.indptr, rates.indices, rates.data)
-        mass, time = np.full(rates.states, 1.0 / rates.states), np.zeros(rates.states)
-        for sweep in range(PUSHES):
-            if sweep == PUSHES // 2:
-                time[:] = 0.0  # what came before tells of the start
-            stationary.push_sweep(*arrays, leave, mass, time)
-        pin = int(np.argmax(time))
-        pinned = leave.copy()
-        pinned[pin] = np.inf
-        clock = np.zeros(rates.states)
-        for _ in range(SWEEPS):
-            stationary.poisson_sweep(*arrays, pinned, np.full(rates.states, -1.0), clock)
-        return _Bordered(rates, leave, pin, pinned, clock)
-
-    def potential(self, x: Floats) -> Floats:
-        """h: without the gain."""
-        h = x.copy()
-        h[self.pin] = 0.0
-        return h
-
-    def flow(self, h: Floats) -> Floats:
-        """Q h."""
-        out = np.empty(len(h))
-        stationary.generator_times(self.rates.indptr, self.rates.indices, self.rates.data, h, out)
-        return out
-
-    def times(self, x: Floats) -> Floats:
-        """The left-hand side, g - Q h."""
-        out = self.flow(self.potential(x))
-        np.subtract(x[self.pin], out, out=out)
-        return out
-
-    def precondition(self, v: Floats) -> Floats:
-        """About the h and g with g - Q h = v."""
-        right, out = -v, np.zeros(len(v))
-        for _ in range(SWEEPS):
-            stationary.poisson_sweep(self.rates.indptr, self.rates.indices, self.rates.data, self.pinned, right, out)
-        gain = (v[self.pin] + self._at_pin(out)) / (1.0 + self._at_pin(self.clock))
-        out -= gain * self.clock
-        out[self.pin] = gain
-        return out
-
-    def _at_pin(self, h: Floats) -> float:
-        row = slice(self.rates.indptr[self.pin], self.rates.indptr[self.pin + 1])
-        return float(np.sum(self.rates.data[row] * h[self.rates.indices[row]]))
+    mass, time = np.full(rates.states, 1.0 / rates.states), np.zeros(rates.states)
+    for sweep in range(PUSHES):
+        if sweep == PUSHES // 2:
+            time[:] = 0.0  # what came before tells of the start
+        stationary.push_sweep(rates.indptr, rates.indices, rates.data, leave, mass, time)
+    time *= SHIFT * float(np.einsum("i,i->", time, leave)) / float(time.sum()) ** 2
+    slow = 1.0 / leave
+    return Split.of(rates, slow).shifted(slow, time)
 
 
 def _poisson_equation(rates: SparseMatrix, leave: Floats, rewards: Floats, settings: Settings, observer: Observer | None) -> Average:
     """Improve h until the least and the greatest r + Q h are near enough."""
-    system = _Bordered.of(rates, leave)
+    split = _bordered(rates, leave)
     longest = int(np.max(np.diff(rates.indptr), initial=0))
     largest = float(np.max(np.abs(rewards), initial=0.0))
 
     def look(h: Floats) -> tuple[float, float]:
-        out = system.flow(h)
+        out = np.empty(rates.states)
+        stationary.generator_times(rates.indptr, rates.indices, rates.data, h, out)
         most = stationary.largest_flow(rates.indptr, rates.indices, rates.data, h)
         slip = (longest + 6) * 2.0**-52 * (most + largest)
         out += rewards
@@ -209,20 +166,22 @@ def _poisson_equation(rates: SparseMatrix, leave: Floats, rewards: Floats, setti
 
     best = look(np.zeros(rates.states))
     made, since, least = 0, 0, np.inf
-    for x, rest in bicgstab(system.times, system.precondition, rewards, np.ones(rates.states)):
+    seen, ratio = np.inf, 0.0  # what was left at the last look, and how far apart the bounds were, in terms of it
+    for x, rest in split.solve(rewards / leave):
         made += 1
-        left = float(rest.max() - rest.min())
-        if left < 0.5 * least:
-            since, least = made, left
-        # What is left of the right-hand side is what the bounds will be apart, but for rounding.
-        if _near((x[system.pin] - 0.5 * left, x[system.pin] + 0.5 * left), settings) or (made - since) % PATIENCE == 0:
-            low, high = look(system.potential(x))
-            best = max(low, best[0]), min(high, best[1])
+        if rest < 0.5 * least:
+            since, least = made, rest
+        ahead = ratio * rest <= settings.epsilon * (max(abs(best[0]), abs(best[1])) if settings.relative else 1.0)
+        if (ahead and rest <= NEARER * seen) or (made - since) % PATIENCE == PATIENCE - 1:
+            low, high = look(split.above(x))
+            seen, ratio = rest, (high - low) / rest if rest > 0.0 else 0.0
+            if math.isfinite(high - low):
+                best = max(low, best[0]), min(high, best[1])
         if observer is not None:
             observer(Step("bicgstab", made, best[1] - best[0], rates.states))
-        if _near(best, settings) or made - since >= 10 * PATIENCE or made >= settings.max_iterations or left == 0.0:
+        if _near(best, settings) or made - since >= GIVE_UP or made >= settings.max_iterations or rest == 0.0:
             break
-    note = f"{rates.states} states: BiCGStab over Gauss-Seidel sweeps on the Poisson equation, {made} iterations"
+    note = f"{rates.states} states: BiCGStab between the triangles of the Poisson equation, {made} steps"
     return Average(*best, True, made, note + ("" if _near(best, settings) else ", not as near as wanted"))
 
 
