@@ -88,7 +88,7 @@ def test_bottom_components(name: str) -> None:
     a, b = explicit(name), symbolic(name, SparseEngine)
     expected = {tuple(np.flatnonzero(s.members)) for s in a.graph.bsccs()}
     assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.bsccs()} == expected
-    assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph._enumerated_bsccs(b.diagrams.states)} == expected
+    assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.components.enumerated_bsccs(b.diagrams.states)} == expected
 
 
 def test_end_components() -> None:

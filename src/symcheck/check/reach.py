@@ -121,6 +121,9 @@ def equations(context: Context, states: StateSet) -> Equations:
 def until(context: Context, left: StateSet, right: StateSet, direction: str | None) -> Values:
     """Probability of left U right from each state; 0 and 1 exactly where graph analysis finds them."""
     graph = context.engine.graph
+    shorter = _shorter(context, left, right, direction)
+    if shorter is not None:
+        return shorter
     no = graph.prob0(left, right, direction)
     yes = graph.prob1(left, right, direction)
     found = _acyclic(context, ~(no | yes), yes, None, [(yes, 1.0)])
@@ -130,6 +133,13 @@ def until(context: Context, left: StateSet, right: StateSet, direction: str | No
     if part.system.n == 0:
         return context.engine.indicator(yes)
     return part.solve(part.problem(part.into(yes), None, direction, probability=True), [(yes, 1.0)])
+
+
+def _shorter(context: Context, left: StateSet, right: StateSet, direction: str | None) -> Values | None:
+    """The probabilities among very many states that mostly have one way on, where the engine passes over these."""
+    find = getattr(context.engine, "shorter_until", None)
+    found = None if find is None else find(left, right, direction)
+    return None if found is None else Equations(context, found, None).solve(found.problem(), [])
 
 
 def boundary_values(context: Context, states: StateSet, outside: Values) -> Values:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
     from symcheck.engines.product import Automaton
     from symcheck.engines.symbolic_acyclic import Acyclic
+    from symcheck.engines.symbolic_forced import ShorterUntil
     from symcheck.engines.symbolic_product import SymbolicProduct
     from symcheck.symbolic.model import StateSpace, Transitions
 
@@ -167,6 +168,10 @@ class SymbolicEngine:
         from symcheck.engines.symbolic_acyclic import solve_acyclic
 
         return solve_acyclic(self.diagrams, states, target, reward, rest) if self.model.type is ModelType.DTMC else None
+
+    def shorter_until(self, left: SymbolicSet, right: SymbolicSet, direction: str | None) -> ShorterUntil | None:
+        """Equations for left U right among very many states most of which have one way on; None elsewhere (symbolic_forced.py)."""
+        return self.graph.until(left, right, direction)
 
     def valuations(self, states: SymbolicSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""

@@ -91,6 +91,14 @@ cdef extern from *:
     }
     SYMCHECK_DIAGONAL(diagonal_small, SmallRun)
     SYMCHECK_DIAGONAL(diagonal_wide, WideRun)
+
+    #define SYMCHECK_COLUMNS(NAME, RUN)                                                                           \
+    static void NAME(const RUN* run, int64_t runs, int64_t column, int32_t* out) {                                \
+        for (int64_t i = 0; i < runs; i++)                                                                        \
+            for (int64_t j = 0; j < run[i].length; j++) out[run[i].row + j] = (int32_t)(column + run[i].col + j); \
+    }
+    SYMCHECK_COLUMNS(columns_small, SmallRun)
+    SYMCHECK_COLUMNS(columns_wide, WideRun)
     """
     void multiply_small(const SmallRun*, int64_t, const double*, const double* x, double* y) noexcept nogil
     void multiply_wide(const WideRun*, int64_t, const double*, const double* x, double* y) noexcept nogil
@@ -104,3 +112,5 @@ cdef extern from *:
     void fill_wide(const WideRun*, int64_t, const double*, int64_t* next, int64_t column, int32_t*, double*) noexcept nogil
     void diagonal_small(const SmallRun*, int64_t, const double*, int64_t shift, double* out) noexcept nogil
     void diagonal_wide(const WideRun*, int64_t, const double*, int64_t shift, double* out) noexcept nogil
+    void columns_small(const SmallRun*, int64_t, int64_t column, int32_t* out) noexcept nogil
+    void columns_wide(const WideRun*, int64_t, int64_t column, int32_t* out) noexcept nogil

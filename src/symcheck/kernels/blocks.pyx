@@ -6,8 +6,8 @@ from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
 from symcheck.kernels._stamps cimport (
-    clipped_small, clipped_wide, count_small, count_wide, diagonal_small, diagonal_wide, fill_small, fill_wide, multiply_small,
-    multiply_wide, transposed_small, transposed_wide,
+    clipped_small, clipped_wide, columns_small, columns_wide, count_small, count_wide, diagonal_small, diagonal_wide, fill_small,
+    fill_wide, multiply_small, multiply_wide, transposed_small, transposed_wide,
 )
 from symcheck.kernels.cut cimport Block, Cut, Place
 
@@ -340,3 +340,18 @@ cdef class Blocks(Cut):
                 else:
                     fill_small(self.small + block.start, block.runs, &self.values[0], &following[0] + place.row, place.col,
                                &indices[0], &data[0])
+
+    def columns_of(self, int root, int32_t[::1] out):
+        """out[i] = the column of the only entry of row i, for the rows that have one."""
+        cdef int64_t i
+        cdef Place* place
+        cdef Block* block
+        self._check(root, out.shape[0], self.columns, 0, -1)
+        with nogil:
+            for i in range(self.starts[root, 0], self.starts[root, self.parts]):
+                place = &self.places[i]
+                block = &self.blocks[place.block]
+                if block.wide:
+                    columns_wide(self.wide + block.start, block.runs, place.col, &out[0] + place.row)
+                else:
+                    columns_small(self.small + block.start, block.runs, place.col, &out[0] + place.row)

@@ -1,0 +1,180 @@
+"""Forced states passed over: the same probabilities as the explicit engine's, at every state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engines import twins
+from symcheck.check.options import Options
+from symcheck.engines import symbolic_graph
+from symcheck.engines.arrays import ArraySet
+from symcheck.engines.explicit import ExplicitEngine
+from symcheck.engines.sparse import SparseEngine
+from symcheck.engines.symbolic_forced import Shorter, ShorterUntil, forced_states, shorter
+from symcheck.explicit.build import explore
+from symcheck.numerics.methods import solve_linear
+from symcheck.numerics.settings import Accuracy
+from symcheck.semantics.bind import bind
+from symcheck.symbolic.build import construct
+from symcheck.syntax.parse import parse_expression, parse_model
+
+ENOUGH = 2**30
+SIZE = 9
+
+Choice = Sequence[int]
+"""The successors of a choice, equally likely."""
+
+choices = st.lists(st.integers(0, SIZE - 1), min_size=1, max_size=3, unique=True)
+mdps = st.lists(st.lists(choices, min_size=1, max_size=2), min_size=SIZE, max_size=SIZE)
+chains = st.lists(choices.map(lambda c: [c]), min_size=SIZE, max_size=SIZE)
+subsets = st.sets(st.integers(0, SIZE - 1))
+
+
+def text(kind: str, states: Sequence[Sequence[Choice]]) -> str:
+    """A model of these states, all of them initial."""
+    commands = [
+        f"[] x={number} -> " + " + ".join(f"1/{len(choice)} : (x'={successor})" for successor in choice) + ";"
+        for number, of in enumerate(states)
+        for choice in of
+    ]
+    return f"{kind} module m x : [0..{SIZE - 1}]; {' '.join(commands)} endmodule init true endinit"
+
+
+def both(source: str) -> tuple[SparseEngine, ExplicitEngine]:
+    model = bind(parse_model(source))
+    return SparseEngine.of(construct(model, Options())), ExplicitEngine(explore(model, Options()))  # type: ignore[return-value]
+
+
+def shortened(engine: SparseEngine, left: np.ndarray, right: np.ndarray) -> Shorter:
+    found = shorter(engine.diagrams, engine.from_bools(left).bdd, engine.from_bools(right).bdd, ENOUGH)
+    assert found is not None
+    return found
+
+
+def expected_values(engine: ExplicitEngine, left: ArraySet, right: ArraySet, direction: str | None) -> np.ndarray:
+    yes = engine.graph.prob1(left, right, direction)
+    unknown = ~(yes | engine.graph.prob0(left, right, direction))
+    system = engine.system(unknown)
+    from symcheck.numerics.problem import LinearProblem
+
+    problem = LinearProblem(system.into(yes), system.matrix, None, system.into(~unknown), direction, True)
+    out = yes.members.astype(float)
+    if unknown:
+        out[unknown.members] = solve_linear(problem, Accuracy(epsilon=1e-9)).middle
+    return out
+
+
+def compare(symbolic: SparseEngine, explicit: ExplicitEngine, left: np.ndarray, right: np.ndarray, direction: str | None) -> None:
+    parts = shortened(symbolic, left, right)
+    arrays = ArraySet(left), ArraySet(right)
+    zero, one = parts.states(parts.prob0(direction)), parts.states(parts.prob1(direction))
+    assert np.array_equal(symbolic.diagrams.odd.expand(zero), explicit.graph.prob0(*arrays, direction).members)
+    assert np.array_equal(symbolic.diagrams.odd.expand(one), explicit.graph.prob1(*arrays, direction).members)
+    until = ShorterUntil.of(parts, direction)
+    found = solve_linear(until.problem(), Accuracy(epsilon=1e-9)) if until.n else None
+    values = until.lift(np.empty(0), None) if found is None else until.lift(found.lower, found.upper)
+    low, high = values.at(symbolic.all)
+    expected = expected_values(explicit, *arrays, direction)
+    assert np.all(low <= expected + 1e-9)
+    assert np.all(high >= expected - 1e-9)
+    assert np.all(high - low <= 1e-8)
+    first = symbolic.first(symbolic.all)
+    assert values.minimum(first) == (low[0], high[0])
+
+
+@given(mdps, subsets, subsets, st.sampled_from(["min", "max"]))
+def test_probabilities_of_decision_processes(states: Sequence[Sequence[Choice]], left: set[int], right: set[int], direction: str) -> None:
+    members = [np.isin(np.arange(SIZE), list(s)) for s in (left, right)]
+    compare(*both(text("mdp", states)), members[0], members[1], direction)
+
+
+@given(chains, subsets, subsets)
+def test_probabilities_of_chains(states: Sequence[Sequence[Choice]], left: set[int], right: set[int]) -> None:
+    members = [np.isin(np.arange(SIZE), list(s)) for s in (left, right)]
+    compare(*both(text("dtmc", states)), members[0], members[1], None)
+
+
+@pytest.mark.parametrize("name", ["mdp", "dtmc"])
+def test_models_of_several_modules(name: str) -> None:
+    symbolic, explicit = twins.symbolic(name, SparseEngine), twins.explicit(name)
+    sets = [p.array.members for p in twins.pairs(name, 12)]
+    for left, right in zip(sets[::2], sets[1::2], strict=True):
+        for direction in ("min", "max") if name == "mdp" else (None,):
+            compare(symbolic, explicit, left, right, direction)  # type: ignore[arg-type]
+
+
+def test_what_is_passed_over() -> None:
+    symbolic, _ = both("mdp module m x : [0..5]; [] x<3 -> (x'=x+1); [] x=1 -> (x'=5); [] x=3 -> 0.5:(x'=4)+0.5:(x'=5); endmodule")
+    names = {x for x in range(6) if symbolic.where(parse_expression(f"x={x}")).bdd <= forced_states(symbolic.diagrams)}
+    assert names == {0, 2, 4, 5}  # the last two have a loop as their only transition
+    parts = shortened(symbolic, np.ones(6, bool), symbolic.to_bools(symbolic.where(parse_expression("x=4"))))
+    assert parts.n == 2
+    assert parts.place.tolist() == [0, 0, 1, 1, 2, 3]
+
+
+def test_memory_that_would_not_do() -> None:
+    symbolic = twins.symbolic("mdp", SparseEngine)
+    assert shorter(symbolic.diagrams, symbolic.diagrams.states, symbolic.diagrams.initial, 100) is None
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Models of any size are large, no rows are few, and diagrams get no time."""
+    monkeypatch.setattr(symbolic_graph, "LARGE", 1)
+    monkeypatch.setattr(symbolic_graph, "FEW_ROWS", 0)
+    monkeypatch.setattr(symbolic_graph, "PATIENCE", -1e6)
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("name", ["mdp", "dtmc", "ctmc"])
+def test_graph_questions_where_diagrams_take_long(name: str) -> None:
+    symbolic, explicit = twins.fresh(name, SparseEngine), twins.explicit(name)
+    sets = list(twins.pairs_of(symbolic, 12))
+    for left, right in zip(sets[::2], sets[1::2], strict=True):
+        possible = symbolic.graph.exists_until(left.diagram, right.diagram)
+        assert np.array_equal(symbolic.to_bools(possible), explicit.graph.exists_until(left.array, right.array).members)
+        for direction in ("min", "max") if name == "mdp" else (None,):
+            for ask in ("prob0", "prob1"):
+                found = getattr(symbolic.graph, ask)(left.diagram, right.diagram, direction)
+                assert np.array_equal(symbolic.to_bools(found), getattr(explicit.graph, ask)(left.array, right.array, direction).members)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_equations_where_diagrams_take_long() -> None:
+    symbolic = twins.fresh("mdp", SparseEngine)
+    everything, target = symbolic.all, symbolic.where(parse_expression("s=6"))
+    found = symbolic.shorter_until(everything, target, "max")
+    assert found is not None
+    assert found.n + int(found.no.sum()) + int(found.yes.sum()) == found.parts.n + 2
+    assert twins.fresh("ctmc", SparseEngine).graph.until(everything, target, None) is None  # rates are no probabilities
+
+
+@pytest.mark.usefixtures("impatient")
+def test_equations_where_many_states_are_neither(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Diagrams answer the graph questions in time, and what is left is mostly forced."""
+    monkeypatch.setattr(symbolic_graph, "PATIENCE", 1e6)
+    symbolic, _ = both(
+        "mdp module m x : [0..9] init 0; y : bool; "
+        "[] x=0 -> 0.5:(x'=1) + 0.5:(x'=5); [] x=0 -> 0.25:(x'=9) + 0.75:(x'=5); [] x>0 & x<5 -> (x'=x+1); "
+        "[] x=5 -> 0.25:(x'=9) + 0.25:(x'=6) + 0.5:(x'=8); [] x=6 -> (x'=7); [] x=7 -> (x'=5); endmodule"
+    )
+    found = symbolic.shorter_until(symbolic.all, symbolic.where(parse_expression("x=9")), "max")
+    assert found is not None
+    assert found.n == 2
+    solution = solve_linear(found.problem(), Accuracy())
+    values = found.lift(solution.lower, None, exact=True)
+    assert values.exact
+    assert values.rounded(symbolic.initial)
+    assert values.minimum(symbolic.initial)[0] == pytest.approx(0.5, rel=1e-12)
+    yes, _ = values.compare(">", 0.4)
+    assert symbolic.initial <= yes
+
+
+def test_few_states_are_left_to_others() -> None:
+    symbolic = twins.symbolic("mdp", SparseEngine)
+    assert symbolic.shorter_until(symbolic.all, symbolic.initial, "max") is None

@@ -1,0 +1,63 @@
+"""Loops over forced states, against what they are defined to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from symcheck.kernels import forced
+
+N = 12
+places = st.lists(st.integers(-N, 3), min_size=N, max_size=N)
+matrices = st.lists(st.lists(st.sampled_from([0.0, 0.0, 0.25, 0.5]), min_size=5, max_size=5), min_size=4, max_size=4)
+
+
+def rows_of(dense: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    indptr = np.concatenate(([0], np.cumsum((dense > 0).sum(axis=1)))).astype(np.int64)
+    return indptr, np.nonzero(dense)[1].astype(np.int32), dense[dense > 0]
+
+
+def dense_of(indptr: np.ndarray, indices: np.ndarray, data: np.ndarray, columns: int) -> np.ndarray:
+    out = np.zeros((len(indptr) - 1, columns))
+    for row in range(len(indptr) - 1):
+        for k in range(indptr[row], indptr[row + 1]):
+            assert out[row, indices[k]] == 0  # no column twice
+            out[row, indices[k]] = data[k]
+    return out
+
+
+def end(place: Sequence[int], state: int) -> int:
+    for _ in range(N + 1):
+        if place[state] >= 0:
+            return place[state]
+        state = -1 - place[state]
+    return 99
+
+
+@given(places)
+def test_following_forced_states(place: list[int]) -> None:
+    found = np.array(place, np.int32)
+    forced.follow(found, 99)
+    assert found.tolist() == [end(place, s) for s in range(N)]
+
+
+def test_long_ways_are_followed() -> None:
+    place = -2 - np.arange(5000, dtype=np.int32)
+    place[-1] = 7
+    forced.follow(place, 99)
+    assert set(place.tolist()) == {7}
+
+
+@given(matrices, st.lists(st.integers(0, 2), min_size=5, max_size=5))
+def test_merging_columns(matrix: list[list[float]], place: list[int]) -> None:
+    dense = np.array(matrix)
+    indptr, indices, data = rows_of(dense)
+    entries = forced.merge(indptr, indices, data, np.array(place, np.int32), 3)
+    expected = np.zeros((4, 3))
+    for column, to in enumerate(place):
+        expected[:, to] += dense[:, column]
+    assert entries == indptr[-1]
+    assert np.array_equal(dense_of(indptr, indices, data, 3), expected)
