@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.numerics.matrix import Floats, Int32s, Int64s
+from symcheck.kernels.arrays import Floats, Int32s, Int64s
 
 _Values = NDArray[np.generic]  # uint8, uint16 or float64
 
