@@ -55,7 +55,7 @@ def test_bounds_hold_and_policies_attain_them(direction: str, relative: bool, sy
     if found.policy is None:
         return
     flat = [row for choices in system for row in choices]
-    values = solve_chain([flat[np.asarray(block.row_id)[r]] for r in found.policy])
+    values = solve_chain([flat[r] for r in block.chosen(found.policy)])
     assert values is not None
     for low, value, high in zip(found.lower, values, found.upper, strict=True):
         assert Fraction(float(low)) <= value if direction == "max" else value <= Fraction(float(high)) + Fraction(1, 10**300)

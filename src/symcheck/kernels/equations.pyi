@@ -1,10 +1,19 @@
-from symcheck.kernels.arrays import Floats, Int32s, Int64s
+from symcheck.kernels.arrays import Floats, Int32s, Int64s, Masks
 
 class Equations:
     n: int
     mode: int
     def __init__(
-        self, indptr: Int64s, indices: Int32s, data: Floats, groups: Int64s | None, lower: Floats, upper: Floats, exit: Floats, mode: int
+        self,
+        indptr: Int64s,
+        indices: Int32s,
+        data: Floats,
+        groups: Int64s | None,
+        lower: Floats | None,
+        upper: Floats | None,
+        exit: Floats | None,
+        mode: int,
+        unknown: Masks | None = None,
     ) -> None: ...
 
 class Part:
@@ -12,16 +21,20 @@ class Part:
     rows: int
     entries: int
     mode: int
-    row_ptr: Int64s
-    group: Int64s
-    row_id: Int64s
-    choice: Int64s
     idx: Int32s
     val: Floats
     bl: Floats
     bh: Floats
-    exit: Floats
-    x: Floats
     open_: bool
     grouped: bool
-    def principle(self) -> bool: ...
+    wide: bool
+    @property
+    def row_ptr(self) -> Int32s | Int64s: ...
+    @property
+    def group(self) -> Int32s | Int64s: ...
+    @property
+    def choice(self) -> Int32s: ...
+    @property
+    def x(self) -> Floats: ...
+    def leaving(self) -> Floats: ...
+    def chosen(self, choice: Int32s) -> Int64s: ...

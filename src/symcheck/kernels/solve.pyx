@@ -10,7 +10,7 @@ from libc.float cimport DBL_MAX, DBL_MIN
 from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t
 
-from symcheck.kernels.equations cimport Equations, Part
+from symcheck.kernels.equations cimport Equations, Part, index_t
 from symcheck.kernels.sweeps cimport Block
 
 cdef double U = 1.1102230246251568e-16   # a little above 2^-53
@@ -27,19 +27,20 @@ cdef bint eliminate(Part part):
     In a full matrix, for few states; the error is bounded as in kernels/eliminate. False where some state cannot leave, or
     where numbers leave the range of normal doubles: sums that are normal have lost no more than a rounding.
     """
-    cdef int64_t n = part.n, i, j, k, e
+    cdef int64_t n = part.n, i, j, k
     cdef double[:, ::1] m = np.zeros((n, n))
-    cdef double[::1] v = np.empty(n)
+    cdef double[::1] v = part.leaving()
     cdef double[::1] s = np.empty(n)
     cdef double g, error
     cdef bint lost = False
     cdef int64_t updates = 0
     cdef long double total, lo, hi
+    part.begin()
     with nogil:
-        for i in range(n):
-            v[i] = part.exit[i]
-            for e in range(part.row_ptr[i], part.row_ptr[i + 1]):
-                m[i, part.idx[e]] += part.val[e]
+        if part.wide:
+            fill(part, &part.ptr64[0], m)
+        else:
+            fill(part, &part.ptr32[0], m)
         for k in range(n - 1, -1, -1):
             total = v[k]
             for j in range(k):
@@ -66,30 +67,39 @@ cdef bint eliminate(Part part):
             lo = part.bl[k]
             hi = part.bh[k]
             for j in range(k):
-                lo = lo + <long double>m[k, j] * part.x[j, 0]
-                hi = hi + <long double>m[k, j] * part.x[j, 1]
-            part.x[k, 0] = <double>(lo / s[k])
-            part.x[k, 1] = <double>(hi / s[k])
-            if (lo > 0.0 and part.x[k, 0] < DBL_MIN) or (part.x[k, 1] > DBL_MAX and hi <= DBL_MAX):
+                lo = lo + <long double>m[k, j] * part.bounds[j, 0]
+                hi = hi + <long double>m[k, j] * part.bounds[j, 1]
+            part.bounds[k, 0] = <double>(lo / s[k])
+            part.bounds[k, 1] = <double>(hi / s[k])
+            if (lo > 0.0 and part.bounds[k, 0] < DBL_MIN) or (part.bounds[k, 1] > DBL_MAX and hi <= DBL_MAX):
                 lost = True
         for k in range(n):
-            part.x[k, 0] = part.x[k, 0] * (1.0 - error)
-            part.x[k, 1] = part.x[k, 1] * (1.0 + error) + (TINY if part.x[k, 1] > 0.0 else 0.0)
+            part.bounds[k, 0] = part.bounds[k, 0] * (1.0 - error)
+            part.bounds[k, 1] = part.bounds[k, 1] * (1.0 + error) + (TINY if part.bounds[k, 1] > 0.0 else 0.0)
     return not lost
+
+
+cdef void fill(Part part, const index_t* ptr, double[:, ::1] m) noexcept nogil:
+    """Add the entries of a part to a full matrix."""
+    cdef int64_t i, e
+    for i in range(part.n):
+        for e in range(ptr[i], ptr[i + 1]):
+            m[i, part.idx[e]] += part.val[e]
 
 
 cdef class System(Equations):
     """The whole problem, and how far its components are solved at once."""
 
-    def block(self, const int32_t[::1] states, double[:, ::1] x):
-        """The block of `states`, the others' bounds known."""
+    def block(self, const int32_t[::1] states, double[:, ::1] x, bint wide=False):
+        """The block of `states`, the others' bounds known; `wide`: with room for 2**31 entries even where there are fewer."""
         cdef Block block = Block()
-        block.load(self, states, x)
+        block.load(self, states, x, wide)
         return block
 
-    def store(self, Block block, const int32_t[::1] states, double[:, ::1] x, int64_t[::1] strategy):
+    def store(self, Block block, double[:, ::1] x, int64_t[::1] strategy):
         """Write a block's bounds and choices back."""
-        block.store(states, x, strategy)
+        block.begin()
+        block.store(x, strategy)
 
     cdef bint single(self, int64_t s, double[:, ::1] x, int64_t[::1] strategy) noexcept nogil:
         """Bounds of a state that is a component of its own. False where it is infinite."""
@@ -104,10 +114,10 @@ cdef class System(Equations):
         cdef double lo, hi, loop, margin, best_lo = 0.0, best_hi = 0.0, a
         cdef int32_t c
         cdef long double total
-        cdef bint infinite = False
+        cdef bint infinite = False, constants = self.bl is not None
         for r in range(first, last):
-            lo = self.bl[r]
-            hi = self.bh[r]
+            lo = self.bl[r] if constants else 0.0
+            hi = self.bh[r] if constants else 0.0
             loop = 0.0
             for k in range(indptr[r], indptr[r + 1]):
                 c = indices[k]
@@ -119,7 +129,7 @@ cdef class System(Equations):
                     lo = lo + a * y[0]
                     hi = hi + a * y[1]
             if loop > 0.0:
-                total = self.exit[r]
+                total = self.exit[r] if self.exit is not None else 0.0
                 for k in range(indptr[r], indptr[r + 1]):
                     if indices[k] != s:
                         total = total + data[k]
@@ -152,16 +162,18 @@ cdef class System(Equations):
             best_lo = best_hi = INFINITY
         x[s, 0] = best_lo
         x[s, 1] = best_hi
-        if self.mode != 0:
+        if strategy.shape[0]:
             strategy[s] = best
         return not infinite
 
     def sweep_acyclic(self, double[:, ::1] x, int64_t[::1] strategy, bint descending):
         """All states in index order, where every edge but loops leads to states that come earlier in that order."""
-        cdef int64_t i
+        cdef int64_t i, s
         with nogil:
             for i in range(self.n):
-                self.single(self.n - 1 - i if descending else i, x, strategy)
+                s = self.n - 1 - i if descending else i
+                if self.unknown is None or self.unknown[s]:
+                    self.single(s, x, strategy)
 
     def advance(self, const int32_t[::1] order, const int64_t[::1] start, int64_t component, double[:, ::1] x,
                 int64_t[::1] strategy, const int32_t[::1] deep, double share, bint relative, bint probability, int64_t small,
@@ -188,7 +200,7 @@ cdef class System(Equations):
             size = states.shape[0]
             if size > (small if self.mode == 0 else FEW):
                 break
-            block.load(self, states, x)
+            block.load(self, states, x, False)
             if not block.open_ or (block.mode == 0 and size > small):
                 break
             if block.mode == 0:
@@ -199,7 +211,6 @@ cdef class System(Equations):
                 goal = deep[component] * share
                 sweeps = min(400, max(24, EFFORT // (block.entries + block.n + 1)))
                 if probability:
-                    block.principle()
                     done, sweeps, _ = block.interval(goal, relative, sweeps)
                 else:
                     done, sweeps, _ = block.optimistic(goal, relative, sweeps)
@@ -209,6 +220,6 @@ cdef class System(Equations):
             if not done:
                 break
             with nogil:
-                block.store(states, x, strategy)
+                block.store(x, strategy)
             component += 1
         return component

@@ -30,13 +30,12 @@ FLOOR = 2e-15  # changes that are rounding
 def accelerated(
     block: Block, goal: float, relative: bool, probability: bool = False, observer: Observer | None = None
 ) -> tuple[Bounds | None, int]:
-    """Proved bounds that are `goal` apart (None where that fails), and the number of sweeps; `policy` holds local rows."""
+    """Proved bounds that are `goal` apart (None where that fails), and the number of sweeps; `policy` counts a state's rows."""
     local = LocalSystem.of(block)
     spread = _spread(local.low, local.high, relative)
     if not _fits(local) or not spread < goal:
         return None, 0
-    m = local.matrix
-    candidate = Candidate(m.indptr, m.indices, m.data, m.groups, local.low, local.high, local.mode, relative)
+    candidate = Candidate(block.row_ptr, block.idx, block.val, local.groups, local.low, local.high, local.mode, relative)
     tolerance = max((1e-3 if relative else 1e-6) * (goal - spread), FLOOR)
     for change in _changes(candidate, local, not probability):
         if observer is not None:
@@ -73,18 +72,20 @@ def _changes(candidate: Candidate, local: LocalSystem, reward: bool) -> Iterator
 
 def _mend(candidate: Candidate, local: LocalSystem) -> bool:
     """Make the policy leave almost surely; False where none does."""
-    policy = np.asarray(candidate.choice)
+    assert local.matrix.groups is not None
+    first = local.matrix.groups[:-1]
+    policy = first + np.asarray(candidate.choice)
     mended = proper(local, policy)
     if mended is None:
         return False
     if mended is not policy:
-        candidate.take(mended)
+        candidate.take((mended - first).astype(np.int32))
     return True
 
 
 def _fits(local: LocalSystem) -> bool:
     """Whether every state has a row, and constants are finite and not negative (with min, rows that lead to infinity do no harm)."""
-    groups = local.matrix.groups
+    groups = local.groups
     if groups is not None and bool(np.any(np.diff(groups) == 0)):
         return False
     if local.n == 0 or bool(local.low.min() < 0.0):
@@ -105,11 +106,12 @@ def _prove(candidate: Candidate, goal: float, spread: float, relative: bool) -> 
     x = np.maximum(np.asarray(candidate.x), 0.0)
     if not np.isfinite(x).all():
         return None
-    policy = np.full(candidate.n if candidate.mode else 0, -1, dtype=np.int64)
+    policy = np.full(candidate.n if candidate.mode else 0, -1, dtype=np.int32)
     away = 0.5 * spread + 0.4 * (goal - spread)
     rounds = 30 + candidate.sweeps // 8
     upper = x * (1.0 + away) if relative else x + away
     lower = x * (1.0 - away) if relative else np.maximum(x - away, 0.0)
+    del x
     if not (candidate.bound(upper, True, rounds, policy) and candidate.bound(lower, False, rounds, policy)):
         return None
     width = (upper - lower) / np.maximum(upper, 1e-300) if relative else upper - lower

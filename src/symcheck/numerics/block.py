@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from symcheck.kernels.solve import System
 from symcheck.kernels.sweeps import Block
 from symcheck.numerics import graph
 from symcheck.numerics.krylov import bicgstab
-from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.records import dataclass
@@ -33,63 +34,79 @@ WEIGHT = 0.3  # what the weight of a certificate may be off by
 
 @dataclass
 class Bounds:
-    """Certified bounds, and the policy that attains one of them."""
+    """Certified bounds, and the policy that attains one of them: int32[n], a row per state, counted among the state's."""
 
     lower: Floats
     upper: Floats
-    policy: Int64s | None = None
+    policy: Int32s | None = None
     iterations: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class LocalSystem:
-    """x = opt(b + A x), with self-loops divided out, b between `low` and `high`, and `exit` the mass that leaves per row."""
+    """x = opt(b + A x) of a block: self-loops divided out, b between `low` and `high`. The arrays are the block's own.
 
-    matrix: SparseMatrix
-    low: Floats
-    high: Floats
-    exit: Floats
+    mode: as the kernels say it; the block's, unless choices are to be kept where every state has only one.
+    """
+
+    block: Block
     mode: int
-    start: Int64s | None = None
-    row_id: Int64s | None = None
 
     @staticmethod
-    def of(block: Block, mode: int | None = None) -> LocalSystem:
-        """The equations of a block; `mode` keeps choices where every state has only one. The arrays are the block's own."""
-        n, rows, entries = block.n, block.rows, block.entries
-        mode = block.mode if mode is None else mode
-        groups = np.asarray(block.group)[: n + 1] if mode else None
-        matrix = SparseMatrix(
-            np.asarray(block.row_ptr)[: rows + 1], np.asarray(block.idx)[:entries],
-            np.asarray(block.val)[:entries], n, groups,
-        )  # fmt: skip
-        low, high, leave = (np.asarray(a)[:rows] for a in (block.bl, block.bh, block.exit))
-        start = np.asarray(block.choice)[:n] if mode else None
-        return LocalSystem(matrix, low, high, leave, mode, start, np.asarray(block.row_id)[:rows])
+    def of(block: Block) -> LocalSystem:
+        """The equations of a block."""
+        return LocalSystem(block, block.mode)
 
     @staticmethod
     def whole(problem: LinearProblem) -> LocalSystem:
         """All equations of a problem."""
         m = problem.rows
         system = System(m.indptr, m.indices, m.data, m.groups, problem.constant, problem.high, problem.leaving, problem.mode)
-        return LocalSystem.of(system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2))), problem.mode)
+        return LocalSystem(system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2))), problem.mode)
 
     @property
     def n(self) -> int:
         """Number of unknowns."""
-        return self.matrix.states
+        return self.block.n
 
-    def chain(self, policy: Int64s) -> LocalSystem:
-        """The chain that a policy leaves."""
+    @property
+    def low(self) -> Floats:
+        """Lower bounds of the constants, per row."""
+        return np.asarray(self.block.bl)[: self.block.rows]
+
+    @property
+    def high(self) -> Floats:
+        """Upper bounds of the constants, per row."""
+        return np.asarray(self.block.bh)[: self.block.rows]
+
+    @cached_property
+    def exit(self) -> Floats:
+        """The mass that leaves, per row."""
+        return self.block.leaving()
+
+    @property
+    def groups(self) -> Int32s | Int64s | None:
+        """Where the rows of each state begin; None without choices."""
+        return self.block.group if self.mode else None
+
+    @cached_property
+    def matrix(self) -> SparseMatrix:
+        """A, with the starts that other kernels expect: a copy of these where the block's are shorter numbers."""
+        block = self.block
+        starts, groups = block.row_ptr.astype(np.int64, copy=False), self.groups
+        entries = np.asarray(block.idx)[: block.entries], np.asarray(block.val)[: block.entries]
+        return SparseMatrix(starts, *entries, block.n, None if groups is None else groups.astype(np.int64, copy=False))
+
+    def chain(self, policy: Int64s) -> tuple[SparseMatrix, Floats]:
+        """The chain that a policy (rows of the block) leaves: its rows, and what leaves them."""
         everywhere = np.arange(self.n, dtype=np.int32)
         part = sparse.select(self.matrix.indptr, self.matrix.indices, self.matrix.data, policy, everywhere)
-        matrix = SparseMatrix(*part, self.n)
-        return LocalSystem(matrix, self.low[policy], self.high[policy], self.exit[policy], 0)
+        return SparseMatrix(*part, self.n), self.exit[policy]
 
     def problem(self, policy: Int64s, constant: Floats, probability: bool = False) -> LinearProblem:
         """The chain of a policy as a problem of its own, with these constants."""
-        chain = self.chain(policy)
-        return LinearProblem(constant=constant[policy], matrix=chain.matrix, exit=chain.exit, probability=probability)
+        matrix, leave = self.chain(policy)
+        return LinearProblem(constant=constant[policy], matrix=matrix, exit=leave, probability=probability)
 
     def rows_of(self, x: Floats, constant: Floats) -> Floats:
         """The right-hand sides constant + A x, per row."""
@@ -214,7 +231,7 @@ def policy_iteration(local: LocalSystem, goal: float, evaluate: Evaluate, rounds
     if np.any(np.diff(local.matrix.groups) == 0):
         return None
     first = local.matrix.groups[:-1]
-    policy = proper(local, first.copy() if local.start is None else np.where(local.start >= 0, local.start, first))
+    policy = proper(local, first + np.maximum(local.block.choice, 0))
     if policy is None:
         return None
     fine = Accuracy(epsilon=min(goal * 0.1, 1e-9))
@@ -232,13 +249,13 @@ def policy_iteration(local: LocalSystem, goal: float, evaluate: Evaluate, rounds
         policy = better
     own = evaluate(replace(local.problem(policy, local.low), upper=local.high[policy]), fine)
     if _clearly_best(local, policy, own):
-        return Bounds(own.lower, own.upper, policy, count)
+        return Bounds(own.lower, own.upper, (policy - first).astype(np.int32), count)
     # A bound relative to each value, or, where values cancel, relative to the greatest.
     for scale in (_scale(x), np.full(local.n, max(float(np.max(np.abs(x), initial=0.0)), 1e-300))):
         weights = _weights(local, policy, x, rows, scale, evaluate)
         found = None if weights is None else _around(x, weights, *local.certify(x, weights, policy))
         if found is not None:
-            return replace(found, policy=policy, iterations=count)
+            return replace(found, policy=(policy - first).astype(np.int32), iterations=count)
     return None
 
 
@@ -261,9 +278,7 @@ def proper(local: LocalSystem, policy: Int64s) -> Int64s | None:
     """The policy, mended where it does not leave almost surely; None where no policy does."""
     groups = local.matrix.groups
     assert groups is not None
-    chain = local.chain(policy)
-    everywhere = np.ones(local.n, dtype=np.bool_)
-    leaves = graph.backward_reachable(chain.matrix, chain.exit > 0.0)
+    leaves = _leaves(local, policy)
     if leaves.all():
         return policy
     # Every policy row towards a state that has a row out; take those rows out where they are.
@@ -271,14 +286,19 @@ def proper(local: LocalSystem, policy: Int64s) -> Int64s | None:
     out = np.flatnonzero(local.exit > 0.0)
     door = np.zeros(local.n, dtype=np.bool_)
     door[owner[out]] = True
-    sure, rows = graph.prob1e_strategy(local.matrix, everywhere, door)
+    sure, rows = graph.prob1e_strategy(local.matrix, np.ones(local.n, dtype=np.bool_), door)
     if not sure.all():
         return None
     mended = np.where(rows >= 0, rows, 0)
     mended[owner[out]] = out
     mended = np.where(leaves, policy, mended)
-    chain = local.chain(mended)
-    return mended if graph.backward_reachable(chain.matrix, chain.exit > 0.0).all() else np.where(door, mended, rows)
+    return mended if _leaves(local, mended).all() else np.where(door, mended, rows)
+
+
+def _leaves(local: LocalSystem, policy: Int64s) -> Bools:
+    """From where the chain of a policy may leave."""
+    matrix, leave = local.chain(policy)
+    return graph.backward_reachable(matrix, leave > 0.0)
 
 
 def _improve(local: LocalSystem, policy: Int64s, rows: Floats, mode: int, allowed: Bools | None = None) -> Int64s | None:

@@ -109,5 +109,5 @@ def _resolvent(rates: SparseMatrix, exit_rates: Floats, time: float, right: Floa
     else:
         return None
     out = np.empty(rates.states)
-    out[order] = np.asarray(block.x)[: block.n, 1]
+    out[order] = block.x[:, 1]
     return out * math.exp(haste) * (1.0 + 1e-9)

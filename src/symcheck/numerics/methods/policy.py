@@ -40,9 +40,8 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     found = policy_iteration(local, settings.epsilon, chains)
     if found is None:
         raise NumericalError("policy iteration found no certificate: some strategy may collect rewards for ever")
-    assert local.row_id is not None
     assert found.policy is not None
     lower, upper = (unit(found.lower), unit(found.upper)) if problem.probability else (found.lower, found.upper)
     note = f"{problem.n} states: policy iteration, {found.iterations} policies"
     width = float(np.max(upper - lower, initial=0.0))
-    return Solution(lower, upper, "policy", False, True, found.iterations, note, {"width": width}, local.row_id[found.policy])
+    return Solution(lower, upper, "policy", False, True, found.iterations, note, {"width": width}, local.block.chosen(found.policy))

@@ -113,7 +113,6 @@ def _components(run: _Run, order: Int32s, start: Int64s, deep: Int32s) -> None:
 def _hard(run: _Run, states: Int32s, goal: float) -> None:
     """A component that is large or converges slowly: sweep a little, and decide by the rate what comes next."""
     block = run.system.block(states, run.x)
-    block.principle()
     if not block.open_:
         _closed(block)
     elif not _directly(run, block, goal):
@@ -129,7 +128,7 @@ def _hard(run: _Run, states: Int32s, goal: float) -> None:
             loose = block.mode != 0 and _loosely(run, block, goal)
             done = not loose and _sweep(run, block, goal, False)[0]
             run.failed += not done
-    run.system.store(block, states, run.x, run.strategy)
+    run.system.store(block, run.x, run.strategy)
 
 
 def _accelerate(run: _Run, block: Block, goal: float) -> bool:
@@ -146,8 +145,7 @@ def _loosely(run: _Run, block: Block, goal: float) -> bool:
 
 def _closed(block: Block) -> None:
     """Nothing leaves: the value is 0, or infinite where a reward is met again and again."""
-    x = np.asarray(block.x)
-    x[: block.n] = np.inf if np.any(np.asarray(block.bh)[: block.rows] > 0.0) else 0.0
+    block.x[:] = np.inf if np.any(np.asarray(block.bh)[: block.rows] > 0.0) else 0.0
 
 
 def _sweep(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
@@ -190,7 +188,7 @@ def _rewards(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, f
     if run.observer is not None:
         run.observer(Step("optimistic value iteration", run.iterations, width, block.n))
     if not done:
-        np.asarray(block.x)[: block.n, 1] = np.inf
+        block.x[:, 1] = np.inf
     return done, math.inf
 
 
@@ -222,7 +220,7 @@ def _krylov(run: _Run, block: Block, goal: float, scale: Floats) -> bool:
 
 def _again(run: _Run, block: Block, goal: float) -> bool:
     """BiCGStab once more, where sweeps have shown how large the values are, if these are of different orders of magnitude."""
-    lower = np.asarray(block.x)[: block.n, 0]
+    lower = block.x[:, 0]
     if not lower.min(initial=np.inf) > 0.0 or lower.min() > 1e-3 * lower.max():
         return False
     return _krylov(run, block, goal, lower.copy())
@@ -247,7 +245,7 @@ def _quickly(problem: LinearProblem, settings: Settings) -> Solution:
 
 def _accept(run: _Run, block: Block, goal: float, answer: Bounds, name: str) -> bool:
     """Take over bounds (where they are nearer, for probabilities); whether they are near enough."""
-    x = np.asarray(block.x)[: block.n]
+    x = block.x
     if run.problem.probability:
         x[:, 0] = np.maximum(x[:, 0], answer.lower)
         x[:, 1] = np.minimum(x[:, 1], answer.upper)
@@ -255,7 +253,7 @@ def _accept(run: _Run, block: Block, goal: float, answer: Bounds, name: str) -> 
         x[:, 0] = answer.lower
         x[:, 1] = answer.upper
     if answer.policy is not None:
-        np.asarray(block.choice)[: block.n] = answer.policy
+        block.choice[:] = answer.policy
     width = x[:, 1] - x[:, 0]
     if run.settings.relative:
         width = width / np.maximum(np.abs(x[:, 1]), 1e-300)
