@@ -1,4 +1,8 @@
-"""In CI the examples that hypothesis tries are always the same: a run judges the change, not its luck. Elsewhere they vary."""
+"""Settings of hypothesis, for all tests.
+
+In CI the examples are always the same: a run judges the change, not its luck; elsewhere they vary. No example has a deadline: how
+long one takes says more of what else the machine does.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,6 @@ import os
 
 from hypothesis import settings
 
-settings.register_profile("ci", derandomize=True)
-if os.environ.get("CI"):
-    settings.load_profile("ci")
+settings.register_profile("here", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "here")

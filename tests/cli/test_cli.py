@@ -226,7 +226,12 @@ def _start(*words: str) -> subprocess.Popen[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
     environment.pop("PYTHONUNBUFFERED", None)  # what has been found must be seen at once without it
     command = [sys.executable, "-m", "symcheck", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, preexec_fn=_heard)
+
+
+def _heard() -> None:
+    """Ctrl-C counts, as in a terminal: what a shell starts in the background, maybe these tests, ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.mark.parametrize("closed", ["stdout", "stderr"])
@@ -253,7 +258,10 @@ def test_a_signal_ends_a_run_with_a_message(write, number: int, status: int, mes
         assert process.poll() is None
     time.sleep(0.5)
     process.send_signal(number)
-    _, errors = process.communicate(timeout=30)
+    try:
+        _, errors = process.communicate(timeout=30)
+    finally:
+        process.kill()
     assert process.returncode == status
     assert message in errors
     assert "Traceback" not in errors
@@ -262,7 +270,7 @@ def test_a_signal_ends_a_run_with_a_message(write, number: int, status: int, mes
 def test_an_interrupt_that_has_no_effect_is_repeated(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """What is interrupted may be code that cannot raise, such as a destructor; Python then goes on."""
 
-    before = signal.getsignal(signal.SIGTERM)
+    interrupted, terminated = signal.signal(signal.SIGINT, signal.default_int_handler), signal.getsignal(signal.SIGTERM)
 
     def deaf(_: object) -> int:
         try:
@@ -274,11 +282,14 @@ def test_an_interrupt_that_has_no_effect_is_repeated(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("symcheck.cli.entry.run", deaf)
     monkeypatch.setattr("symcheck.cli.stopping._PATIENCE", 0.1)
     started = time.perf_counter()
-    assert main([DIE]) == 130
-    assert time.perf_counter() - started < 10
-    assert "Ctrl-C" in capsys.readouterr().err
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    assert signal.getsignal(signal.SIGTERM) is before
+    try:
+        assert main([DIE]) == 130
+        assert time.perf_counter() - started < 10
+        assert "Ctrl-C" in capsys.readouterr().err
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        assert signal.getsignal(signal.SIGTERM) is terminated
+    finally:
+        signal.signal(signal.SIGINT, interrupted)
 
 
 def test_closed_pipe() -> None:
