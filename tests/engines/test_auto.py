@@ -11,6 +11,7 @@ import pytest
 from symcheck.check.options import Options
 from symcheck.engines import auto
 from symcheck.engines.registry import build
+from symcheck.engines.sparse import SparseEngine
 from symcheck.engines.written import WrittenEngine, written_out
 from symcheck.errors import MemoryLimitError, TimeLimitError
 from symcheck.semantics.bind import bind
@@ -53,8 +54,16 @@ def test_a_small_model_is_searched(monkeypatch):
 
 def test_a_model_that_diagrams_compress_is_built_by_them(monkeypatch):
     engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100)
-    assert isinstance(engine, WrittenEngine)
+    assert isinstance(engine, SparseEngine)
     assert (engine.states, choice.engine) == (10_000, "sparse")
+
+
+def test_an_mdp_that_diagrams_compress_is_written_out(monkeypatch):
+    engine, choice = chosen(CHOICES, monkeypatch, _SMALL=1, _MORE=1, _SPARSE_NODES=100.0)
+    assert isinstance(engine, WrittenEngine)
+    assert (engine.states, choice.engine) == (16, "sparse")
+    engine, _ = chosen(CHOICES, monkeypatch, _SMALL=1, _MORE=1, _SPARSE_NODES=100.0, _WRITTEN=0)
+    assert isinstance(engine, SparseEngine)
 
 
 def test_rows_that_do_not_fit_stay_blocks(monkeypatch):
@@ -85,7 +94,7 @@ def test_a_search_is_not_gone_on_with_where_diagrams_had_found_more_than_it_woul
 
     turns = ((1.0, 1000), (2.0, 1500))
     engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=unfinished_at_first, _TURNS=turns)
-    assert isinstance(engine, WrittenEngine)
+    assert isinstance(engine, SparseEngine)
     assert "more than 2,000 states" in choice.reason
 
 
@@ -135,7 +144,7 @@ def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
         return reach(model, options, seconds)
 
     engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long_at_first, _TURNS=((1.0, 1000),))
-    assert isinstance(engine, WrittenEngine)
+    assert isinstance(engine, SparseEngine)
     assert "more than 1,000 states" in choice.reason
 
 
@@ -145,7 +154,7 @@ def test_where_diagrams_are_no_help_the_search_goes_on_as_far_as_memory_reaches(
     assert engine.name == "explicit"
     assert "compress nothing" in choice.reason
     engine, _ = chosen(COUNTER, monkeypatch, **settings, _SEARCH_SHARE=0.0)
-    assert isinstance(engine, WrittenEngine)
+    assert isinstance(engine, SparseEngine)
 
 
 def test_integers_without_bounds_are_searched(monkeypatch):

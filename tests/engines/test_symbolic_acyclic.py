@@ -35,6 +35,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Models of any size are large enough."""
     monkeypatch.setattr(symbolic_acyclic, "LARGE", 1)
     monkeypatch.setattr(symbolic_acyclic, "SHARE", 1e9)
+    monkeypatch.setattr(symbolic_acyclic, "PER_STATE", 1e9)
 
 
 def engines(loop: str = "true") -> tuple[SparseEngine, ExplicitEngine]:

@@ -2,8 +2,9 @@
 
 1. A short explicit search, a little longer where there are few transitions. A model that ends within it is small: no diagram
    is worth its while.
-2. Diagrams, for a limited time. If they compress the states, the model is explored with them; then it is written out as
-   compressed rows where those fit well into memory, and stays with the diagrams where not.
+2. Diagrams, for a limited time. If they compress the states, the model is explored with them. An MDP is then written out as
+   compressed rows, where those fit well into memory: prob0 and prob1 are fixpoints within fixpoints, which diagrams are slow at.
+   Of a chain, where they are closures, only the rows of what is asked are written; and blocks stand for rows that do not fit.
 3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped, up to a number of states;
    then the diagrams get a longer turn, and so on. In the end, or once they have found more states than the search would
    ever list, the diagrams get all the time there is; but where they were finished and compressed nothing, would have to learn
@@ -25,7 +26,7 @@ from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 from symcheck.machine import memory
 from symcheck.records import dataclass
 from symcheck.semantics.settings import BuildSettings
-from symcheck.syntax.ast import Call
+from symcheck.syntax.ast import Call, ModelType
 from symcheck.syntax.walk import names, nodes
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ _DENSE = 4_000_000  # transitions that are not few
 _ENUMERATED = 10_000_000  # valuations that a search tries for the initial states of `init … endinit`
 _TURNS = ((1.5, 4_000_000), (10.0, 30_000_000))  # seconds for diagrams, then states for the search; and so on in turn
 _STRETCH = 8.0  # how much longer turns may take by the clock, on a busy machine
-_WRITTEN = 10_000_000  # states up to which a model that diagrams hold is written out and checked as arrays
+_WRITTEN = 10_000_000  # states up to which an MDP that diagrams hold is written out and checked as arrays
 _SPARSE_NODES = 0.5  # diagram nodes per state above which rows of bits are the better container
 _ENTRY_BYTES = 12
 _ROUNDED_BITS = 30  # read by the argument of one ceil or floor: no diagram of it will be small
@@ -221,7 +222,7 @@ def _symbolic(space: StateSpace, options: BuildSettings, observer: Observer | No
     built: Transitions = transitions(space, options, observer)
     engine = SparseEngine.of(built)
     size = engine.transitions * _ENTRY_BYTES
-    if engine.states <= _WRITTEN and size <= _ROWS_SHARE * memory():
+    if space.symbolic.model.type is ModelType.MDP and engine.states <= _WRITTEN and size <= _ROWS_SHARE * memory():
         _tell(observer, "sparse", f"{reason}, and its rows of {size / 1e6:,.0f} MB are soon written out")
         return written_out(engine)
     if size <= _ROWS_SHARE * memory():

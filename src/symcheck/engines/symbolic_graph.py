@@ -28,7 +28,10 @@ __all__ = ["Owner", "SymbolicGraph"]
 PATIENCE = 0.25
 """Seconds that a search on diagrams gets before it is done on rows, where these are few."""
 
-FEW_ROWS = 10_000_000
+PATIENCE_PER_ROW = 2e-8
+"""Seconds more for each transition: what writing it out takes, and sorting it by where it leads."""
+
+FEW_ROWS = 40_000_000
 """Transitions that are few enough for that, unless the engine has a limit of its own."""
 
 LARGE = 5_000_000
@@ -127,7 +130,7 @@ class SymbolicGraph:
     def _deadline(self) -> float | None:
         """When to stop asking diagrams."""
         if self._affordable:
-            return perf_counter() + PATIENCE
+            return perf_counter() + PATIENCE + PATIENCE_PER_ROW * self.engine.transitions
         return perf_counter() + PATIENCE + PATIENCE_PER_STATE * self._d.count if self._shortens else None
 
     @cached_property
