@@ -20,12 +20,16 @@ from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.kernels import sparse
 from symcheck.numerics.collapse import collapse
+from symcheck.numerics.embedded import Embedded
 from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.problem import LinearProblem
 from symcheck.records import dataclass, field
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Equations", "boundary_values", "chosen_rows", "equations", "reach_reward", "step_rewards", "until"]
+
+_MOST = 3
+"""Times the unknowns that there may be states, for equations to be solved among the rows of all of them."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,25 @@ class Equations:
             return matrix
         return replace(matrix, data=matrix.data / np.repeat(self.rates, np.diff(matrix.indptr)))
 
-    def solve(self, problem: LinearProblem, rest: list[tuple[StateSet, float]], *, wait: bool = False) -> Values:
+    def among_all(self, known: list[tuple[StateSet, float]], direction: str | None, *, structure: int | None = None) -> Embedded | None:
+        """The same equations among the rows of all states, where the engine has these at hand and most of them are needed.
+
+        structure: of rewards, which are finite; None for probabilities. Values outside are those that are `known`, else 0.
+        """
+        engine = self.context.engine
+        matrix = getattr(engine, "matrix", None)
+        if engine.exact or not isinstance(matrix, SparseMatrix) or _MOST * self.system.n < engine.states:
+            return None
+        constant = None
+        if structure is not None:
+            whole = engine.system(engine.all)
+            states, rows = whole.rewards(structure)
+            constant = per_row(whole, states) + rows
+        outside = [(engine.to_bools(where), value) for where, value in known]
+        unknown = engine.to_bools(self.system.states)
+        return Embedded(matrix, unknown, outside, constant, direction, structure is None, self.rates is not None)
+
+    def solve(self, problem: LinearProblem | Embedded, rest: list[tuple[StateSet, float]], *, wait: bool = False) -> Values:
         """The solution, lifted to all states with constants on the sets in `rest`.
 
         `wait`: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards); or it
@@ -95,7 +117,9 @@ class Equations:
         # End components without reward are made single states, as for least rewards; rewards are not negative, so
         # that waiting is never better than leaving and need not be among the choices of these states.
         against = "max" if problem.probability else "min"
-        smaller = collapse(replace(problem, matrix=self._matrix(), direction=against)) if wait else None
+        smaller = None
+        if wait and not isinstance(problem, Embedded):
+            smaller = collapse(replace(problem, matrix=self._matrix(), direction=against))
         if smaller is None:
             found = solve_linear(problem, options, observer)
         else:
@@ -132,7 +156,8 @@ def until(context: Context, left: StateSet, right: StateSet, direction: str | No
     part = equations(context, ~(no | yes))
     if part.system.n == 0:
         return context.engine.indicator(yes)
-    return part.solve(part.problem(part.into(yes), None, direction, probability=True), [(yes, 1.0)])
+    problem = part.among_all([(yes, 1.0)], direction) or part.problem(part.into(yes), None, direction, probability=True)
+    return part.solve(problem, [(yes, 1.0)])
 
 
 def _shorter(context: Context, left: StateSet, right: StateSet, direction: str | None) -> Values | None:
@@ -169,11 +194,16 @@ def reach_reward(context: Context, structure: int, target: StateSet, direction: 
         certain = certain - _meets_infinity(context, part, reward, target, direction)
         part = equations(context, certain - target)
         reward = step_rewards(part, structure)
+    # A choice that may lead to where the reward is infinite is never best.
+    allowed = part.system.into(~certain) == 0 if direction == "min" else None
+    everything = allowed is None or bool(allowed.all())
+    embedded = part.among_all([], direction, structure=structure) if everything else None
+    if embedded is not None:
+        del reward, allowed
+        return part.solve(embedded, [(~certain, np.inf)])
     problem = part.problem(reward, None, direction, probability=False)
-    if direction == "min":
-        # A choice that may lead to where the reward is infinite is never best.
-        allowed = part.system.into(~certain) == 0
-        problem = problem if allowed.all() else chosen_rows(problem, part.system.matrix, allowed)
+    if allowed is not None and not everything:
+        problem = chosen_rows(problem, part.system.matrix, allowed)
     return part.solve(problem, [(~certain, np.inf)])
 
 

@@ -68,18 +68,22 @@ cdef inline void limit(double gap, double slack, double* least, double* greatest
 
 def levels(const int64_t[::1] edges, const int32_t[::1] indices, const int32_t[::1] component, const int32_t[::1] order,
            const int64_t[::1] start, int64_t size):
-    """int32[components]: the most components of more than `size` states on a path from a component (itself included)."""
+    """int32[components]: the most components of more than `size` states on a path from a component (itself included).
+
+    Edges to states that have no component (-1) do not count.
+    """
     cdef int64_t count = start.shape[0] - 1, c, i, k, s
     cdef int32_t[::1] out = np.zeros(count, dtype=np.int32)
-    cdef int32_t most
+    cdef int32_t most, other
     with nogil:
         for c in range(count):
             most = 0
             for i in range(start[c], start[c + 1]):
                 s = order[i]
                 for k in range(edges[s], edges[s + 1]):
-                    if component[indices[k]] != c and out[component[indices[k]]] > most:
-                        most = out[component[indices[k]]]
+                    other = component[indices[k]]
+                    if other >= 0 and other != c and out[other] > most:
+                        most = out[other]
             out[c] = most + (1 if start[c + 1] - start[c] > size else 0)
     return np.asarray(out)
 

@@ -13,6 +13,7 @@ cdef class Equations:
     cdef public const double[::1] data, bl, bh, exit  # the last three: None where they are 0
     cdef public const uint8_t[::1] unknown  # None: all states
     cdef public int mode
+    cdef public bint rates
     cdef public int32_t[::1] place  # of states in the part being loaded; none until there is one
     cdef public int64_t n
 

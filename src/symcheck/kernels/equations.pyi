@@ -14,6 +14,7 @@ class Equations:
         exit: Floats | None,
         mode: int,
         unknown: Masks | None = None,
+        rates: bool = False,
     ) -> None: ...
 
 class Part:

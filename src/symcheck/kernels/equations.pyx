@@ -20,16 +20,18 @@ cdef class Equations:
     """The whole problem: compressed rows, constants, and mass that leaves the matrix, per row.
 
     lower, upper, exit: float64[rows], or None where they are 0 in every row. unknown: uint8[states], the states whose equations
-    these are, where others in the matrix have values that are known; None for all.
+    these are, where others in the matrix have values that are known; None for all. rates: rows, and their constants, are divided
+    by all that leaves their state.
     """
 
-    def __init__(self, indptr, indices, data, groups, lower, upper, exit, int mode, unknown=None):
+    def __init__(self, indptr, indices, data, groups, lower, upper, exit, int mode, unknown=None, bint rates=False):
         self.indptr, self.indices, self.data = indptr, indices, data
         self.bl, self.bh, self.exit = lower, upper, exit
         self.mode = mode
         self.n = indptr.shape[0] - 1 if groups is None else groups.shape[0] - 1
         self.groups = np.zeros(1, dtype=np.int64) if groups is None else groups
         self.unknown = unknown
+        self.rates = rates
         self.place = None
 
     cdef void put(self, const int32_t[::1] states):
@@ -254,7 +256,7 @@ cdef void copy(Part part, Equations system, double[:, ::1] x, index_t* row_ptr, 
                 entries = begin
                 if hi > 0.0:
                     lo = hi = INFINITY  # what is collected on a loop that nothing leaves
-            if loop > 0.0 and total > 0.0:
+            if (loop > 0.0 or system.rates) and total > 0.0:
                 scale = <double>(1.0 / total)
                 for k in range(begin, entries):
                     part.val[k] = part.val[k] * scale
@@ -309,7 +311,7 @@ cdef void exits(Part part, Equations system, double[::1] out) noexcept nogil:
                 else:
                     leaving = leaving + system.data[k]
             total = total + leaving
-            if loop and total > 0.0:
+            if (loop or system.rates) and total > 0.0:
                 leaving = leaving / total
             out[rows] = <double>leaving
             rows += 1

@@ -128,7 +128,7 @@ cdef class System(Equations):
                     y = base + 2 * <int64_t>c
                     lo = lo + a * y[0]
                     hi = hi + a * y[1]
-            if loop > 0.0:
+            if loop > 0.0 or self.rates:
                 total = self.exit[r] if self.exit is not None else 0.0
                 for k in range(indptr[r], indptr[r + 1]):
                     if indices[k] != s:

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from libc.stdint cimport int32_t, int64_t
+from libc.stdint cimport int32_t, int64_t, uint8_t
 
 
 def transpose(const int64_t[::1] indptr, const int32_t[::1] indices, int64_t columns):
@@ -123,16 +123,23 @@ def merge(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::
     return np.asarray(start), np.asarray(out)[:total].copy(), np.asarray(values)[:total].copy()
 
 
-def triangular(const int64_t[::1] edges, const int32_t[::1] indices):
-    """1 if every edge s → t has t > s (self-loops allowed), -1 if every edge has t < s, 0 otherwise (2: no edges but loops)."""
+def triangular(const int64_t[::1] edges, const int32_t[::1] indices, const uint8_t[::1] within=None):
+    """1 if every edge s → t has t > s (self-loops allowed), -1 if every edge has t < s, 0 otherwise (2: no edges but loops).
+
+    within: uint8[states], the states whose edges to one another count; None for all.
+    """
     cdef int64_t n = edges.shape[0] - 1, s, k
-    cdef bint up = True, down = True
+    cdef bint up = True, down = True, everywhere = within is None
     with nogil:
         for s in range(n):
+            if not (everywhere or within[s]):
+                continue
             for k in range(edges[s], edges[s + 1]):
+                if indices[k] == s or not (everywhere or within[indices[k]]):
+                    continue
                 if indices[k] > s:
                     down = False
-                elif indices[k] < s:
+                else:
                     up = False
             if not (up or down):
                 break

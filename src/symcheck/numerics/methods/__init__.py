@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from symcheck.errors import UnsupportedError
+from symcheck.numerics.embedded import Embedded
 from symcheck.numerics.methods import interval, optimistic, plain, policy, topological
 from symcheck.numerics.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.settings import Settings
@@ -48,12 +49,18 @@ METHODS: Mapping[str, Method] = {
 }
 
 
-def solve_linear(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
+def solve_linear(problem: LinearProblem | Embedded, settings: Settings, observer: Observer | None = None) -> Solution:
     """Solve by `settings.method`; 'auto' takes 'topological', or without rows 'interval' (probabilities) or 'optimistic'.
+
+    Values are those of the unknowns, in their order. Of an embedded problem 'topological' gives no strategy.
 
     Raises UnsupportedError for an unknown method, and for one that cannot treat this problem.
     """
     name = settings.method
+    if isinstance(problem, Embedded):
+        if name in ("auto", "topological") and problem.n:
+            return topological.solve_embedded(problem, settings, observer)
+        problem = problem.alone()
     if name == "auto":
         plain_chain = problem.mode == 0 and problem.probability
         name = "topological" if problem.matrix is not None else "interval" if plain_chain else "optimistic"

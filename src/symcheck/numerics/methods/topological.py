@@ -21,13 +21,14 @@ from symcheck.numerics import graph
 from symcheck.numerics.accelerate import accelerated
 from symcheck.numerics.block import Bounds, LocalSystem, policy_iteration, solve_direct, solve_krylov
 from symcheck.numerics.collapse import collapse
-from symcheck.numerics.matrix import Floats, Int32s, Int64s
+from symcheck.numerics.embedded import Embedded
+from symcheck.numerics.matrix import Bools, Floats, Int32s, Int64s
 from symcheck.numerics.methods import policy
 from symcheck.numerics.problem import LinearProblem, Observer, Solution, Step
 from symcheck.numerics.settings import Settings
 from symcheck.records import dataclass, field
 
-__all__ = ["solve"]
+__all__ = ["solve", "solve_embedded"]
 
 SMALL = 64  # states without choices that are eliminated in a full matrix
 SPARSE = 250_000  # states beyond which elimination is not tried at length
@@ -45,10 +46,11 @@ class _TooSlow(Exception):
 
 @dataclass(eq=False)
 class _Run:
-    """The arrays of a solution in the making."""
+    """The arrays of a solution in the making. point: whether constants are known exactly."""
 
-    problem: LinearProblem
     system: System
+    probability: bool
+    point: bool
     x: Floats
     strategy: Int64s
     settings: Settings
@@ -70,28 +72,45 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     return _solve(problem, settings, observer)
 
 
+def solve_embedded(problem: Embedded, settings: Settings, observer: Observer | None = None) -> Solution:
+    """The like for a problem whose rows stay among those of other states. No strategy comes of it."""
+    if problem.signed or problem.collapsible():
+        return solve(problem.alone(), settings, observer)
+    m, constant = problem.matrix, problem.constant
+    unknown = problem.unknown.view(np.uint8)
+    system = System(m.indptr, m.indices, m.data, m.groups, constant, constant, None, problem.mode, unknown, problem.rates)
+    nobody = np.empty(0, dtype=np.int64)
+    run = _Run(system, problem.probability, True, problem.start(), nobody, settings, observer)
+    return _found(run, graph.Incidence(m), problem.unknown, problem.n)
+
+
 def _solve(problem: LinearProblem, settings: Settings, observer: Observer | None, quick: bool = False) -> Solution:
-    matrix = problem.rows
-    system = System(
-        matrix.indptr, matrix.indices, matrix.data, matrix.groups, problem.constant, problem.high, problem.leaving, problem.mode
-    )
-    run = _Run(problem, system, np.zeros((problem.n, 2)), np.full(problem.n if problem.mode else 0, -1, dtype=np.int64), settings, observer)
+    m = problem.rows
+    system = System(m.indptr, m.indices, m.data, m.groups, problem.constant, problem.high, problem.leaving, problem.mode)
+    point = problem.upper is None or bool(np.array_equal(problem.constant, problem.upper))
+    strategy = np.full(problem.n if problem.mode else 0, -1, dtype=np.int64)
+    run = _Run(system, problem.probability, point, np.zeros((problem.n, 2)), strategy, settings, observer)
     run.quick = quick
-    source = graph.Incidence(matrix)
-    shape = sparse.triangular(source.edges, matrix.indices)
+    return _found(run, graph.Incidence(m), None, problem.n)
+
+
+def _found(run: _Run, source: graph.Incidence, unknown: Bools | None, n: int) -> Solution:
+    """Solve the equations of the unknowns (None: all states), component by component unless there are no cycles."""
+    indices = source.matrix.indices
+    shape = sparse.triangular(source.edges, indices, None if unknown is None else unknown.view(np.uint8))
     if shape != 0:
-        system.sweep_acyclic(run.x, run.strategy, shape > 0)
-        return _finish(run, f"{problem.n} states, acyclic: one pass", exact=True)
-    parts = graph.sccs(source)
+        run.system.sweep_acyclic(run.x, run.strategy, shape > 0)
+        return _finish(run, f"{n} states, acyclic: one pass", True, unknown)
+    parts = graph.sccs(source, unknown)
     # A component may use up its share of the width: what its successors brought in is part of what it is left with.
-    deep = levels(source.edges, matrix.indices, parts.of, parts.order, parts.start, SMALL if run.problem.mode == 0 else 1)
+    deep = levels(source.edges, indices, parts.of, parts.order, parts.start, SMALL if run.system.mode == 0 else 1)
     components, order, start = f"{parts.count} SCCs, largest {parts.largest} states", parts.order, parts.start
     del parts, source  # what is solved now may need the memory
     _components(run, order, start, deep)
     explanation = _explain(run, components)
     del order, start, deep
     exact = run.counters[2] == 0 and set(run.notes) <= {"elimination"} and not run.failed
-    return _finish(run, explanation, exact=exact)
+    return _finish(run, explanation, exact, unknown)
 
 
 def _components(run: _Run, order: Int32s, start: Int64s, deep: Int32s) -> None:
@@ -102,7 +121,7 @@ def _components(run: _Run, order: Int32s, start: Int64s, deep: Int32s) -> None:
     while True:
         component = run.system.advance(
             order, start, component, run.x, run.strategy, deep, share, run.settings.relative,
-            run.problem.probability, SMALL, run.counters,
+            run.probability, SMALL, run.counters,
         )  # fmt: skip
         if component >= len(start) - 1:
             return
@@ -133,7 +152,7 @@ def _hard(run: _Run, states: Int32s, goal: float) -> None:
 
 def _accelerate(run: _Run, block: Block, goal: float) -> bool:
     """Policies, evaluated by extrapolated sweeps, and a proof."""
-    answer, sweeps = accelerated(block, goal, run.settings.relative, run.problem.probability, run.observer)
+    answer, sweeps = accelerated(block, goal, run.settings.relative, run.probability, run.observer)
     run.iterations += sweeps
     return answer is not None and _accept(run, block, goal, answer, "accelerated sweeps")
 
@@ -150,9 +169,9 @@ def _closed(block: Block) -> None:
 
 def _sweep(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
     """Sweep; if `eager`, give up where that looks expensive. Returns whether the goal was reached, and sweeps still ahead."""
-    done, ahead = (_probabilities if run.problem.probability else _rewards)(run, block, goal, eager)
+    done, ahead = (_probabilities if run.probability else _rewards)(run, block, goal, eager)
     if done:
-        _note(run, "interval iteration" if run.problem.probability else "optimistic value iteration", block.n)
+        _note(run, "interval iteration" if run.probability else "optimistic value iteration", block.n)
     return done, ahead
 
 
@@ -246,7 +265,7 @@ def _quickly(problem: LinearProblem, settings: Settings) -> Solution:
 def _accept(run: _Run, block: Block, goal: float, answer: Bounds, name: str) -> bool:
     """Take over bounds (where they are nearer, for probabilities); whether they are near enough."""
     x = block.x
-    if run.problem.probability:
+    if run.probability:
         x[:, 0] = np.maximum(x[:, 0], answer.lower)
         x[:, 1] = np.minimum(x[:, 1], answer.upper)
     else:
@@ -281,19 +300,17 @@ def _signed(problem: LinearProblem, settings: Settings, observer: Observer | Non
     return Solution(lower, upper, "topological", plus.exact and minus.exact, True, plus.iterations + minus.iterations, note)
 
 
-def _finish(run: _Run, explanation: str, exact: bool) -> Solution:
-    lower, upper = run.x[:, 0].copy(), run.x[:, 1].copy()
-    if run.problem.probability:
-        for side in (lower, upper):
-            np.clip(side, 0.0, 1.0, out=side)
-    if exact and run.problem.upper is not None:
-        exact = bool(np.array_equal(run.problem.constant, run.problem.upper))
-    exact = exact and not _below_doubles(lower, upper)
+def _finish(run: _Run, explanation: str, exact: bool, unknown: Bools | None) -> Solution:
+    lower, upper = (run.x[:, side].copy() if unknown is None else run.x[unknown, side] for side in (0, 1))
+    if run.probability:
+        for bound in (lower, upper):
+            np.clip(bound, 0.0, 1.0, out=bound)
+    exact = exact and run.point and not _below_doubles(lower, upper)
     names = ("single", "eliminated", "swept", "sweeps", "largest_eliminated", "largest_swept")
     statistics = {name: int(c) for name, c in zip(names, run.counters, strict=True)} | {"unfinished": run.failed}
     return Solution(
         lower, upper, "topological", exact, True, int(run.counters[3]) + run.iterations, explanation, statistics,
-        None if run.problem.mode == 0 else run.strategy,
+        run.strategy if len(run.strategy) else None,
     )  # fmt: skip
 
 
