@@ -1,6 +1,6 @@
 # cython: language_level=3
 """The loops over the runs of a block, in C."""
-from libc.stdint cimport int32_t, int64_t
+from libc.stdint cimport int32_t, int64_t, uint8_t
 
 from symcheck.kernels._runs cimport SmallRun, WideRun
 
@@ -99,7 +99,31 @@ cdef extern from *:
     }
     SYMCHECK_COLUMNS(columns_small, SmallRun)
     SYMCHECK_COLUMNS(columns_wide, WideRun)
+
+    /* DO(s) for the states low .. high whose bit is set (bit s % 8 of byte s // 8), eight at a time */
+    #define SYMCHECK_EACH(PRESENT, LOW, HIGH, DO)                                                                 \
+        for (int64_t s = LOW; s < HIGH;) {                                                                        \
+            unsigned bits = PRESENT[s >> 3] >> (s & 7);                                                           \
+            const int64_t first = s, next = (s | 7) + 1;                                                          \
+            if (next > HIGH) bits &= (1u << (HIGH - s)) - 1;                                                      \
+            if (bits == 255) { for (s = first; s < first + 8; s++) { DO } }                                       \
+            else for (s = first; bits; bits >>= 1, s++) if (bits & 1) { DO }                                      \
+            s = next;                                                                                             \
+        }
+
+    /* what a slot's rows are, into the next row of each state */
+    static void scatter(const uint8_t* present, int64_t low, int64_t high, const double* part, int64_t* at, double* out) {
+        SYMCHECK_EACH(present, low, high, out[at[s - low]++] = part[s - low];)
+    }
+
+    /* the better of them and what there is, without constants */
+    static void improve(const uint8_t* present, int64_t low, int64_t high, const double* part, double* out, int greatest) {
+        if (greatest) { SYMCHECK_EACH(present, low, high, out[s] = part[s - low] > out[s] ? part[s - low] : out[s];) }
+        else { SYMCHECK_EACH(present, low, high, out[s] = part[s - low] < out[s] ? part[s - low] : out[s];) }
+    }
     """
+    void scatter(const uint8_t* present, int64_t low, int64_t high, const double* part, int64_t* at, double* out) noexcept nogil
+    void improve(const uint8_t* present, int64_t low, int64_t high, const double* part, double* out, bint greatest) noexcept nogil
     void multiply_small(const SmallRun*, int64_t, const double*, const double* x, double* y) noexcept nogil
     void multiply_wide(const WideRun*, int64_t, const double*, const double* x, double* y) noexcept nogil
     void transposed_small(const SmallRun*, int64_t, const double*, const double* x, double* y) noexcept nogil

@@ -7,7 +7,7 @@ from libc.string cimport memset
 
 from symcheck.kernels._stamps cimport (
     clipped_small, clipped_wide, columns_small, columns_wide, count_small, count_wide, diagonal_small, diagonal_wide, fill_small,
-    fill_wide, multiply_small, multiply_wide, transposed_small, transposed_wide,
+    fill_wide, improve, multiply_small, multiply_wide, scatter, transposed_small, transposed_wide,
 )
 from symcheck.kernels.cut cimport Block, Cut, Place
 
@@ -81,6 +81,15 @@ cdef class Blocks(Cut):
                 clipped_small(self.small + block.start, block.runs, values, x + place.col, base + place.row,
                               low - <int64_t>place.row, high - <int64_t>place.row)
 
+    cdef bint _fresh(self, int64_t root, int64_t part, const double[::1] x, double* y, bint clean) noexcept nogil:
+        """y = A x on the rows of a part, where `clean` says that y is 0 already; whether it is 0 after that."""
+        cdef bint empty = x.shape[0] == 0 or self.starts[root, part] == self.starts[root, part + 1]
+        if not clean:
+            memset(y, 0, (self.bounds[part + 1] - self.bounds[part]) * 8)
+        if not empty:
+            self._add(root, part, &x[0], y)
+        return empty
+
     def multiply(self, int root, const double[::1] x, double[::1] y, int64_t first=0, int64_t last=-1):
         """y = A x on the rows of the parts first .. last: x float64[columns], y float64[rows]."""
         cdef int64_t p
@@ -102,6 +111,7 @@ cdef class Blocks(Cut):
         cdef int64_t p, s, root, begin, end
         cdef double* part
         cdef int64_t* at
+        cdef bint clean
         last = self._check(0, groups.shape[0] - 1, x.shape[0], first, last)
         part = <double*>malloc(self._longest() * 8)
         at = <int64_t*>malloc(self._longest() * 8)
@@ -114,15 +124,10 @@ cdef class Blocks(Cut):
                 begin, end = self.bounds[p], self.bounds[p + 1]
                 for s in range(begin, end):
                     at[s - begin] = groups[s]
+                clean = False
                 for root in range(self.roots):
-                    memset(part, 0, (end - begin) * 8)
-                    if x.shape[0]:
-                        self._add(root, p, &x[0], part)
-                    s = _next(&present[root, 0], begin, end)
-                    while s < end:
-                        out[at[s - begin]] = part[s - begin]
-                        at[s - begin] += 1
-                        s = _next(&present[root, 0], s + 1, end)
+                    clean = self._fresh(root, p, x, part, clean)
+                    scatter(&present[root, 0], begin, end, part, at, &out[0])
         free(part)
         free(at)
 
@@ -135,6 +140,7 @@ cdef class Blocks(Cut):
         cdef int64_t p, s, root, begin, end
         cdef double* part
         cdef int64_t* at
+        cdef bint clean
         cdef double value
         last = self._check(0, out.shape[0], x.shape[0], first, last)
         part = <double*>malloc(self._longest() * 8)
@@ -149,13 +155,15 @@ cdef class Blocks(Cut):
                 for s in range(begin, end):
                     at[s - begin] = groups[s]
                     out[s] = -INFINITY if greatest else INFINITY
+                clean = False
                 for root in range(self.roots):
-                    memset(part, 0, (end - begin) * 8)
-                    if x.shape[0]:
-                        self._add(root, p, &x[0], part)
+                    clean = self._fresh(root, p, x, part, clean)
+                    if constant.shape[0] == 0:
+                        improve(&present[root, 0], begin, end, part, &out[0], greatest)
+                        continue
                     s = _next(&present[root, 0], begin, end)
                     while s < end:
-                        value = part[s - begin] + constant[at[s - begin]] if constant.shape[0] else part[s - begin]
+                        value = part[s - begin] + constant[at[s - begin]]
                         at[s - begin] += 1
                         if (value > out[s]) if greatest else (value < out[s]):
                             out[s] = value
