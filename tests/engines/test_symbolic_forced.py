@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engines import twins
+from symcheck.check.context import Context
 from symcheck.check.options import Options
+from symcheck.check.reach import reach_reward, until
 from symcheck.engines import symbolic_graph
 from symcheck.engines.arrays import ArraySet
 from symcheck.engines.explicit import ExplicitEngine
@@ -42,7 +44,9 @@ def text(kind: str, states: Sequence[Sequence[Choice]]) -> str:
         for number, of in enumerate(states)
         for choice in of
     ]
-    return f"{kind} module m x : [0..{SIZE - 1}]; {' '.join(commands)} endmodule init true endinit"
+    return (
+        f"{kind} module m x : [0..{SIZE - 1}]; {' '.join(commands)} endmodule init true endinit rewards true : x/4; [] x=1 : 2; endrewards"
+    )
 
 
 def both(source: str) -> tuple[SparseEngine, ExplicitEngine]:
@@ -75,9 +79,9 @@ def compare(symbolic: SparseEngine, explicit: ExplicitEngine, left: np.ndarray, 
     zero, one = parts.states(parts.prob0(direction)), parts.states(parts.prob1(direction))
     assert np.array_equal(symbolic.diagrams.odd.expand(zero), explicit.graph.prob0(*arrays, direction).members)
     assert np.array_equal(symbolic.diagrams.odd.expand(one), explicit.graph.prob1(*arrays, direction).members)
-    until = ShorterUntil.of(parts, direction)
-    found = solve_linear(until.problem(), Accuracy(epsilon=1e-9)) if until.n else None
-    values = until.lift(np.empty(0), None) if found is None else until.lift(found.lower, found.upper)
+    equations = ShorterUntil.of(parts, direction)
+    found = solve_linear(equations.problem(), Accuracy(epsilon=1e-9)) if equations.n else None
+    values = equations.lift(np.empty(0), None) if found is None else equations.lift(found.lower, found.upper)
     low, high = values.at(symbolic.all)
     expected = expected_values(explicit, *arrays, direction)
     assert np.all(low <= expected + 1e-9)
@@ -87,12 +91,14 @@ def compare(symbolic: SparseEngine, explicit: ExplicitEngine, left: np.ndarray, 
     assert values.minimum(first) == (low[0], high[0])
 
 
+@settings(max_examples=40)
 @given(mdps, subsets, subsets, st.sampled_from(["min", "max"]))
 def test_probabilities_of_decision_processes(states: Sequence[Sequence[Choice]], left: set[int], right: set[int], direction: str) -> None:
     members = [np.isin(np.arange(SIZE), list(s)) for s in (left, right)]
     compare(*both(text("mdp", states)), members[0], members[1], direction)
 
 
+@settings(max_examples=40)
 @given(chains, subsets, subsets)
 def test_probabilities_of_chains(states: Sequence[Sequence[Choice]], left: set[int], right: set[int]) -> None:
     members = [np.isin(np.arange(SIZE), list(s)) for s in (left, right)]
@@ -173,6 +179,53 @@ def test_equations_where_many_states_are_neither(monkeypatch: pytest.MonkeyPatch
     assert values.minimum(symbolic.initial)[0] == pytest.approx(0.5, rel=1e-12)
     yes, _ = values.compare(">", 0.4)
     assert symbolic.initial <= yes
+
+
+@settings(max_examples=40)
+@given(st.one_of(mdps.map(lambda s: ("mdp", s)), chains.map(lambda s: ("dtmc", s))), subsets, subsets)
+def test_formulas_where_diagrams_take_long(model: tuple[str, Sequence[Sequence[Choice]]], left: set[int], right: set[int]) -> None:
+    """Whole measures, by the equations on what is left, on both engines."""
+    symbolic, explicit = both(text(*model))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(symbolic_graph, "LARGE", 1)
+        patch.setattr(symbolic_graph, "FEW_ROWS", 0)
+        patch.setattr(symbolic_graph, "PATIENCE", -1e6)
+        for direction in ("min", "max") if model[0] == "mdp" else (None,):
+            values = []
+            for engine in (symbolic, explicit):
+                context = Context(engine, Options(epsilon=1e-9))
+                members = [engine.from_bools(np.isin(np.arange(SIZE), list(s))) for s in (left, right)]
+                probability = until(context, *members, direction).at(engine.all)
+                reward = reach_reward(context, 0, members[1], direction).at(engine.all)
+                values.append((probability, reward))
+            for (low, high), (other_low, other_high) in zip(*values, strict=True):
+                assert np.all(low <= other_high * (1 + 1e-8))
+                assert np.all(other_low <= high * (1 + 1e-8))
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("direction", ["min", "max"])
+def test_rewards_on_forced_ways_are_added_up(direction: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = (
+        "mdp module m x : [0..9] init 0; [] x=0 -> 0.5:(x'=1) + 0.5:(x'=5); [] x=0 -> (x'=7); [] x>0 & x<9 -> (x'=x+1); endmodule "
+        "rewards x<9 : 1; [] x=4 : 10; x=8 : 0.5; endrewards"
+    )
+    symbolic, explicit = both(source)
+    for patience in (-1e6, 1e6):
+        monkeypatch.setattr(symbolic_graph, "PATIENCE", patience)
+        found = symbolic.shorter_reward(0, symbolic.where(parse_expression("x=9")), direction)
+        assert found is not None
+        assert found.n == 1
+        values = reach_reward(Context(symbolic, Options()), 0, symbolic.where(parse_expression("x=9")), direction)
+        expected = reach_reward(Context(explicit, Options()), 0, explicit.where(parse_expression("x=9")), direction)
+        assert values.at(symbolic.all)[0] == pytest.approx(expected.at(explicit.all)[0], rel=1e-12)
+        assert values.rounded(symbolic.initial)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_negative_rewards_are_left_to_others() -> None:
+    symbolic, _ = both("mdp module m x : [0..9] init 0; [] x<9 -> (x'=x+1); [] x=1 -> (x'=0); endmodule rewards x=2 : -1; endrewards")
+    assert symbolic.shorter_reward(0, symbolic.where(parse_expression("x=9")), "max") is None
 
 
 def test_few_states_are_left_to_others() -> None:

@@ -61,3 +61,32 @@ def test_merging_columns(matrix: list[list[float]], place: list[int]) -> None:
         expected[:, to] += dense[:, column]
     assert entries == indptr[-1]
     assert np.array_equal(dense_of(indptr, indices, data, 3), expected)
+
+
+@given(places, st.lists(st.integers(0, 5), min_size=N, max_size=N))
+def test_adding_up_along_forced_ways(place: list[int], earned: list[int]) -> None:
+    found, along = np.array(place, np.int32), np.where(np.array(place) < 0, earned, 0).astype(float)
+    forced.follow(found, 99, along)
+    for start in range(N):
+        total, state = 0, start
+        while found[start] != 99 and place[state] < 0:
+            total, state = total + earned[state], -1 - place[state]
+        assert found[start] == 99 or along[start] == total
+
+
+@given(matrices, st.lists(st.sampled_from("oyn"), min_size=5, max_size=5), st.sets(st.integers(0, 4), max_size=2))
+def test_rows_of_unknowns(matrix: list[list[float]], kinds: list[str], cuts: set[int]) -> None:
+    """Three states with rows of their own, of which some have none, and two without."""
+    groups = np.array([0, *sorted([*cuts, 4, 4][:2]), 4, 4, 4], np.int64)
+    dense, kind = np.array(matrix), np.array(kinds)
+    unknown = kind == "o"
+    place = np.where(unknown, np.cumsum(unknown) - 1, -1).astype(np.int32)
+    indptr, indices, data = rows_of(dense)
+    yes = (kind == "y").astype(np.uint8)
+    new, into, leave, entries = forced.unknowns(indptr, indices, data, groups, yes, place, int(unknown.sum()))
+    rows = [r for s in range(5) if unknown[s] for r in range(groups[s], groups[s + 1])]
+    assert np.diff(new).tolist() == np.diff(groups)[unknown].tolist()
+    assert np.array_equal(into, dense[rows][:, kind == "y"].sum(axis=1))
+    assert np.array_equal(leave, dense[rows][:, ~unknown].sum(axis=1))
+    own = dense_of(indptr[: len(rows) + 1], indices[:entries], data[:entries], int(unknown.sum()))
+    assert np.array_equal(own, dense[rows][:, unknown])

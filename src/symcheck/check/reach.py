@@ -167,6 +167,18 @@ def _shorter(context: Context, left: StateSet, right: StateSet, direction: str |
     return None if found is None else Equations(context, found, None).solve(found.problem(), [])
 
 
+def _shorter_reward(context: Context, structure: int, target: StateSet, direction: str | None) -> Values | None:
+    """The same for expected rewards."""
+    find = getattr(context.engine, "shorter_reward", None)
+    found = None if find is None else find(structure, target, direction)
+    if found is None:
+        return None
+    problem, allowed = found.problem()
+    if direction == "min" and not allowed.all():
+        problem = chosen_rows(problem, problem.matrix, allowed)
+    return Equations(context, found, None).solve(problem, [])
+
+
 def boundary_values(context: Context, states: StateSet, outside: Values) -> Values:
     """The expected value of `outside` where a run leaves `states`, which it must do almost surely (DTMC, CTMC)."""
     part = equations(context, states)
@@ -183,6 +195,9 @@ def reach_reward(context: Context, structure: int, target: StateSet, direction: 
     where an infinite reward is met before.
     """
     engine = context.engine
+    shorter = _shorter_reward(context, structure, target, direction)
+    if shorter is not None:
+        return shorter
     # The least expected reward is finite where some strategy reaches almost surely, the greatest where all do.
     certain = engine.graph.prob1(engine.all, target, {"min": "max", "max": "min", None: None}[direction])
     found = _acyclic(context, certain - target, None, structure, [(~certain, np.inf)])

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
     from symcheck.engines.product import Automaton
     from symcheck.engines.symbolic_acyclic import Acyclic
-    from symcheck.engines.symbolic_forced import ShorterUntil
+    from symcheck.engines.symbolic_forced import ShorterReward, ShorterUntil
     from symcheck.engines.symbolic_product import SymbolicProduct
     from symcheck.symbolic.model import StateSpace, Transitions
 
@@ -172,6 +172,10 @@ class SymbolicEngine:
     def shorter_until(self, left: SymbolicSet, right: SymbolicSet, direction: str | None) -> ShorterUntil | None:
         """Equations for left U right among very many states most of which have one way on; None elsewhere (symbolic_forced.py)."""
         return self.graph.until(left, right, direction)
+
+    def shorter_reward(self, structure: int, target: SymbolicSet, direction: str | None) -> ShorterReward | None:
+        """The same for the expected reward until `target` is reached."""
+        return self.graph.reach_reward(structure, target, direction)
 
     def valuations(self, states: SymbolicSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""

@@ -14,28 +14,28 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from symcheck.dd.manager import Bdd
+from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.dd.quad import BUDGET, RowLayout, flatten, quad_dag
 from symcheck.engines.arrays import ArrayValues
 from symcheck.engines.diagrams import Diagrams
-from symcheck.engines.symbolic_sets import LazyValues, Piece, SymbolicSet, SymbolicValues, constant_piece, merged
+from symcheck.engines.symbolic_sets import LazyValues, Piece, SymbolicSet, SymbolicValues, constant_piece
 from symcheck.kernels import forced as kernel
+from symcheck.kernels import sparse
 from symcheck.kernels.blocks import Blocks
-from symcheck.kernels.rows import groups_among, select_states, sum_among
+from symcheck.kernels.rows import take_rows
 from symcheck.numerics import graph
 from symcheck.numerics.matrix import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics.problem import LinearProblem
 from symcheck.records import dataclass, field
 
-__all__ = ["Shorter", "ShorterUntil", "forced_states", "shorter"]
+__all__ = ["Shorter", "ShorterReward", "ShorterUntil", "Ways", "forced_states", "shorter"]
 
 
 def forced_states(d: Diagrams) -> Bdd:
     """States with one choice, which leads to one state for certain (not of a CTMC: its entries are rates)."""
-    guards = d.guards if d.guards is not None else (d.states,)
     seen = twice = d.manager.false
-    for guard in guards:
+    for guard in _guards(d):
         twice = twice | (seen & guard)
         seen = seen | guard
     certain = [root.equal(1.0).exists(d.column_cube) for root in d.roots]
@@ -43,18 +43,37 @@ def forced_states(d: Diagrams) -> Bdd:
 
 
 @dataclass(frozen=True, eq=False)
+class Ways:
+    """Where states lead: place, int32[states] (see `Shorter`), and what is earned on the way, float64[states] (None: nothing is asked)."""
+
+    diagrams: Diagrams = field(repr=False)
+    place: Int32s = field(repr=False)
+    along: Floats | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, eq=False)
 class Shorter:
     """left U right among the states that are left when forced ones are passed over.
 
     These are numbered 0 .. n-1 as `kept` has them; n stands for `right`, n+1 for all states from where it is missed for certain.
-    place: int32[states], the number of where each reachable state leads. matrix: the choices of the n states, and n+2 columns;
-    the two last states have no row.
+    ways: for each reachable state the number of where it leads. matrix: the choices of the n states, and n+2 columns; the two last
+    states have no row. earned: per row, the expected reward of a step and of the ways that it leads to, float64[rows] or None.
     """
 
-    diagrams: Diagrams = field(repr=False)
+    ways: Ways
     kept: Odd = field(repr=False)
-    place: Int32s = field(repr=False)
     matrix: SparseMatrix
+    earned: Floats | None = field(default=None, repr=False)
+
+    @property
+    def diagrams(self) -> Diagrams:
+        """Of the model."""
+        return self.ways.diagrams
+
+    @property
+    def place(self) -> Int32s:
+        """The number of where each state leads: int32[states]."""
+        return self.ways.place
 
     @property
     def n(self) -> int:
@@ -91,28 +110,52 @@ class Shorter:
         return self.diagrams.odd.collapse(members[self.place]) if members.any() else self.diagrams.manager.false
 
 
-def shorter(d: Diagrams, left: Bdd, right: Bdd, limit: int) -> Shorter | None:
-    """The problem left U right without its forced states; None where it would take more than `limit` bytes."""
+def shorter(d: Diagrams, left: Bdd, right: Bdd, limit: int, reward: int | None = None) -> Shorter | None:
+    """The problem left U right without its forced states, and with a reward structure if one is given.
+
+    None where it would take more than `limit` bytes, or some reward is negative or infinite.
+    """
+    if reward is not None and not _plain(d, reward):
+        return None
     between = left - right
     forced = between & forced_states(d)
-    kept, both = between - forced, d.manager.cube([*d.rows, *d.columns])
-    entries = sum(d.manager.count(relation & kept, both) for relation in d.slot_relations)
-    rows = sum(d.manager.count(guard & kept, d.row_cube) for guard in d.guards or (d.states,))
-    if d.count >= 2**31 - 2 or 20 * d.count + 20 * entries + 16 * rows > limit:
+    kept = Odd(d.manager, between - forced, d.rows)
+    if d.count >= 2**31 - 2 or _bytes(d, kept.states, reward) > limit:
         return None
-    odd = Odd(d.manager, kept, d.rows)
-    place = _followed(d, odd, forced, right, odd.count)
-    layout = None if d.guards is None else RowLayout.of([odd.expand(guard) for guard in d.guards], odd.count)
-    dag = quad_dag([root.times_bdd(kept) for root in d.roots], odd, d.odd, d.columns)
-    indptr, indices, data = flatten(dag, layout)
-    left_over = kernel.merge(indptr, indices, data, place, odd.count + 2)
+    ways = _ways(d, kept, forced, right, reward)
+    layout = None if d.guards is None else RowLayout.of([kept.expand(guard) for guard in d.guards], kept.count)
+    indptr, indices, data = flatten(quad_dag([root.times_bdd(kept.states) for root in d.roots], kept, d.odd, d.columns), layout)
+    earned = None
+    if reward is not None:
+        assert ways.along is not None
+        earned = np.empty(len(indptr) - 1)
+        sparse.multiply(indptr, indices, data, ways.along, earned)
+        _add_step(d, kept, layout, reward, earned)
+    entries = kernel.merge(indptr, indices, data, ways.place, kept.count + 2)
     groups = np.arange(len(indptr), dtype=np.int64) if layout is None else layout.groups
     padded = np.append(groups, [groups[-1], groups[-1]])
-    return Shorter(d, odd, place, SparseMatrix(indptr, indices[:left_over], data[:left_over], odd.count + 2, padded))
+    return Shorter(ways, kept, SparseMatrix(indptr, indices[:entries], data[:entries], kept.count + 2, padded), earned)
 
 
-def _followed(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, n: int) -> Int32s:
-    """See `Shorter.place`."""
+def _plain(d: Diagrams, reward: int) -> bool:
+    functions = (d.state_rewards[reward], *d.transition_rewards[reward])
+    return all(f.minimum_leaf >= 0.0 and f.maximum_leaf < np.inf for f in functions)
+
+
+def _bytes(d: Diagrams, kept: Bdd, reward: int | None) -> int:
+    """What `shorter` takes at most, graph questions included."""
+    both = d.manager.cube([*d.rows, *d.columns])
+    entries = sum(d.manager.count(relation & kept, both) for relation in d.slot_relations)
+    rows = sum(d.manager.count(guard & kept, d.row_cube) for guard in _guards(d))
+    return 20 * (d.count + entries) + 16 * rows + (0 if reward is None else 8 * (d.count + rows))
+
+
+def _guards(d: Diagrams) -> tuple[Bdd, ...]:
+    return d.guards if d.guards is not None else (d.states,)
+
+
+def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: int | None) -> Ways:
+    n, along = kept.count, None
     place = np.empty(d.count, np.int32)
     if forced:
         # Rows with a single 1: where each leads. Rows are numbered as all states, so that nothing else is as long as they are many.
@@ -122,8 +165,26 @@ def _followed(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, n: int) -> Int32s
     place[d.odd.expand(d.states - forced - kept.states - right)] = n + 1
     place[d.odd.expand(right)] = n
     place[d.odd.expand(kept.states)] = np.arange(n, dtype=np.int32)
-    kernel.follow(place, n + 1)
-    return place
+    if reward is not None:
+        steps = [f.times_bdd(guard & forced) for f, guard in zip(_step_rewards(d, reward), _guards(d), strict=True)]
+        along = d.odd.to_vector(d.manager.sum(steps))
+    kernel.follow(place, n + 1, along)
+    return Ways(d, place, along)
+
+
+def _step_rewards(d: Diagrams, reward: int) -> list[Mtbdd]:
+    """Per slot: what a step earns."""
+    return [d.state_rewards[reward] + each for each in d.transition_rewards[reward]]
+
+
+def _add_step(d: Diagrams, kept: Odd, layout: RowLayout | None, reward: int, out: Floats) -> None:
+    """Add to each row what its step earns."""
+    functions = _step_rewards(d, reward)
+    if layout is None:
+        out += kept.to_vector(functions[0])
+        return
+    for function, (present, rows) in zip(functions, layout.each(), strict=True):
+        out[rows] += kept.to_vector(function)[present]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,38 +214,92 @@ class ShorterUntil:
         return int(np.count_nonzero(self.open))
 
     def problem(self) -> LinearProblem:
-        """The equations."""
-        m = self.parts.matrix
-        chosen, entries = self.open.view(np.uint8), (m.indptr, m.indices, m.data, m.groups)
-        constant = sum_among(*entries, chosen, self.yes.view(np.uint8), None)
-        leave = sum_among(*entries, chosen, (~self.open).view(np.uint8), None)
-        assert m.groups is not None
-        groups = None if self.direction is None else groups_among(m.groups, chosen)
-        own = SparseMatrix(*select_states(*entries, chosen), self.n, groups)
-        return LinearProblem(constant, own, None, leave, self.direction, True)
+        """The equations. They are written over the rows of `parts`, which take much memory: to be asked for once."""
+        matrix, into, leave = _among(self.parts.matrix, self.open, self.yes, self.direction)
+        return LinearProblem(into, matrix, None, leave, self.direction, True)
 
     def lift(
         self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[SymbolicSet, float]] = (), exact: bool = False
     ) -> SymbolicValues:
         """Values on all states. `rest` must be empty: what is 0 and 1 is known here."""
-        if rest:
-            raise ValueError("constants on sets are not asked for here")
-        values = ArrayValues(*self._spread(lower, lower if upper is None else upper), self.open if exact else None)
-        return _Values(self.parts, values)
+        return _lifted(self.parts.ways, self.yes.astype(np.float64), self.open, (lower, upper, rest, exact))
 
-    def _spread(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
-        low = self.yes.astype(np.float64)
-        high = low.copy()
-        low[self.open], high[self.open] = lower, upper
-        return (low, low) if lower is upper else (low, high)
+
+@dataclass(frozen=True, eq=False)
+class ShorterReward:
+    """The expected reward until `right` is reached, as equations over the states that are left and where it is finite."""
+
+    parts: Shorter
+    certain: Bools = field(repr=False)
+    direction: str | None
+
+    @staticmethod
+    def of(parts: Shorter, direction: str | None) -> ShorterReward:
+        """Graph analysis first: the least reward is finite where some strategy reaches almost surely, the greatest where all do."""
+        found = ShorterReward(parts, parts.prob1({"min": "max", "max": "min", None: None}[direction]), direction)
+        parts.forget()
+        return found
+
+    @cached_property
+    def open(self) -> Bools:
+        """Which of the n+2 are unknowns."""
+        members = self.certain.copy()
+        members[self.parts.n :] = False
+        return members
+
+    @cached_property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return int(np.count_nonzero(self.open))
+
+    def problem(self) -> tuple[LinearProblem, Bools]:
+        """The equations, and which of their rows surely stay where the reward is finite. As in `ShorterUntil`, to be asked for once."""
+        assert self.parts.earned is not None
+        assert self.parts.matrix.groups is not None
+        earned = take_rows(self.parts.earned, self.parts.matrix.groups, self.open.view(np.uint8))
+        matrix, into, leave = _among(self.parts.matrix, self.open, ~self.certain, self.direction)
+        return LinearProblem(earned, matrix, None, leave, self.direction, False), into == 0.0
+
+    def lift(
+        self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[SymbolicSet, float]] = (), exact: bool = False
+    ) -> SymbolicValues:
+        """Values on all states. `rest` must be empty: what is 0 and infinite is known here."""
+        return _lifted(self.parts.ways, np.where(self.certain, 0.0, np.inf), self.open, (lower, upper, rest, exact))
+
+
+def _among(m: SparseMatrix, open_: Bools, member: Bools, direction: str | None) -> tuple[SparseMatrix, Floats, Floats]:
+    """The matrix among some states, written over m; per row, what enters members that are not among them, and what leaves."""
+    assert m.groups is not None
+    n = int(np.count_nonzero(open_))
+    place = np.full(m.columns, -1, np.int32)
+    place[open_] = np.arange(n, dtype=np.int32)
+    groups, into, leave, entries = kernel.unknowns(m.indptr, m.indices, m.data, m.groups, member.view(np.uint8), place, n)
+    rows = m.indptr[: len(into) + 1], m.indices[:entries], m.data[:entries]
+    return SparseMatrix(*rows, n, None if direction is None else groups), into, leave
+
+
+_Lift = tuple[Floats, Floats | None, Sequence[tuple[SymbolicSet, float]], bool]
+
+
+def _lifted(ways: Ways, known: Floats, open_: Bools, found: _Lift) -> SymbolicValues:
+    lower, upper, rest, exact = found
+    if rest:
+        raise ValueError("constants on sets are not asked for here")
+    low = known.copy()
+    low[open_] = lower
+    high = low
+    if upper is not None and upper is not lower:
+        high = known.copy()
+        high[open_] = upper
+    return _Values(ways, ArrayValues(low, high, open_ if exact else None))
 
 
 class _Values(LazyValues):
     """Values by where a state leads; written out for all states only if somebody asks for that."""
 
-    def __init__(self, parts: Shorter, values: ArrayValues) -> None:
-        super().__init__(parts.diagrams, partial(_pieces, parts, values, parts.diagrams.states))
-        vars(self).update(_parts_of=partial(_pieces, parts, values), _exact=values.exact)
+    def __init__(self, ways: Ways, values: ArrayValues) -> None:
+        super().__init__(ways.diagrams, partial(_pieces, ways, values, ways.diagrams.states))
+        vars(self).update(_parts_of=partial(_pieces, ways, values), _exact=values.exact)
 
     @cached_property
     def exact(self) -> bool:
@@ -196,17 +311,23 @@ class _Values(LazyValues):
             yield piece.states, piece.values
 
 
-def _pieces(parts: Shorter, values: ArrayValues, states: Bdd) -> tuple[Piece, ...]:
+def _pieces(ways: Ways, values: ArrayValues, states: Bdd) -> tuple[Piece, ...]:
     """The values on some states."""
-    d = parts.diagrams
-    odd = d.odd if states == d.states else Odd(d.manager, states, d.rows)
+    d = ways.diagrams
+    whole = states == d.states
+    odd = d.odd if whole else Odd(d.manager, states, d.rows)
     if not odd.count:
         return ()
-    place = parts.place if states == d.states else parts.place[odd.places(d.odd)]
-    low = values.lower[place]
-    high = low if values.upper is values.lower else values.upper[place]
+    places = slice(None) if whole else odd.places(d.odd)
+    place = ways.place[places]
+    low, high = values.lower[place], values.upper[place]
     computed = None if values.computed is None else values.computed[place]
+    if ways.along is not None:
+        along = ways.along[places]
+        low, high = low + along, high + along
+        computed = None if computed is None else computed | (along > 0.0)
+    if values.upper is values.lower:
+        high = low
     if low.min() == low.max() and high.min() == high.max() and (computed is None or computed.all() or not computed.any()):
-        piece = constant_piece(states, float(low[0]), float(high[0]), computed is not None and bool(computed[0]))
-        return merged(d, [piece])
+        return (constant_piece(states, float(low[0]), float(high[0]), computed is not None and bool(computed[0])),)
     return (Piece(states, ArrayValues(low, high, computed), odd),)

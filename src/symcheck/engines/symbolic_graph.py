@@ -14,7 +14,7 @@ from symcheck.dd.manager import Bdd
 from symcheck.engines.diagrams import Diagrams
 from symcheck.engines.symbolic_components import Components
 from symcheck.engines.symbolic_components import Owner as ComponentsOwner
-from symcheck.engines.symbolic_forced import Shorter, ShorterUntil, forced_states, shorter
+from symcheck.engines.symbolic_forced import Shorter, ShorterReward, ShorterUntil, forced_states, shorter
 from symcheck.engines.symbolic_sets import SymbolicSet
 from symcheck.engines.symbolic_steps import Steps, TooSlowError, check
 from symcheck.machine import memory
@@ -28,10 +28,7 @@ __all__ = ["Owner", "SymbolicGraph"]
 PATIENCE = 0.25
 """Seconds that a search on diagrams gets before it is done on rows, where these are few."""
 
-PATIENCE_PER_ROW = 2e-8
-"""Seconds more for each transition: what writing it out takes, and sorting it by where it leads."""
-
-FEW_ROWS = 40_000_000
+FEW_ROWS = 10_000_000
 """Transitions that are few enough for that, unless the engine has a limit of its own."""
 
 LARGE = 5_000_000
@@ -130,7 +127,7 @@ class SymbolicGraph:
     def _deadline(self) -> float | None:
         """When to stop asking diagrams."""
         if self._affordable:
-            return perf_counter() + PATIENCE + PATIENCE_PER_ROW * self.engine.transitions
+            return perf_counter() + PATIENCE
         return perf_counter() + PATIENCE + PATIENCE_PER_STATE * self._d.count if self._shortens else None
 
     @cached_property
@@ -152,18 +149,9 @@ class SymbolicGraph:
         unlimited = self.observer is None and self.engine.rows_limit is None
         return unlimited and self.engine.model.type is not ModelType.CTMC and self._d.count >= LARGE
 
-    @cached_property
-    def _last_shorter(self) -> dict[tuple[Bdd, Bdd], Shorter | None]:
-        return {}
-
-    def _shorter(self, left: Bdd, right: Bdd) -> Shorter | None:
-        """The question without its forced states, where memory reaches; the last one is kept."""
-        if not self._shortens:
-            return None
-        if (left, right) not in self._last_shorter:
-            self._last_shorter.clear()
-            self._last_shorter[left, right] = shorter(self._d, left, right, int(SHORTER_SHARE * memory()))
-        return self._last_shorter[left, right]
+    def _shorter(self, left: Bdd, right: Bdd, reward: int | None = None) -> Shorter | None:
+        """The question without its forced states, where memory reaches."""
+        return shorter(self._d, left, right, int(SHORTER_SHARE * memory()), reward) if self._shortens else None
 
     def until(self, left: SymbolicSet, right: SymbolicSet, direction: str | None) -> ShorterUntil | None:
         """Equations for the probabilities of left U right without forced states.
@@ -178,10 +166,29 @@ class SymbolicGraph:
             no, yes = (self._certain(kind, left.bdd, right.bdd, direction, deadline) for kind in ("prob0", "prob1"))
         except TooSlowError:
             return self._equations(left.bdd, right.bdd, direction)
-        unknown = self._set(self._d.states - no - yes)
-        if unknown.count < LARGE or 2 * self._set(unknown.bdd & forced_states(self._d)).count < unknown.count:
+        unknown = self._d.states - no - yes
+        return self._equations(unknown | yes, yes, direction) if self._mostly_forced(unknown) else None
+
+    def reach_reward(self, structure: int, target: SymbolicSet, direction: str | None) -> ShorterReward | None:
+        """The same for the expected reward until `target` is reached; None too where a reward is negative or infinite."""
+        if not self._shortens or self._affordable:
             return None
-        return self._equations(unknown.bdd | yes, yes, direction)
+        against = {"min": "max", "max": "min", None: None}[direction]
+        certain = self._d.states
+        try:
+            certain = self._certain("prob1", certain, target.bdd, against, self._deadline)
+        except TooSlowError:
+            pass
+        else:
+            if not self._mostly_forced(certain - target.bdd):
+                return None
+        parts = self._shorter(certain, target.bdd, structure)
+        return None if parts is None else ShorterReward.of(parts, direction)
+
+    def _mostly_forced(self, unknown: Bdd) -> bool:
+        """Whether many states are unknown, and without forced ones half as many or less."""
+        count = self._set(unknown).count
+        return count >= LARGE and 2 * self._set(unknown & forced_states(self._d)).count >= count
 
     def _certain(self, kind: str, left: Bdd, right: Bdd, direction: str | None, deadline: float | None) -> Bdd:
         find = self._prob0 if kind == "prob0" else self._prob1
@@ -189,7 +196,6 @@ class SymbolicGraph:
 
     def _equations(self, left: Bdd, right: Bdd, direction: str | None) -> ShorterUntil | None:
         parts = self._shorter(left, right)
-        self._last_shorter.clear()  # the rows belong to the equations from now on
         return None if parts is None else ShorterUntil.of(parts, direction)
 
     # reachability
