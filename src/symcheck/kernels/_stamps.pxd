@@ -107,7 +107,7 @@ cdef extern from *:
             const int64_t first = s, next = (s | 7) + 1;                                                          \
             if (next > HIGH) bits &= (1u << (HIGH - s)) - 1;                                                      \
             if (bits == 255) { for (s = first; s < first + 8; s++) { DO } }                                       \
-            else for (s = first; bits; bits >>= 1, s++) if (bits & 1) { DO }                                      \
+            else for (; bits; bits &= bits - 1) { s = first + __builtin_ctz(bits); DO }                           \
             s = next;                                                                                             \
         }
 

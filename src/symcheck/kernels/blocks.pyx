@@ -81,14 +81,17 @@ cdef class Blocks(Cut):
                 clipped_small(self.small + block.start, block.runs, values, x + place.col, base + place.row,
                               low - <int64_t>place.row, high - <int64_t>place.row)
 
-    cdef bint _fresh(self, int64_t root, int64_t part, const double[::1] x, double* y, bint clean) noexcept nogil:
-        """y = A x on the rows of a part, where `clean` says that y is 0 already; whether it is 0 after that."""
-        cdef bint empty = x.shape[0] == 0 or self.starts[root, part] == self.starts[root, part + 1]
-        if not clean:
-            memset(y, 0, (self.bounds[part + 1] - self.bounds[part]) * 8)
-        if not empty:
+    cdef void _fresh(self, int64_t root, int64_t part, const double[::1] x, double* y, int64_t* used) noexcept nogil:
+        """y = A x on the rows of a part, of which only used[0] to used[1] may differ from 0 before; these say so of it after."""
+        cdef int64_t i, low = self.bounds[part], high = self.bounds[part + 1], first = high, last = low
+        if used[1] > used[0]:
+            memset(y + used[0] - low, 0, (used[1] - used[0]) * 8)
+        if x.shape[0]:
+            for i in range(self.starts[root, part], self.starts[root, part + 1]):
+                first = min(first, <int64_t>self.places[i].row)
+                last = max(last, <int64_t>self.places[i].row + self.blocks[self.places[i].block].rows)
             self._add(root, part, &x[0], y)
-        return empty
+        used[0], used[1] = max(first, low), min(last, high)
 
     def multiply(self, int root, const double[::1] x, double[::1] y, int64_t first=0, int64_t last=-1):
         """y = A x on the rows of the parts first .. last: x float64[columns], y float64[rows]."""
@@ -111,7 +114,7 @@ cdef class Blocks(Cut):
         cdef int64_t p, s, root, begin, end
         cdef double* part
         cdef int64_t* at
-        cdef bint clean
+        cdef int64_t used[2]
         last = self._check(0, groups.shape[0] - 1, x.shape[0], first, last)
         part = <double*>malloc(self._longest() * 8)
         at = <int64_t*>malloc(self._longest() * 8)
@@ -124,9 +127,9 @@ cdef class Blocks(Cut):
                 begin, end = self.bounds[p], self.bounds[p + 1]
                 for s in range(begin, end):
                     at[s - begin] = groups[s]
-                clean = False
+                used[0], used[1] = begin, end
                 for root in range(self.roots):
-                    clean = self._fresh(root, p, x, part, clean)
+                    self._fresh(root, p, x, part, used)
                     scatter(&present[root, 0], begin, end, part, at, &out[0])
         free(part)
         free(at)
@@ -140,7 +143,7 @@ cdef class Blocks(Cut):
         cdef int64_t p, s, root, begin, end
         cdef double* part
         cdef int64_t* at
-        cdef bint clean
+        cdef int64_t used[2]
         cdef double value
         last = self._check(0, out.shape[0], x.shape[0], first, last)
         part = <double*>malloc(self._longest() * 8)
@@ -155,9 +158,9 @@ cdef class Blocks(Cut):
                 for s in range(begin, end):
                     at[s - begin] = groups[s]
                     out[s] = -INFINITY if greatest else INFINITY
-                clean = False
+                used[0], used[1] = begin, end
                 for root in range(self.roots):
-                    clean = self._fresh(root, p, x, part, clean)
+                    self._fresh(root, p, x, part, used)
                     if constant.shape[0] == 0:
                         improve(&present[root, 0], begin, end, part, &out[0], greatest)
                         continue
