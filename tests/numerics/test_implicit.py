@@ -10,6 +10,7 @@ from symcheck.numerics import implicit, transient
 from symcheck.numerics.implicit import implicit_values
 from symcheck.numerics.matrix import Floats, SparseMatrix
 from symcheck.numerics.settings import Accuracy
+from symcheck.numerics.split import scaled
 from symcheck.numerics.transient import transient_values
 
 EVERYWHERE = Accuracy(epsilon=1e-6)
@@ -62,20 +63,22 @@ def test_rows_may_sum_to_more_than_their_exit_rate(seed: int) -> None:
     """As they do where values are divided by weights: the error grows as exp(Q t) may."""
     generator, rates, leave = stiff(40, seed)
     weights, gain = 10.0 ** np.random.default_rng(seed).uniform(-0.02, 0.02, 40), np.ones(40)
-    scaled = transient._scaled(rates, weights)
-    found = implicit_values(scaled, leave, np.zeros(40), gain / weights, 0.02, np.arange(40), Accuracy(epsilon=1e9, relative=False))
+    relative = scaled(rates, weights)
+    found = implicit_values(relative, leave, np.zeros(40), gain / weights, 0.02, np.arange(40), Accuracy(epsilon=1e9, relative=False))
     assert found is not None
     truth = exact(generator, np.zeros(40), gain, 0.02) / weights
     assert np.max(np.abs(found.values - truth)) <= found.error
 
 
-def test_weights_are_about_the_values_and_grow_as_slowly_as_asked() -> None:
+@pytest.mark.parametrize("quick", [1500, 0])
+def test_weights_are_about_the_values_and_grow_as_slowly_as_asked(quick: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(implicit, "QUICK", quick)  # by elimination, or not
     generator, rates, leave = stiff(60, 4, 0.3)
     gain = np.zeros(60)
     gain[0] = 1e-3
-    weights = implicit.importance(rates, leave, gain, 20.0)
+    weights = implicit.importance(rates, leave, gain, 20.0, np.full(60, 1e-4))
     assert weights is not None
-    assert np.max(generator @ weights / weights) <= implicit.MILD / 20.0 * (1 + 1e-9)
+    assert np.max(generator @ weights / weights) <= implicit.MILD / 20.0 * 1.01
     ratio = exact(generator, np.zeros(60), gain, 20.0) / weights
     assert ratio.max() <= 100.0 * ratio.min()
 
@@ -124,3 +127,13 @@ def test_what_is_rare_is_left_to_uniformisation(monkeypatch: pytest.MonkeyPatch)
     gain[20] = 1e-9
     found = transient_values(slow, leave + 1.0, 20.0, Accuracy(), gain=gain, interest=np.array([0], np.int64))
     assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]
+
+
+@pytest.mark.parametrize("poles", [(15.0,), (20.0, 150.0, 800.0), (3.0, 1e4)])
+def test_poles_may_be_any(poles: tuple[float, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(implicit, "DIRECT", 0)
+    generator, rates, leave = stiff(60, 2, 0.3)
+    start, gain = np.linspace(1.0, 2.0, 60), np.ones(60)
+    found = implicit_values(rates, leave, start, gain, 2.0, np.arange(60), Accuracy(epsilon=1e9, relative=False), poles=poles)
+    assert found is not None
+    assert np.max(np.abs(found.values - exact(generator, start, gain, 2.0))) <= found.error

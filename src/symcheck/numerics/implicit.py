@@ -12,6 +12,7 @@ as exp(Q t) does not enlarge the greatest entry. p is a polynomial per interval 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,19 +22,22 @@ from symcheck.kernels.eliminate import Elimination
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.problem import Observer, Step
 from symcheck.numerics.settings import Settings
-from symcheck.numerics.split import Split
+from symcheck.numerics.split import Split, relative_solution
 from symcheck.records import dataclass
 
-__all__ = ["Implicit", "implicit_values", "importance"]
+__all__ = ["Implicit", "excess", "implicit_values", "importance"]
 
 ROUND = 2.0**-53
 SIZES = (8, 12, 18, 24, 30, 36, 44, 52, 60)  # of the space, at which the defect is measured
 MORE = (75, 90, 110, 130, 160, 200)  # where vectors are cheap
 MILD = 1.0  # a of the weights
-POLE = 15.0  # γ is the time over this
 STEPS = 400  # of BiCGStab, per vector
+POLE = 10.0  # with elimination there is one only
 DIRECT, OPERATIONS = 50_000, 1500  # states up to which elimination is tried instead, and operations that it may need per entry
+QUICK = 1500  # operations per entry, likewise, for weights
+ROUGH = 1e-8  # residual of weights, in terms of a guess
 SOLVED = 1e-12  # residual of a vector, relative
+EARLY = 3  # sizes that are not judged by
 EASE = 1e3  # at most: what is left of a vector is worth so much less, at the end, than of the first
 DEGREE = 10  # of the polynomials in time
 SLICE = 65_536  # states at a time, where all at once would take a copy of the space
@@ -62,19 +66,19 @@ def implicit_values(
     interest: Int64s,
     settings: Settings,
     observer: Observer | None = None,
+    poles: tuple[float, ...] = (15.0,),
 ) -> Implicit | None:
     """x(time) of x' = Q x + gain, x(0) = start, near enough at the states of interest; None where that is not found.
 
     rates, exit_rates: as in `transient_values`, but rows may sum to somewhat more than their exit rate (where values were divided
-    by weights). interest: at least one. Memory: two vectors per vector of the space.
+    by weights). interest: at least one. poles: γ is the time over these, in turn. Memory: two vectors per vector of the space.
     """
-    system = _System.of(rates, exit_rates, time / POLE)
+    system = _System.of(rates, exit_rates, tuple(time / p for p in poles), time / POLE)
     speed = system.generator(start) + (0.0 if gain is None else gain)
     slip = (system.longest + 6) * ROUND * 2.0 * system.fastest * time
     # Roundings in `speed` act for all the time; rows of Q may sum to a little more than 0.
     fixed = slip * float(np.max(np.abs(start))) + 4.0 * ROUND * time * float(np.max(np.abs(speed)))
-    excess = max(0.0, float(np.max(sparse.row_sums(rates.indptr, rates.data) - exit_rates)))
-    growth = math.exp(slip + excess * time)
+    growth = math.exp(slip + excess(rates, exit_rates) * time)
     space = _Space.of(system, speed, max(SIZES + MORE))
     widths: list[float] = []
     goal = math.inf
@@ -104,20 +108,28 @@ def implicit_values(
     return None
 
 
-def importance(rates: SparseMatrix, exit_rates: Floats, gain: Floats, time: float) -> Floats | None:
-    """(a/T - Q)^-1 gain: weights in terms of which the values at up to that time differ less; None where that costs much.
+def importance(rates: SparseMatrix, exit_rates: Floats, gain: Floats, time: float, guess: Floats) -> Floats | None:
+    """(a/T - Q)^-1 gain: weights in terms of which the values at up to that time differ less; None where they are not found.
 
-    Divided by them, rows of Q sum to at most a/T, so that exp(Q t) still enlarges the greatest entry by exp(a) only.
+    Divided by them, rows of Q sum to at most about a/T, so that exp(Q t) still enlarges the greatest entry by exp(a) only.
+    guess: positive, about as large as they are, to within some orders of magnitude.
     """
-    if rates.states > DIRECT:
-        return None
     rest = MILD / time
     scale = 1.0 / (exit_rates + rest)
-    data = rates.data * np.repeat(scale, np.diff(rates.indptr))
-    leaves = np.maximum(exit_rates - sparse.row_sums(rates.indptr, rates.data), 0.0) + rest
-    factors = Elimination(rates.indptr, rates.indices, data, leaves * scale, OPERATIONS * rates.entries)
-    found = factors.solve(gain * scale) if factors.complete else None
-    return found if found is not None and bool(np.all(found > 0.0)) else None
+    if rates.states <= DIRECT:
+        data = rates.data * np.repeat(scale, np.diff(rates.indptr))
+        leaves = np.maximum(exit_rates - sparse.row_sums(rates.indptr, rates.data), 0.0) + rest
+        factors = Elimination(rates.indptr, rates.indices, data, leaves * scale, QUICK * rates.entries)
+        found = factors.solve(gain * scale) if factors.complete else None
+        if found is not None:
+            return found if bool(np.all(found > 0.0)) else None
+    scale = 1.0 / (exit_rates + rest - eisenstat.loops(rates.indptr, rates.indices, rates.data))
+    return relative_solution(rates, scale, gain, guess, ROUGH)
+
+
+def excess(rates: SparseMatrix, exit_rates: Floats) -> float:
+    """By how much the sum of a row exceeds its exit rate, at most."""
+    return max(0.0, float(np.max(sparse.row_sums(rates.indptr, rates.data) - exit_rates)))
 
 
 def _ease(widths: list[float]) -> float:
@@ -130,9 +142,11 @@ def _converges(widths: list[float], goal: float, sizes: tuple[int, ...]) -> bool
     if not np.isfinite(widths[-1]):
         return False
     made = len(widths) - 1
-    # The first size is too early to judge by.
-    rate = (widths[-1] / widths[1]) ** (1.0 / (sizes[made] - sizes[1])) if made > 1 else 0.0
-    return widths[-1] * rate ** (sizes[-1] - sizes[made]) <= goal
+    if made < EARLY:
+        return True
+    # Going by the whole way, or by its last part, whichever promises more.
+    rate = min((widths[-1] / widths[i]) ** (1.0 / (sizes[made] - sizes[i])) for i in (1, made - 1))
+    return bool(widths[-1] * rate ** (sizes[-1] - sizes[made]) <= goal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,21 +155,25 @@ class _System:
 
     rates: SparseMatrix
     exit_rates: Floats
-    pole: float
-    scale: Floats
+    poles: tuple[float, ...]
     fastest: float
     longest: int
     factors: Elimination | None
+    diagonal: Floats
     split: Split | None
 
     @staticmethod
-    def of(rates: SparseMatrix, exit_rates: Floats, pole: float) -> _System:
-        diagonal = 1.0 + pole * (exit_rates - eisenstat.loops(rates.indptr, rates.indices, rates.data))
-        scale = 1.0 / diagonal
-        factors = _factors(rates, pole * scale) if rates.states <= DIRECT else None
-        split = None if factors is not None else Split.of(rates, pole * scale)
+    def of(rates: SparseMatrix, exit_rates: Floats, poles: tuple[float, ...], single: float) -> _System:
+        diagonal = exit_rates - eisenstat.loops(rates.indptr, rates.indices, rates.data)
+        factors = _factors(rates, single / (1.0 + single * diagonal)) if rates.states <= DIRECT else None
+        split = None if factors is not None else Split.of(rates, diagonal)
         longest = int(np.max(np.diff(rates.indptr), initial=0))
-        return _System(rates, exit_rates, pole, scale, float(np.max(exit_rates, initial=0.0)), longest, factors, split)
+        poles = (single,) if split is None else poles
+        return _System(rates, exit_rates, poles, float(np.max(exit_rates, initial=0.0)), longest, factors, diagonal, split)
+
+    def pole(self, j: int) -> float:
+        """The pole of vector j."""
+        return self.poles[j % len(self.poles)]
 
     def generator(self, v: Floats) -> Floats:
         """Q v."""
@@ -205,7 +223,7 @@ class _Space:
         """Up to so many vectors; False where the equations are not solved soon, or nothing new comes up."""
         while self.made < size:
             j = self.made
-            found = self._inverse(self.basis[j] * self.system.scale, ease)
+            found = self._inverse(self.basis[j], self.system.pole(j), ease)
             if found is None:
                 return False
             for _ in range(2):  # orthogonalised twice: once is not enough
@@ -220,16 +238,21 @@ class _Space:
             self.made += 1
         return True
 
-    def _inverse(self, right: Floats, ease: float) -> Floats | None:
+    def _inverse(self, v: Floats, pole: float, ease: float) -> Floats | None:
+        """(I - γ Q)^-1 v."""
+        scale = 1.0 / (1.0 + pole * self.system.diagonal)
+        right = v * scale
         if self.system.factors is not None:
             return self.system.factors.solve(right)
         assert self.system.split is not None
+        scale *= pole
+        split = replace(self.system.split, scale=scale, steps=0)
         goal = SOLVED * ease * float(np.max(np.abs(right)))
-        for count, (x, rest) in enumerate(self.system.split.solve(right)):
+        for x, rest in split.solve(right):
             self.steps += 1
             if rest <= goal:
-                return self.system.split.above(x)
-            if count > STEPS:
+                return split.above(x)
+            if split.steps > STEPS:
                 break
         return None
 
@@ -238,7 +261,8 @@ class _Space:
         inverse = np.linalg.inv(self.inverse[:size, :size])
         first = np.zeros(size)
         first[0] = self.length
-        return self.basis[:size], (np.eye(size) - inverse) / self.system.pole, first
+        slow = 1.0 / np.array([self.system.pole(j) for j in range(size)])
+        return self.basis[:size], (self.inverse[:size, :size] - np.eye(size)) * slow @ inverse, first
 
 
 @dataclass(frozen=True, eq=False)

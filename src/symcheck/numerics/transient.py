@@ -21,12 +21,13 @@ import numpy as np
 from symcheck.errors import NumericalError
 from symcheck.kernels import sparse
 from symcheck.numerics.chain import ROUND, Chain, Visits, uniformise
-from symcheck.numerics.implicit import implicit_values, importance
+from symcheck.numerics.implicit import excess, implicit_values, importance
 from symcheck.numerics.later import value_from
 from symcheck.numerics.matrix import Floats, Int64s, SparseMatrix
 from symcheck.numerics.poisson import poisson
 from symcheck.numerics.problem import Observer, Operator, Step
 from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.numerics.split import scaled
 from symcheck.numerics.truncate import truncate
 from symcheck.records import dataclass, field
 
@@ -35,9 +36,11 @@ __all__ = ["Transient", "transient_distribution", "transient_values"]
 TINY = 1e-300  # more than 1e7 steps with 1e3 roundings each lose to underflow, 1e7 times over
 LOOK = 50  # steps between two looks at the stopping test
 BUDGET = 1e10  # entries to go over, at most, before states are cut off that do not matter (a tenth of it if the whole is hopeless)
-PATIENCE = 0.03  # of the entries to go over in all, likewise
+PATIENCE = 0.01  # of the entries to go over in all, likewise
 HOPELESS = 1e12  # entries to go over in all
 LONG, STIFF = 2e3, 1e10  # steps, and entries to go over in all, from which on implicit means are tried
+POLES: tuple[float, ...] = (15.0,)  # γ is the time over these, in turn
+WIDE: tuple[float, ...] = (20.0, 150.0, 800.0)  # in terms of weights, where what is fast goes on all the time
 SELDOM = 0.01  # of the states, where gain comes from
 LAYER = 200.0  # steps of uniformisation before that
 EARLY = 4000.0  # steps until the early time from which on fewer states are kept
@@ -150,15 +153,17 @@ def _implicit(
     if chain.q * time < LONG or chain.q * time * chain.entries < STIFF:
         return None
     fine = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
-    # In terms of weights, what the window leaves out may be great.
-    tail = 1e-16 if weights is None else 1e-300
-    first = _sum(chain, start / chain.q if source else start, layer, source, fine, None, observer, tail=tail)
+    growth, later, scale, poles = 1.0, 1.0, np.ones(1), POLES
+    if weights is not None:
+        rates, scale, poles = scaled(rates, weights), weights, WIDE
+        start = start / weights
+        chain = uniformise(rates, exit_rates)
+        growth, later = (math.exp(t * excess(rates, exit_rates)) for t in (4.0 * layer, time))
+    first = _sum(chain, start / chain.q if source else start, layer, source, fine, None, observer, tail=1e-16, growth=growth)
     assert first is not None
-    scale = np.ones(len(start)) if weights is None else weights
-    near, middle = float(np.max((first.upper - first.lower) / scale)), first.middle / scale
-    gain = start / scale if source else None
-    scaled = rates if weights is None else _scaled(rates, weights)
-    found = implicit_values(scaled, exit_rates, middle, gain, time - layer, interest, settings, observer)
+    near = later * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
+    gain = start if source else None
+    found = implicit_values(rates, exit_rates, first.middle, gain, time - layer, interest, settings, observer, poles)
     if found is None:
         return None
     error = (found.error + near) * scale
@@ -169,12 +174,6 @@ def _implicit(
     note = f"uniformisation, {first.iterations} steps, then implicitly: {found.vectors} vectors, {found.steps} steps of BiCGStab"
     made = first.iterations + found.steps
     return Transient(lower, upper, made, note, {"steps": made, "steps_without_shortcut": math.ceil(chain.q * time)})
-
-
-def _scaled(rates: SparseMatrix, weights: Floats) -> SparseMatrix:
-    """diag(w)^-1 rates diag(w)."""
-    owner = np.repeat(1.0 / weights, np.diff(rates.indptr))
-    return SparseMatrix(rates.indptr, rates.indices, rates.data * weights[rates.indices] * owner, rates.columns)
 
 
 def _budget(chain: Chain, time: float) -> float:
@@ -207,12 +206,14 @@ def _sum(
     budget: float = math.inf,
     visits: Visits | None = None,
     tail: float = 1e-300,
+    growth: float = 1.0,
 ) -> Transient | None:
     """Sum of weight_k * P^k start over the Poisson window, or less where a proof ends it early.
 
     source: weights P(N > k), else P(N = k). mass: start is a distribution (its sum does not grow), else a value (its greatest
     entry does not grow). None where it takes more than `budget` entries to go over. visits: see there.
-    tail: weights below so much of the greatest are left out, and counted as an error.
+    tail: weights below so much of the greatest are left out, and counted as an error. growth: of the greatest entry at most, in all
+    steps that count (values are then not looked at for what is negligible).
     """
     window = poisson(chain.q * time, tail)
     weights = window.tails() if source else window.masses()
@@ -222,14 +223,14 @@ def _sum(
     slip = (chain.longest + 6) * ROUND
     while True:
         # Entries that have become negligible where it matters must not hide that the others have settled.
-        floor = 0.0 if mass or k == 0 else 1e-3 * settings.epsilon * float(pick(y).min(initial=np.inf)) / len(weights)
+        floor = 0.0 if mass or k == 0 or growth > 1.0 else 1e-3 * settings.epsilon * float(pick(y).min(initial=np.inf)) / len(weights)
         floor = floor if np.isfinite(floor) else 0.0
         y, z, low, high, most = chain.advance(y, z, total, weights.part(k, k + look), floor)
         k += look
         error = (k + 4) * slip + 1e-10
         below = total * (1.0 - error)
         ahead = weights.rest(k) + window.missing
-        size = float(y.sum()) if mass else most
+        size = float(y.sum()) if mass else most * growth
         above = total * (1.0 + error) + ahead * size * (1.0 + error)
         if observer is not None:
             observer(Step("uniformisation", k, high - low, len(start)))
@@ -281,7 +282,7 @@ def _truncated(
     at = place[interest].astype(np.int64)
     assert cut is not None
     chain = uniformise(matrix, exit_rates[kept])
-    weights = importance(matrix, exit_rates[kept], gain[kept], time)
+    weights = importance(matrix, exit_rates[kept], gain[kept], time, cut.values)
     found = None
     if weights is not None:
         found = _implicit(chain, matrix, exit_rates[kept], gain[kept], time, True, settings, at, observer, weights)
