@@ -28,8 +28,8 @@ class Options:
     bisim: check each formula on the quotient by the coarsest bisimulation that keeps what it speaks of.
     everywhere: find the answer to the accuracy wanted at every state, not only where the result reads it (the initial states, or
         those of a filter). Without it, large models may have wider bounds elsewhere, or undecided comparisons taken as false.
-    order: variables from the top of the diagrams down (the rest follows as declared), or ('force',): an order that is looked
-        for. None: as declared. Another order numbers the states otherwise.
+    order: variables from the top of the diagrams down (the rest follows as declared), or ('force',) or ('sift',): an order
+        that is looked for. None: as declared. Another order numbers the states otherwise.
     ltl2da: program that makes automata of formulas of linear time, called with the names of a formula file and a HOA file.
     ltl2da_syntax: how it reads formulas: 'lbt', 'spin', 'spot' or 'rabinizer'.
     """

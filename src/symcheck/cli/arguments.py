@@ -166,7 +166,7 @@ def _model(parser: _Parser) -> None:
     parser.add("nofixdl", dest="fix_deadlocks", action="store_false", help="a deadlock is an error")
     parser.add("noprobchecks", dest="check_sums", action="store_false", default=True, help="accept probabilities that do not sum to 1")
     parser.add("reduce", action="store_true", help="reset variables that nothing will read again: fewer states")
-    parser.add("order", metavar="X,Y,…|force", help="variables from the top of the diagrams down, or an order to be looked for")
+    parser.add("order", metavar="X,Y,…|force|sift", help="variables from the top of the diagrams down, or how to look for an order")
     parser.add("cuddmaxmem", metavar="SIZE", type=_memory, help="memory of diagrams, or of an explicit search, at most, such as 4g")
     parser.add("timeout", metavar="TIME", type=_seconds, help="time of the run at most, such as 90, 5m or 1h")
 

@@ -17,9 +17,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from math import prod
 from time import perf_counter, process_time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from symcheck.engines.base import Engine
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
@@ -75,6 +76,7 @@ def choose(model: BoundModel, options: BuildSettings, observer: Observer | None 
     from symcheck.kernels.explore import give_back
 
     if model.initial is not None and _valuations(model) > _ENUMERATED:
+        options = _ordered(model, options, observer)
         return _symbolic(_reach(model, options, None), options, observer, "a search would have to try too many initial states")
     exploration = Exploration(model, options)
     wall, busy = perf_counter(), process_time()
@@ -83,6 +85,7 @@ def choose(model: BoundModel, options: BuildSettings, observer: Observer | None 
     if any(v.low is None for v in model.variables):
         exploration.run(None, observer)
         return _explicit(exploration, observer, "there are integers without bounds")
+    options = _ordered(model, options, observer)
     # Turns are of processor time: on a machine that others use as well, diagrams get as far as on an idle one.
     stretch = min(max((perf_counter() - wall) / max(process_time() - busy, 1e-3), 1.0), _STRETCH)
     for turn, (seconds, states) in enumerate(_TURNS):
@@ -122,6 +125,13 @@ class _Unfinished(TimeLimitError):
     def __init__(self, message: str, found: int) -> None:
         super().__init__(message)
         self.found = found
+
+
+def _ordered(model: BoundModel, options: Any, observer: Observer | None) -> Any:
+    """The options with the order that they ask for as names, so that it is looked for once, and only where diagrams are tried."""
+    from symcheck.symbolic.build import chosen_order
+
+    return options if options.order is None else replace(options, order=chosen_order(model, options, observer))
 
 
 def _try_diagrams(model: BoundModel, options: BuildSettings, seconds: float, stretch: float) -> StateSpace | _Missed:

@@ -32,5 +32,5 @@ class BuildSettings(Protocol):
 
     @property
     def order(self) -> tuple[str, ...] | None:
-        """Variables from the top of the diagrams down, or ('force',): an order that is looked for; None: as declared."""
+        """Variables from the top of the diagrams down, or ('force',) or ('sift',): one that is looked for; None: as declared."""
         ...

@@ -8,18 +8,16 @@ from typing import TYPE_CHECKING
 from symcheck.errors import told_in_memory
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
-from symcheck.symbolic.commands import encode_event
-from symcheck.symbolic.encode import encode
-from symcheck.symbolic.model import EncodedEvent, StateSpace, SymbolicModel, Transitions
-from symcheck.symbolic.order import variable_order
+from symcheck.symbolic.assemble import assemble
+from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
+from symcheck.symbolic.order import is_sifted, variable_order
 from symcheck.symbolic.reach import reach
-from symcheck.symbolic.relations import group_relations
-from symcheck.symbolic.translate import Limits, Translator
+from symcheck.symbolic.translate import Limits
 
 if TYPE_CHECKING:
-    from symcheck.dd.manager import Bdd, DiagramManager
+    from symcheck.dd.manager import DiagramManager
 
-__all__ = ["Observer", "build", "construct", "explored", "initial_states"]
+__all__ = ["Observer", "build", "chosen_order", "construct", "explored"]
 
 Observer = Callable[[object], None]
 
@@ -36,25 +34,32 @@ def build(
 ) -> SymbolicModel:
     """Encode a model: bits, guards, updates, relations. Reachability and matrices come after (`reach`, `transitions`).
 
-    `observer` gets each EncodedEvent as it is made. `order`: names of variables from the top of the diagrams down;
-    by default what the options say.
+    `observer` gets a SiftedOrder where one is found, and each EncodedEvent as it is made. `order`: names of variables from the
+    top of the diagrams down; by default what the options say.
     `manager`: a fresh diagram manager to build in. Raises UnsupportedError for unbounded integers, ResourceError at a limit.
     """
+    order = order or chosen_order(model, options, observer)
     if manager is None:
         from symcheck.dd.manager import DiagramManager
 
         manager = DiagramManager(max_memory=options.max_memory, time_limit=options.time_limit)
-    encoding = encode(model, order or variable_order(model, options.order))
-    manager.add_variables(encoding.bits)
-    translator = Translator(manager, encoding, limits)
-    events: list[EncodedEvent] = []
-    for event in model.events:
-        encoded = encode_event(translator, event)
-        events.append(encoded)
-        if observer is not None:
-            observer(encoded)
-    initial = initial_states(model, translator)
-    return SymbolicModel(model, manager, encoding, translator, initial, tuple(events), group_relations(manager, encoding, events))
+    return assemble(model, manager, order, observer, limits=limits)
+
+
+def chosen_order(model: BoundModel, options: BuildSettings, observer: Observer | None = None) -> tuple[str, ...] | None:
+    """The names from the top of the diagrams down that the options stand for; None is declaration order.
+
+    An order that sifting finds is looked for here, and told to the observer as a SiftedOrder. Raises UsageError for a name that
+    no variable has, and what `sift` raises.
+    """
+    if not is_sifted(model, options.order):
+        return variable_order(model, options.order)
+    from symcheck.symbolic.sift import sift
+
+    found = sift(model, options)
+    if observer is not None:
+        observer(found)
+    return found.order
 
 
 def construct(
@@ -77,12 +82,3 @@ def explored(
     if observer is not None:
         observer(space)
     return space
-
-
-def initial_states(model: BoundModel, translator: Translator) -> Bdd:
-    """The initial states: those that satisfy `init … endinit`, or the one that the declarations give."""
-    encoding = translator.encoding
-    if model.initial is None:
-        return translator.state({v.name: v.variable.initial for v in encoding.variables if v.variable.initial is not None})
-    valuations = translator.manager.conjunction([translator.valid(v) for v in reversed(encoding.ordered)])
-    return valuations & translator.boolean_on(model.initial, valuations)

@@ -1,4 +1,4 @@
-"""Orders of the variables, which decide how large diagrams become: given by name, or found by FORCE.
+"""Orders of the variables, which decide how large diagrams become: given by name, or found by FORCE (by sifting: `sift.py`).
 
 FORCE (Aloul, Markov & Sakallah 2003) moves each variable to the mean of the centres of what it occurs in, here the events,
 and repeats that while the spans (how far an event's variables are apart in the order) get smaller.
@@ -15,12 +15,20 @@ from symcheck.errors import UsageError
 from symcheck.semantics.model import BoundModel, Event
 from symcheck.symbolic.expressions import support
 
-__all__ = ["FORCE", "force", "spans", "variable_order"]
+__all__ = ["FORCE", "SIFT", "force", "is_sifted", "spans", "variable_order"]
 
 FORCE = "force"
 """The name that asks for an order found by FORCE, unless a variable is called so."""
 
+SIFT = "sift"
+"""The name that asks for an order found by sifting, unless a variable is called so."""
+
 _ROUNDS = 100
+
+
+def is_sifted(model: BoundModel, asked: Sequence[str] | None) -> bool:
+    """Whether `asked` stands for an order that sifting is to find."""
+    return asked is not None and list(asked) == [SIFT] and all(v.name != SIFT for v in model.variables)
 
 
 def variable_order(model: BoundModel, asked: Sequence[str] | None) -> tuple[str, ...] | None:
