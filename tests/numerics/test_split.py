@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from symcheck.numerics.matrix import Floats, SparseMatrix
-from symcheck.numerics.split import Split
+from symcheck.numerics.split import ANGLE, Split, _steady
 
 
 def chain(n: int, seed: int, values: int | None) -> tuple[Floats, SparseMatrix, Floats]:
@@ -78,3 +78,10 @@ def test_it_goes_on_from_the_true_residual_until_nothing_is_left_to_gain() -> No
     split, right = Split.of(matrix, scale), np.ones(40)
     x = next(x for x, _ in split.solve(right) if split.steps >= 80)
     assert np.allclose(dense @ split.above(x), right, atol=1e-13)
+
+
+def test_steps_are_not_shorter_than_the_angle_allows() -> None:
+    assert _steady(0.9, 1.0, 1.0) == 0.9
+    assert _steady(-0.01, 1.0, 1.0) == pytest.approx(-ANGLE)
+    assert _steady(0.02, 4.0, 1.0) == pytest.approx(ANGLE / 2.0)
+    assert _steady(1.0, 0.0, 1.0) == 0.0

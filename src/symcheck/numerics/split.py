@@ -18,6 +18,7 @@ from symcheck.records import dataclass
 
 __all__ = ["Split", "relative_solution", "scaled"]
 
+ANGLE = 0.7  # cosine, between what is left and what is taken from it
 LOST = 1e-11  # of the greatest residual so far: what is smaller may be its rounding
 SOON, STEPS = 100, 400  # of BiCGStab, for a solution relative to a guess: until a tenth is left, and in all
 FEW, MANY = 256, 65_536  # distinct values that are stored as codes of a byte, and of two
@@ -90,7 +91,7 @@ class Split:
                 alpha = rho / along
                 self._back(r, r, v, 0.0, alpha, t)
                 inner, outer = self._product(r, t, w, q, r)
-                omega = inner / outer if outer > 0.0 else 0.0
+                omega = _steady(inner, outer, float(np.einsum("i,i->", r, r)))
                 before = rho
                 rho, square, most = eisenstat.update(x, p, r, q, shadow, alpha, omega)
                 if not math.isfinite(omega * square):
@@ -115,6 +116,17 @@ class Split:
             return found
         column, row = self.shift
         return eisenstat.shift(out, column, float(np.einsum("i,i->", row, t)), other)
+
+
+def _steady(inner: float, outer: float, square: float) -> float:
+    """The step along t that leaves least of s, or longer where they are far from parallel: steps near 0 lose all that was found.
+
+    Given s·t, t·t and s·s (Sleijpen & van der Vorst 1995).
+    """
+    if not (outer > 0.0 and square > 0.0):
+        return 0.0
+    omega, angle = inner / outer, abs(inner) / math.sqrt(outer) / math.sqrt(square)
+    return omega if angle >= ANGLE or angle == 0.0 else omega * ANGLE / angle
 
 
 def scaled(rates: SparseMatrix, weights: Floats) -> SparseMatrix:
