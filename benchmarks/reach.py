@@ -1,10 +1,11 @@
 """Build time, search time and nodes of the symbolic engine, per model and schedule.
 
-    python benchmarks/reach.py [--only kanban] [--schedule saturation ...] [--order force] [--limit 30] [--out FILE.jsonl]
+    python benchmarks/reach.py [--only kanban] [--schedule saturation ...] [--order sift] [--limit 30] [--out FILE.jsonl]
 
 Needs PRISM's benchmark suite in the folder that SYMCHECK_PEERS names (each model with its models.csv of known numbers of
 states). Every run has a process of its own, so that no run inherits another's diagrams or memory. The counts are
-checked. `peak` is the largest number of live BDD and MTBDD nodes; `memory` the process's largest resident set, in MB.
+checked. With --order sift, `sift` is the part of building that found the order, and `order` what it found. `peak` is the
+largest number of live BDD and MTBDD nodes; `memory` the process's largest resident set, in MB.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ def measure(path: Path, constants: str, schedule: str | None, order: str | None,
     from symcheck.semantics.bind import bind
     from symcheck.symbolic.build import build
     from symcheck.symbolic.reach import reach
+    from symcheck.symbolic.sift import SiftedOrder
     from symcheck.symbolic.transitions import transitions
     from symcheck.syntax.parse import parse_model_file
 
@@ -45,8 +47,12 @@ def measure(path: Path, constants: str, schedule: str | None, order: str | None,
     try:
         model = bind(parse_model_file(path), given)
         times.append(time.perf_counter())
-        symbolic = build(model, options)
+        told: list[object] = []
+        symbolic = build(model, options, told.append)
         times.append(time.perf_counter())
+        for found in told:
+            if isinstance(found, SiftedOrder):
+                result |= {"order": ",".join(found.order), "sift": round(found.seconds, 4)}
         space = reach(symbolic, schedule=schedule)
         times.append(time.perf_counter())
         result |= {"schedule": space.schedule, "states": space.count, "nodes": space.states.node_count}
@@ -66,7 +72,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="part of the model's path or constants")
     parser.add_argument("--schedule", nargs="*", default=[None], help="frontier, chaining, saturation; default: the model's")
-    parser.add_argument("--order", help="variables from the top down, or force; default: as declared")
+    parser.add_argument("--order", help="variables from the top down, or force or sift; default: as declared")
     parser.add_argument("--limit", type=float, default=30, help="seconds per run")
     parser.add_argument("--out", type=Path, help="append results here, one JSON object a line")
     arguments = parser.parse_args()
