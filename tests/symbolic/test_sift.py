@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import gc
+import weakref
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import symcheck
 from symbolic.oracle import assert_same, bound, symbolic
 from symbolic.test_order import partners
 from symcheck.check.options import Options
+from symcheck.dd.manager import DiagramManager
 from symcheck.engines import auto, registry
-from symcheck.errors import MemoryLimitError, UnsupportedError
+from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 from symcheck.exchange.snapshot import snapshot
 from symcheck.semantics.bind import bind
 from symcheck.symbolic import sift as module
@@ -91,9 +94,8 @@ def test_what_is_exported_does_not_depend_on_the_order(name, engine):
     )
     assert (sifted.n, sifted.matrix.indptr.tolist()) == (declared.n, declared.matrix.indptr.tolist())
     assert all(np.array_equal(a, b) for a, b in zip(sifted.columns, declared.columns, strict=True))
-    if model.type.value != "mdp":  # choices of a state are numbered by the engine
-        assert np.array_equal(sifted.matrix.indices, declared.matrix.indices)
-        assert np.allclose(sifted.values, declared.values, rtol=1e-15)
+    assert np.array_equal(sifted.matrix.indices, declared.matrix.indices)
+    assert np.allclose(sifted.values, declared.values, rtol=1e-15)
 
 
 def test_the_default_engine_looks_for_an_order_once_and_tells_it(monkeypatch):
@@ -126,6 +128,38 @@ def test_limits_of_time_end_it_in_some_order():
     assert "as declared" in str(found)
 
 
+def test_a_limit_of_time_in_the_middle_leaves_the_order_reached_by_then(monkeypatch):
+    rounds = []
+
+    def stopped(manager, groups, growth, whole=DiagramManager.sift):
+        rounds.append(len(groups))
+        whole(manager, groups, growth)
+        raise TimeLimitError("no more")
+
+    monkeypatch.setattr(DiagramManager, "sift", stopped)
+    found = sift(bound(partners(6)), Options())
+    assert rounds == [12]
+    assert found.whole
+    assert found.after < found.before / 2
+
+
+def test_diagrams_that_would_be_too_much_work_are_left_as_they_are():
+    found = sift(bound(partners(8)), Options(), SiftLimits(work=1000, parts=(100,)))
+    assert not found.whole
+    assert found.order == tuple(f"{x}{i}" for x in "xy" for i in range(8))
+    assert "a part of the states" in str(found)
+
+
+@pytest.mark.parametrize("engine", ["hybrid", "sparse", "mtbdd"])
+def test_values_are_the_same(engine):
+    folder = MODELS / "kanban"
+    properties = (folder / "kanban.csl").read_text()
+    one, other = (symcheck.load(folder / "kanban.sm", {"t": 1}, engine=engine, order=order) for order in (None, ("sift",)))
+    declared, sifted = ([result.value for _, result in model.check_all(properties)] for model in (one, other))
+    assert declared
+    assert sifted == pytest.approx(declared, rel=2e-6)
+
+
 def test_where_the_declared_order_does_not_fit_it_starts_from_the_one_of_force(monkeypatch):
     orders = []
 
@@ -148,10 +182,16 @@ def test_a_variable_may_be_called_sift():
     assert chosen_order(model, SIFTED) == ("sift",)
 
 
-def test_nothing_of_the_search_for_an_order_is_kept():
-    from symcheck.dd._cudd import Core
+def test_nothing_of_the_search_for_an_order_is_kept(monkeypatch):
+    made: list[weakref.ref[DiagramManager]] = []
+    first = DiagramManager.__init__
 
-    before = sum(isinstance(x, Core) for x in gc.get_referrers(Core))
+    def noted(manager, **named):
+        made.append(weakref.ref(manager))
+        first(manager, **named)
+
+    monkeypatch.setattr(DiagramManager, "__init__", noted)
     sift(bound(partners(4)), Options())
     gc.collect()
-    assert sum(isinstance(x, Core) for x in gc.get_referrers(Core)) == before
+    assert len(made) == 1
+    assert made[0]() is None
