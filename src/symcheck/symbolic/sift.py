@@ -8,7 +8,7 @@ in the order found: all above sees one more static order, and the same order can
 
 What is sifted matters more than how long. Matrices hold the same structure ten times over: with them, sifting kanban t=30 takes
 40 times as long and finds the same; mapk N=8 ends with twice the nodes. A part of the states misleads: the first 2 000 nodes
-of firewire_impl_dl lead to an order with 2.6 times the nodes of the declared one, all of its states to 0.44. So all states are
+of firewire_impl_dl lead to an order with 2.6 times the nodes of the declared one, all of its states to 0.47. So all states are
 searched where that takes a bounded number of look-ups, and a part is taken only where it does not, to search again in the
 order that it gave. Single bits as blocks would gain up to 1.4 beyond whole variables (kanban, wlan) or nothing (csma, egl).
 
