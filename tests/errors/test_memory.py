@@ -26,7 +26,7 @@ def _bound() -> symcheck.BoundModel:
         ("symcheck.check.distribution._prepared", lambda: symcheck.load(DIE).steady_state()),
         ("symcheck.explicit.build.initial_rows", lambda: symcheck.load(DIE).engine),
         ("symcheck.explicit.build.initial_rows", lambda: symcheck.explore(_bound(), symcheck.Options())),
-        ("symcheck.symbolic.build.encode", lambda: symcheck.build(_bound(), symcheck.Options())),
+        ("symcheck.symbolic.assemble.encode", lambda: symcheck.build(_bound(), symcheck.Options())),
         ("symcheck.symbolic.reach.search", lambda: symcheck.reach(symcheck.build(_bound(), symcheck.Options()))),
         ("symcheck.exchange.facade.snapshot", lambda: symcheck.export(symcheck.load(DIE), "die.drn")),
         ("symcheck.exchange.facade.read_files", lambda: symcheck.load_explicit("die.all")),
