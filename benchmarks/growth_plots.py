@@ -152,7 +152,7 @@ def tables(runs: Sequence[Run], good: Sequence[Run], states: dict[tuple[str, int
     tried = {(r.family, r.size, r.engine): r for r in runs}
     lines = [
         "# Growth",
-        "Seconds / MB of whole runs, from `python benchmarks/growth.py`, two cores, at most 45 s (kanban) or 25 s a run. "
+        "Seconds / MB of whole runs, from `python benchmarks/growth.py`, two cores, at most 60 s a run. "
         "Exponents: time, memory, over states. Curves end where the next instance took longer.",
         "",
         "*time*: did not end; *fails*: ended without a value; *wrong*: a value that is further than 1e-3 from most of the others; "
