@@ -78,6 +78,11 @@ class Diagrams:
         """The transitions of positive probability of each slot, over all bits."""
         return tuple(root.to_bdd() for root in self.roots)
 
+    @property
+    def slot_guards(self) -> tuple[Bdd, ...]:
+        """Per slot: the states that have a choice in it."""
+        return (self.states,) if self.guards is None else self.guards
+
     @cached_property
     def levels(self) -> tuple[tuple[Step, ...], ...]:
         """Steps by the topmost variable that they change, lowest in the diagrams first."""
@@ -95,9 +100,7 @@ class Diagrams:
     @cached_property
     def choice_count(self) -> int:
         """Number of choices (states, where there is no nondeterminism)."""
-        if self.guards is None:
-            return self.count
-        return sum(self.manager.count(guard, self.row_cube) for guard in self.guards)
+        return sum(self.manager.count(guard, self.row_cube) for guard in self.slot_guards)
 
     @cached_property
     def _closures(self) -> dict[bool, Closure]:

@@ -35,7 +35,7 @@ __all__ = ["Shorter", "ShorterReward", "ShorterUntil", "Ways", "forced_states", 
 def forced_states(d: Diagrams) -> Bdd:
     """States with one choice, which leads to one state for certain (not of a CTMC: its entries are rates)."""
     seen = twice = d.manager.false
-    for guard in _guards(d):
+    for guard in d.slot_guards:
         twice = twice | (seen & guard)
         seen = seen | guard
     certain = [root.equal(1.0).exists(d.column_cube) for root in d.roots]
@@ -146,12 +146,8 @@ def _bytes(d: Diagrams, kept: Bdd, reward: int | None) -> int:
     """What `shorter` takes at most, graph questions included."""
     both = d.manager.cube([*d.rows, *d.columns])
     entries = sum(d.manager.count(relation & kept, both) for relation in d.slot_relations)
-    rows = sum(d.manager.count(guard & kept, d.row_cube) for guard in _guards(d))
+    rows = sum(d.manager.count(guard & kept, d.row_cube) for guard in d.slot_guards)
     return 20 * (d.count + entries) + 16 * rows + (0 if reward is None else 8 * (d.count + rows))
-
-
-def _guards(d: Diagrams) -> tuple[Bdd, ...]:
-    return d.guards if d.guards is not None else (d.states,)
 
 
 def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: int | None) -> Ways:
@@ -166,7 +162,7 @@ def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: int | None) -
     place[d.odd.expand(right)] = n
     place[d.odd.expand(kept.states)] = np.arange(n, dtype=np.int32)
     if reward is not None:
-        steps = [f.times_bdd(guard & forced) for f, guard in zip(_step_rewards(d, reward), _guards(d), strict=True)]
+        steps = [f.times_bdd(guard & forced) for f, guard in zip(_step_rewards(d, reward), d.slot_guards, strict=True)]
         along = d.odd.to_vector(d.manager.sum(steps))
     kernel.follow(place, n + 1, along)
     return Ways(d, place, along)

@@ -268,7 +268,7 @@ class SymbolicGraph:
         while reach:
             check(deadline)
             before = self._steps.slots_before(reach)
-            escape = self._d.union([guard - b for guard, b in zip(self._steps.guards, before, strict=True)])
+            escape = self._d.union([guard - b for guard, b in zip(self._d.slot_guards, before, strict=True)])
             more = reach | (left & self._d.union(before) - escape)
             if more == reach:
                 return reach

@@ -89,11 +89,6 @@ class Steps:
             self._known[target, through] = self.close(target, forward=False, within=through, deadline=deadline)
         return self._known[target, through]
 
-    @property
-    def guards(self) -> tuple[Bdd, ...]:
-        """Per slot: the states that have a choice in it."""
-        return self.diagrams.guards if self.diagrams.guards is not None else (self.diagrams.states,)
-
     def slots_before(self, states: Bdd) -> list[Bdd]:
         """Per slot: the states whose choice may lead into the set."""
         return [self.diagrams.whole.preimage(states, relation) for relation in self.diagrams.slot_relations]
@@ -101,4 +96,4 @@ class Steps:
     def slots_within(self, states: Bdd) -> list[Bdd]:
         """Per slot: the states whose choice surely leads into the set."""
         outside = self.slots_before(self.diagrams.states - states)
-        return [guard - out for guard, out in zip(self.guards, outside, strict=True)]
+        return [guard - out for guard, out in zip(self.diagrams.slot_guards, outside, strict=True)]

@@ -82,7 +82,7 @@ class WrittenModel:
     @cached_property
     def matrix(self) -> SparseMatrix:
         """One-step probabilities (rates), deadlocks fixed."""
-        source, system = self.source, self.system
+        source, system = self.source, self.system  # whose own `matrix` would keep the distinct sub-matrices too
         indptr, indices, data = flatten(quad_dag(system.roots, system.odd, system.odd, source.diagrams.columns), system.layout)
         return SparseMatrix(indptr, indices, data, system.n, system.groups)
 
