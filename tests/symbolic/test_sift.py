@@ -15,7 +15,7 @@ from symbolic.test_order import partners
 from symcheck.check.options import Options
 from symcheck.dd.manager import DiagramManager
 from symcheck.engines import auto, registry
-from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
+from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError, UsageError
 from symcheck.exchange.snapshot import snapshot
 from symcheck.semantics.bind import bind
 from symcheck.symbolic import sift as module
@@ -195,3 +195,11 @@ def test_nothing_of_the_search_for_an_order_is_kept(monkeypatch):
     gc.collect()
     assert len(made) == 1
     assert made[0]() is None
+
+
+@pytest.mark.parametrize("engine", ["auto", "explicit", "sparse", "exact"])
+def test_an_order_of_unknown_variables_is_refused_on_every_engine(engine):
+    options = {"exact": True} if engine == "exact" else {"engine": engine}
+    model = symcheck.loads("dtmc module m x:[0..3]; [] x<3 -> (x'=x+1); [] x=3 -> true; endmodule", order=("sfit",), **options)
+    with pytest.raises(UsageError, match="names sfit"):
+        model.check("P=? [ F x=3 ]")

@@ -96,10 +96,14 @@ def build(model: BoundModel, options: BuildOptions, observer: Observer | None = 
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 
     `observer` gets what the builders tell on the way: progress, iterations, and the Choice of 'auto'.
-    Raises UnsupportedError for an unknown engine, ModelFault for a faulty model, and ResourceError.
+    Raises UnsupportedError for an unknown engine, UsageError for an order of unknown variables, ModelFault for a faulty model, and ResourceError.
     """
     name = "exact" if options.exact else options.engine
     builder = BUILDERS.get(name)
     if builder is None:
         raise UnsupportedError(f"there is no engine '{name}'; there are {', '.join(BUILDERS)}")
+    if options.order is not None:  # said also where no diagram is going to be made
+        from symcheck.symbolic.order import check_order
+
+        check_order(model, options.order)
     return builder(model, options, observer)

@@ -15,7 +15,7 @@ from symcheck.errors import UsageError
 from symcheck.semantics.model import BoundModel, Event
 from symcheck.symbolic.expressions import support
 
-__all__ = ["FORCE", "SIFT", "force", "is_sifted", "spans", "variable_order"]
+__all__ = ["FORCE", "SIFT", "check_order", "force", "is_sifted", "spans", "variable_order"]
 
 FORCE = "force"
 """The name that asks for an order found by FORCE, unless a variable is called so."""
@@ -41,10 +41,16 @@ def variable_order(model: BoundModel, asked: Sequence[str] | None) -> tuple[str,
     names = [v.name for v in model.variables]
     if list(asked) == [FORCE] and FORCE not in names:
         return tuple(names[i] for i in force(_occurrences(model), len(names)))
-    for name in asked:
-        if name not in names:
-            raise UsageError(f"the order names {name}, and the model has no such variable\n  hint: it has {', '.join(names[:20])}")
+    check_order(model, asked)
     return tuple(asked)
+
+
+def check_order(model: BoundModel, asked: Sequence[str]) -> None:
+    """Raise UsageError for a name that no variable has, nor stands for an order that is looked for."""
+    names = [v.name for v in model.variables]
+    unknown = [] if list(asked) in ([FORCE], [SIFT]) else [name for name in asked if name not in names]
+    if unknown:
+        raise UsageError(f"the order names {unknown[0]}, and the model has no such variable\n  hint: it has {', '.join(names[:20])}")
 
 
 def force(edges: Sequence[NDArray[np.int64]], count: int) -> list[int]:
