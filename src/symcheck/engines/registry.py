@@ -96,7 +96,8 @@ def build(model: BoundModel, options: BuildOptions, observer: Observer | None = 
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 
     `observer` gets what the builders tell on the way: progress, iterations, and the Choice of 'auto'.
-    Raises UnsupportedError for an unknown engine, UsageError for an order of unknown variables, ModelFault for a faulty model, and ResourceError.
+    Raises UnsupportedError for an unknown engine, UsageError for an order of unknown variables, ModelFault for a faulty model,
+    and ResourceError.
     """
     name = "exact" if options.exact else options.engine
     builder = BUILDERS.get(name)
