@@ -6,7 +6,7 @@ import math
 from itertools import product
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from symbolic.oracle import at, bound
@@ -88,6 +88,8 @@ def test_booleans(way, text):
 @pytest.mark.parametrize("way", WAYS)
 @settings(max_examples=40, deadline=None)
 @given(text=_number)
+@example(text="((x = (x / x))?x:y)")
+@example(text="((x != (x / x))?x:y)")
 def test_numbers(way, text):
     expression = bind_one(text, "number")
     space = space_with(WAYS[way])

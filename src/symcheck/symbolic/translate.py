@@ -169,7 +169,8 @@ class Translator:
             x, y = self.number(left), self.number(right)
         except TooLarge:
             return self._bdd_table(expression)
-        return x.compare(operator, y)
+        found, undefined = x.compare(operator, y), self.undefined(left) | self.undefined(right)
+        return found | undefined if operator == "!=" else found - undefined  # as of what is no number
 
     def _is_boolean(self, expression: Expression) -> bool:
         match expression:
