@@ -1,10 +1,10 @@
-"""The compiled parts; everything else is in pyproject.toml."""
+"""Packages and compiled extensions; everything else is in pyproject.toml."""
 
 import os
 from pathlib import Path
 
 from Cython.Build import cythonize
-from setuptools import Extension, setup
+from setuptools import Extension, find_packages, setup
 
 extensions = [
     Extension(
@@ -18,6 +18,7 @@ extensions = [
 ]
 
 setup(
+    packages=[*find_packages("src"), "symcheck.grammar"],
     ext_modules=cythonize(extensions, language_level=3),
     options={"build_ext": {"parallel": os.cpu_count() or 1}},
 )

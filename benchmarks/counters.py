@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import symcheck
-from symcheck.engines.symbolic import SymbolicEngine
+from symcheck.engines.symbolic.engine import SymbolicEngine
 
 HERE = Path(__file__).resolve().parent
 REFERENCE = HERE / "counters.json"
@@ -81,7 +81,9 @@ def count(case: Case, engine: str) -> dict[str, int]:
     """Run one case, and count."""
     tracemalloc.start()
     try:
-        given = dict(pair.split("=") for pair in case.constants.split(",")) if case.constants else {}
+        given = (
+            dict(pair.split("=") for pair in case.constants.split(",")) if case.constants else {}
+        )
         model = symcheck.load(HERE.parent / "models" / case.model, constants=given, engine=engine)
         result = model.check(case.query)
         allocated = tracemalloc.get_traced_memory()[1]
@@ -109,7 +111,9 @@ def count(case: Case, engine: str) -> dict[str, int]:
 
 def imported() -> list[str]:
     """The modules that are imported, ours and others', when the command line checks a property of a model of 13 states."""
-    ran = subprocess.run([sys.executable, "-c", IMPORTED], capture_output=True, text=True, check=True)
+    ran = subprocess.run(
+        [sys.executable, "-c", IMPORTED], capture_output=True, text=True, check=True
+    )
     lines = ran.stdout.splitlines()
     return lines[next(i for i, line in enumerate(lines) if line.startswith("Result:")) + 1 :]
 
@@ -118,8 +122,12 @@ def measure() -> dict[str, dict[str, int]]:
     """All cases: 'model constants, query, engine' to its counters."""
     for engine in ALL:  # what is imported on first use is not to be counted
         count(CASES[-1], engine)
-    counted = {f"{case}, {engine}": count(case, engine) for case in CASES for engine in case.engines}
-    return counted | {"start-up": {"modules": sum(name.partition(".")[0] == "symcheck" for name in imported())}}
+    counted = {
+        f"{case}, {engine}": count(case, engine) for case in CASES for engine in case.engines
+    }
+    return counted | {
+        "start-up": {"modules": sum(name.partition(".")[0] == "symcheck" for name in imported())}
+    }
 
 
 def grown(now: Mapping[str, Counters], reference: Mapping[str, Counters]) -> list[str]:
@@ -128,7 +136,9 @@ def grown(now: Mapping[str, Counters], reference: Mapping[str, Counters]) -> lis
     for name in sorted(now.keys() | reference.keys()):
         here, there = now.get(name, {}), reference.get(name, {})
         if here.keys() != there.keys():
-            lines.append(f"{name}: the counters are not those of the reference; record them with --update")
+            lines.append(
+                f"{name}: the counters are not those of the reference; record them with --update"
+            )
             continue
         for counter, value in here.items():
             if _worse(counter, value, there[counter]):
@@ -148,14 +158,28 @@ def _worse(counter: str, value: int, reference: int) -> bool:
 
 def show(now: Mapping[str, Counters]) -> str:
     names = list(dict.fromkeys(counter for counters in now.values() for counter in counters))
-    rows = [["", *names]] + [[case, *(f"{c[n]:,}" if n in c else "" for n in names)] for case, c in now.items()]
+    rows = [["", *names]] + [
+        [case, *(f"{c[n]:,}" if n in c else "" for n in names)] for case, c in now.items()
+    ]
     widths = [max(len(row[i]) for row in rows) for i in range(len(names) + 1)]
-    return "\n".join("  ".join([row[0].ljust(widths[0]), *(x.rjust(w) for x, w in zip(row[1:], widths[1:], strict=True))]) for row in rows)
+    return "\n".join(
+        "  ".join(
+            [
+                row[0].ljust(widths[0]),
+                *(x.rjust(w) for x, w in zip(row[1:], widths[1:], strict=True)),
+            ]
+        )
+        for row in rows
+    )
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--update", action="store_true", help="record what is counted now as the reference")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--update", action="store_true", help="record what is counted now as the reference"
+    )
     arguments = parser.parse_args()
     now = measure()
     print(show(now))

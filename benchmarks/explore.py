@@ -36,7 +36,7 @@ def measure(path: str, constants: str) -> dict[str, float]:
     """Explore one model in this process."""
     from symcheck.check.options import Options
     from symcheck.explicit.build import Exploration
-    from symcheck.semantics.bind import bind
+    from symcheck.semantics.binding.bind import bind
     from symcheck.syntax.parse import parse_model_file
 
     times = [time.process_time()]
@@ -66,16 +66,26 @@ def main(arguments: list[str]) -> None:
         return
     peers = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set"))
     given = list(zip(arguments[::2], arguments[1::2], strict=True))
-    cases = given or [(str(peers / path), constants) for path, constants in CASES if (peers / path).exists()]
+    cases = given or [
+        (str(peers / path), constants) for path, constants in CASES if (peers / path).exists()
+    ]
     head = f"{'model':38}{'states':>10}{'transitions':>12}{'levels':>7}{'prepare':>9}{'search':>8}{'finish':>8}"
     print(f"{head}{'M st/s':>8}{'all':>6}{'MB':>6}")
     for path, constants in cases:
-        run = subprocess.run([sys.executable, __file__, "--one", path, constants], capture_output=True, text=True, check=False)
+        run = subprocess.run(
+            [sys.executable, __file__, "--one", path, constants],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if run.returncode:
             print(f"{Path(path).name} {constants}: {run.stderr.strip().splitlines()[-1]}")
             continue
         r = json.loads(run.stdout)
-        speed, overall = r["states"] / max(r["search"], 1e-9) / 1e6, r["states"] / (r["prepare"] + r["search"] + r["finish"]) / 1e6
+        speed, overall = (
+            r["states"] / max(r["search"], 1e-9) / 1e6,
+            r["states"] / (r["prepare"] + r["search"] + r["finish"]) / 1e6,
+        )
         print(
             f"{Path(path).stem + ' ' + constants:38.38}{r['states']:10}{r['transitions']:12}{r['levels']:7}{r['prepare']:9.3f}"
             f"{r['search']:8.2f}{r['finish']:8.2f}{speed:8.2f}{overall:6.2f}{r['peak']:6.0f}"

@@ -23,10 +23,36 @@ from whole_runs import ENGINES, RESULTS, Family, available, runs, switches
 
 FAMILIES = (
     Family("kanban", "kanban/kanban.sm", 'R{"delivered"}=? [ S ]', "t", (3, 4, 5, 6, 7)),
-    Family("crowds", "crowds/crowds.pm", 'P=? [ F "exposed" ]', "CrowdSize", (5, 8, 11, 14, 17, 20), "TotalRuns=5"),
-    Family("multiplex", "multiplex/multiplex.pm", "P=? [ F phase=3 & outputs/N<=0.1 ]", "N", (20, 30, 40, 50, 60), "K=2"),
-    Family("tandem", "tandem/tandem.sm", "P=? [ true U<=1 waiting=c & served=c ]", "c", (31, 63, 127, 255, 511)),
-    Family("polling", "polling/polling.sm", "P=? [ !(busy & at=2) U busy & at=1 ]", "N", (10, 12, 14, 16, 18, 20)),
+    Family(
+        "crowds",
+        "crowds/crowds.pm",
+        'P=? [ F "exposed" ]',
+        "CrowdSize",
+        (5, 8, 11, 14, 17, 20),
+        "TotalRuns=5",
+    ),
+    Family(
+        "multiplex",
+        "multiplex/multiplex.pm",
+        "P=? [ F phase=3 & outputs/N<=0.1 ]",
+        "N",
+        (20, 30, 40, 50, 60),
+        "K=2",
+    ),
+    Family(
+        "tandem",
+        "tandem/tandem.sm",
+        "P=? [ true U<=1 waiting=c & served=c ]",
+        "c",
+        (31, 63, 127, 255, 511),
+    ),
+    Family(
+        "polling",
+        "polling/polling.sm",
+        "P=? [ !(busy & at=2) U busy & at=1 ]",
+        "N",
+        (10, 12, 14, 16, 18, 20),
+    ),
 )
 
 
@@ -44,8 +70,19 @@ def load(path: Path) -> list[Run]:
     with path.open() as file:
         return [
             Run(
-                *(r["family"], int(r["size"]), r["engine"], int(r["states"]) if r["states"] else None),
-                *(float(r["seconds"]), float(r["processor"]), int(r["megabytes"]), number(r["value"]), r["ended"]),
+                *(
+                    r["family"],
+                    int(r["size"]),
+                    r["engine"],
+                    int(r["states"]) if r["states"] else None,
+                ),
+                *(
+                    float(r["seconds"]),
+                    float(r["processor"]),
+                    int(r["megabytes"]),
+                    number(r["value"]),
+                    r["ended"],
+                ),
             )
             for r in csv.DictReader(file)
         ]
@@ -53,7 +90,9 @@ def load(path: Path) -> list[Run]:
 
 def main() -> None:
     parser = switches(__doc__, FAMILIES, ENGINES)
-    parser.add_argument("--draw", action="store_true", help="measure nothing, draw what was measured")
+    parser.add_argument(
+        "--draw", action="store_true", help="measure nothing, draw what was measured"
+    )
     arguments = parser.parse_args()
     table = RESULTS / "growth.csv"
     RESULTS.mkdir(exist_ok=True)

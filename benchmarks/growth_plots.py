@@ -42,7 +42,9 @@ LOOKS = {
 
 def states_of(runs: Sequence[Run]) -> dict[tuple[str, int], int]:
     """The number of states of each instance, as symcheck counts them: Storm leaves out what a property does not need."""
-    return {(r.family, r.size): r.states for r in runs if r.states and r.engine.startswith("symcheck")}
+    return {
+        (r.family, r.size): r.states for r in runs if r.states and r.engine.startswith("symcheck")
+    }
 
 
 def right(runs: Sequence[Run]) -> list[Run]:
@@ -51,7 +53,11 @@ def right(runs: Sequence[Run]) -> list[Run]:
     for run in runs:
         if run.ended != "done" or run.value is None:
             continue
-        others = [r.value for r in runs if (r.family, r.size) == (run.family, run.size) and r.value is not None]
+        others = [
+            r.value
+            for r in runs
+            if (r.family, r.size) == (run.family, run.size) and r.value is not None
+        ]
         near = sum(abs(v - run.value) <= 1e-3 * abs(run.value) + 1e-12 for v in others)
         if 2 * near >= len(others):
             kept.append(run)
@@ -64,22 +70,39 @@ def slope(points: Sequence[tuple[float, float]]) -> float | None:
         return None
     xs, ys = [math.log(x) for x, _ in points], [math.log(y) for _, y in points]
     mx, my = sum(xs) / len(xs), sum(ys) / len(ys)
-    return sum((x - mx) * (y - my) for x, y in zip(xs, ys, strict=True)) / sum((x - mx) ** 2 for x in xs)
+    return sum((x - mx) * (y - my) for x, y in zip(xs, ys, strict=True)) / sum(
+        (x - mx) ** 2 for x in xs
+    )
 
 
-def exponents(runs: Sequence[Run], states: dict[tuple[str, int], int]) -> tuple[float | None, float | None]:
+def exponents(
+    runs: Sequence[Run], states: dict[tuple[str, int], int]
+) -> tuple[float | None, float | None]:
     """Of time and memory, from the runs that take twice what the engine's smallest takes: start-up would flatten both."""
-    quickest, least = min((r.seconds for r in runs), default=0.0), min((r.megabytes for r in runs), default=0)
+    quickest, least = (
+        min((r.seconds for r in runs), default=0.0),
+        min((r.megabytes for r in runs), default=0),
+    )
     times = [(states[r.family, r.size], r.seconds) for r in runs if r.seconds >= 2 * quickest]
     memory = [(states[r.family, r.size], r.megabytes) for r in runs if r.megabytes >= 2 * least]
     return slope(times), slope(memory)
 
 
-def curves(axes: Axes, runs: Sequence[Run], states: dict[tuple[str, int], int], value: Callable[[Run], float]) -> None:
+def curves(
+    axes: Axes,
+    runs: Sequence[Run],
+    states: dict[tuple[str, int], int],
+    value: Callable[[Run], float],
+) -> None:
     for engine, look in LOOKS.items():
         points = sorted((states[r.family, r.size], value(r)) for r in runs if r.engine == engine)
         if points:
-            axes.plot(*zip(*points, strict=True), label=engine, markersize=4.5, **({"linewidth": 1.3} | look))
+            axes.plot(
+                *zip(*points, strict=True),
+                label=engine,
+                markersize=4.5,
+                **({"linewidth": 1.3} | look),
+            )
     logarithmic(axes)
 
 
@@ -95,7 +118,9 @@ def logarithmic(axes: Axes) -> None:
     axes.grid(True, which="major", alpha=0.3)
 
 
-def family_picture(family: str, runs: Sequence[Run], states: dict[tuple[str, int], int], path: Path) -> None:
+def family_picture(
+    family: str, runs: Sequence[Run], states: dict[tuple[str, int], int], path: Path
+) -> None:
     import matplotlib.pyplot as plt
 
     figure, (left, middle) = plt.subplots(1, 2, figsize=(9.6, 4), layout="constrained")
@@ -123,16 +148,50 @@ def overview(runs: Sequence[Run], states: dict[tuple[str, int], int], path: Path
                 n = states[r.family, r.size]
                 best[n] = min(best.get(n, math.inf), r.seconds)
         if ours:
-            axes.plot(*zip(*ours, strict=True), color=color, marker="o", linewidth=2, markersize=4.5, label=family)
+            axes.plot(
+                *zip(*ours, strict=True),
+                color=color,
+                marker="o",
+                linewidth=2,
+                markersize=4.5,
+                label=family,
+            )
         if best:
-            axes.plot(*zip(*sorted(best.items()), strict=True), color=color, marker="x", linewidth=1.2, markersize=4.5, linestyle="--")
+            axes.plot(
+                *zip(*sorted(best.items()), strict=True),
+                color=color,
+                marker="x",
+                linewidth=1.2,
+                markersize=4.5,
+                linestyle="--",
+            )
     logarithmic(axes)
-    axes.set(title="whole runs: parsing, building, checking", xlabel="states", ylabel="wall time (s)")
+    axes.set(
+        title="whole runs: parsing, building, checking", xlabel="states", ylabel="wall time (s)"
+    )
     beside = {"fontsize": 8, "frameon": False, "alignment": "left"}
-    axes.add_artist(axes.legend(title="model", loc="upper left", bbox_to_anchor=(1, 0.95), **beside))
+    axes.add_artist(
+        axes.legend(title="model", loc="upper left", bbox_to_anchor=(1, 0.95), **beside)
+    )
     tools = [
-        axes.plot([], [], color="#444444", marker="o", linewidth=2, markersize=4.5, label="symcheck, default")[0],
-        axes.plot([], [], color="#444444", marker="x", linewidth=1.2, linestyle="--", label="Storm, its fastest engine")[0],
+        axes.plot(
+            [],
+            [],
+            color="#444444",
+            marker="o",
+            linewidth=2,
+            markersize=4.5,
+            label="symcheck, default",
+        )[0],
+        axes.plot(
+            [],
+            [],
+            color="#444444",
+            marker="x",
+            linewidth=1.2,
+            linestyle="--",
+            label="Storm, its fastest engine",
+        )[0],
     ]
     axes.legend(handles=tools, title="tool", loc="upper left", bbox_to_anchor=(1, 0.45), **beside)
     figure.savefig(path, dpi=130)
@@ -142,7 +201,9 @@ def overview(runs: Sequence[Run], states: dict[tuple[str, int], int], path: Path
 def cell(run: Run | None, tried: Run | None) -> str:
     if run is not None:
         return f"{run.seconds:.1f} / {run.megabytes:,}"
-    return "" if tried is None else {"done": "wrong", "time": "time", "failed": "fails"}[tried.ended]
+    return (
+        "" if tried is None else {"done": "wrong", "time": "time", "failed": "fails"}[tried.ended]
+    )
 
 
 def tables(runs: Sequence[Run], good: Sequence[Run], states: dict[tuple[str, int], int]) -> str:
@@ -159,14 +220,22 @@ def tables(runs: Sequence[Run], good: Sequence[Run], states: dict[tuple[str, int
         "empty: not tried, as a smaller instance did not end.",
         "",
     ]
-    lines += ["| instance | states | " + " | ".join(engines) + " |", "|---" * (len(engines) + 2) + "|"]
+    lines += [
+        "| instance | states | " + " | ".join(engines) + " |",
+        "|---" * (len(engines) + 2) + "|",
+    ]
     for family in dict.fromkeys(r.family for r in runs):
         for size in sorted({r.size for r in runs if r.family == family}):
             keys = [(family, size, e) for e in engines]
             count = states.get((family, size))
             cells = [cell(found.get(k), tried.get(k)) for k in keys]
-            lines.append(f"| {family} {size} | {count:,} | " + " | ".join(cells) + " |" if count else "")
-        fits = [exponents([r for r in good if r.family == family and r.engine == e], states) for e in engines]
+            lines.append(
+                f"| {family} {size} | {count:,} | " + " | ".join(cells) + " |" if count else ""
+            )
+        fits = [
+            exponents([r for r in good if r.family == family and r.engine == e], states)
+            for e in engines
+        ]
         cells = [", ".join("-" if x is None else f"{x:.2f}" for x in fit) for fit in fits]
         lines.append(f"| **{family}: exponents** | | " + " | ".join(cells) + " |")
     return "\n".join(line for line in lines if line is not None) + "\n"
@@ -178,6 +247,8 @@ def draw(runs: Sequence[Run], folder: Path) -> None:
     mpl.use("Agg")
     good, states = right(runs), states_of(runs)
     for family in dict.fromkeys(r.family for r in good):
-        family_picture(family, [r for r in good if r.family == family], states, folder / f"growth_{family}.png")
+        family_picture(
+            family, [r for r in good if r.family == family], states, folder / f"growth_{family}.png"
+        )
     overview(good, states, folder / "growth.png")
     (folder / "growth.md").write_text(tables(runs, good, states))

@@ -38,7 +38,10 @@ TASKS = [
     ("cluster 64", "ctmcs/cluster/cluster.sm", "qos1.csl", "N=64,T=1"),
     ("csma 2/4", "mdps/csma/csma2_4.nm", "all_before_max.pctl", ""),
     ("csma 3/4", "mdps/csma/csma3_4.nm", "all_before_max.pctl", ""),
-    *((f"alike {n}x{k}", f"{n} {k}", "", "") for n, k in ((20, 2), (40, 2), (60, 2), (16, 3), (10, 4), (14, 4))),
+    *(
+        (f"alike {n}x{k}", f"{n} {k}", "", "")
+        for n, k in ((20, 2), (40, 2), (60, 2), (16, 3), (10, 4), (14, 4))
+    ),
 ]
 
 
@@ -46,7 +49,9 @@ def alike(components: int, states: int) -> str:
     """A CTMC of components that are alike: each goes up one by one, faster and faster, and falls down from anywhere."""
     parts = []
     for i in range(components):
-        up = "".join(f" [] x{i}={s} -> {0.1 * (s + 1)}:(x{i}'={s + 1});\n" for s in range(states - 1))
+        up = "".join(
+            f" [] x{i}={s} -> {0.1 * (s + 1)}:(x{i}'={s + 1});\n" for s in range(states - 1)
+        )
         down = "".join(f" [] x{i}={s} -> {1.3 * s}:(x{i}'=0);\n" for s in range(1, states))
         parts.append(f"module m{i}\n x{i} : [0..{states - 1}];\n{up}{down}endmodule\n")
     total = " + ".join(f"(x{i}={states - 1}?1:0)" for i in range(components))
@@ -71,13 +76,15 @@ def timed(run: Callable[[], Any]) -> tuple[float, Any]:
     return process_time() - started, result
 
 
-def ours(task: tuple[str, str, str, str], path: Path, properties: Path, *, listed: bool) -> dict[str, Any]:
-    from symcheck.check.bisimulation import quotient
+def ours(
+    task: tuple[str, str, str, str], path: Path, properties: Path, *, listed: bool
+) -> dict[str, Any]:
+    from symcheck.check.bisimulation.on_quotient import quotient
     from symcheck.check.context import Context
     from symcheck.check.options import Options
-    from symcheck.engines.hybrid import HybridEngine
-    from symcheck.engines.written import written_out
-    from symcheck.semantics.bind import bind, bind_properties
+    from symcheck.engines.symbolic.hybrid import HybridEngine
+    from symcheck.engines.symbolic.materialized import written_out
+    from symcheck.semantics.binding.bind import bind, bind_properties
     from symcheck.symbolic.build import construct
     from symcheck.syntax.parse import parse_model_file, parse_properties
 
@@ -85,16 +92,28 @@ def ours(task: tuple[str, str, str, str], path: Path, properties: Path, *, liste
     program = parse_model_file(path)
     of_model = {c.name for c in program.constants}
     options = Options(engine="hybrid")
-    engine: Any = HybridEngine.of(construct(bind(program, {k: v for k, v in given.items() if k in of_model}), options))
+    engine: Any = HybridEngine.of(
+        construct(bind(program, {k: v for k, v in given.items() if k in of_model}), options)
+    )
     if listed and engine.states > LISTED:
         return {"states": engine.states}
-    bound = bind_properties(parse_properties(properties.read_text()), engine.model, {k: v for k, v in given.items() if k not in of_model})
+    bound = bind_properties(
+        parse_properties(properties.read_text()),
+        engine.model,
+        {k: v for k, v in given.items() if k not in of_model},
+    )
     if listed:
         engine = written_out(engine)
     context = Context(engine, options, bound.labels)
     seconds, found = timed(lambda: quotient(context, bound.properties[0].formula))
     way = "" if listed or hasattr(found, "lumped") else " (listed)"
-    return {"states": engine.states, "blocks": found.engine.states, "rounds": found.rounds, "seconds": seconds, "way": way}
+    return {
+        "states": engine.states,
+        "blocks": found.engine.states,
+        "rounds": found.rounds,
+        "seconds": seconds,
+        "way": way,
+    }
 
 
 def storm(task: tuple[str, str, str, str], path: Path, properties: Path) -> dict[str, Any]:
@@ -103,8 +122,12 @@ def storm(task: tuple[str, str, str, str], path: Path, properties: Path) -> dict
 
     program = stormpy.parse_prism_program(str(path), prism_compatibility=True)
     asked = stormpy.parse_properties(properties.read_text(), program)[:1]
-    undefined = {c.name for c in program.constants if not c.defined} | {str(c.name) for c in asked[0].get_undefined_constants()}
-    constants = ",".join(pair for pair in task[3].split(",") if pair and pair.split("=")[0] in undefined)
+    undefined = {c.name for c in program.constants if not c.defined} | {
+        str(c.name) for c in asked[0].get_undefined_constants()
+    }
+    constants = ",".join(
+        pair for pair in task[3].split(",") if pair and pair.split("=")[0] in undefined
+    )
     program, asked = stormpy.instantiate_constants(program, constants, asked)
     model = stormpy.build_model(program, asked, engine=stormpy.Engine.DD)
     seconds, found = timed(lambda: perform_bisimulation(model, asked))
@@ -116,7 +139,11 @@ def one(index: int, who: str) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT + 5))
     with tempfile.TemporaryDirectory() as folder:
         path, properties = files(task, Path(folder))
-        found = storm(task, path, properties) if who == "storm" else ours(task, path, properties, listed=who == "listed")
+        found = (
+            storm(task, path, properties)
+            if who == "storm"
+            else ours(task, path, properties, listed=who == "listed")
+        )
     found["memory"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(json.dumps(found))
 
@@ -139,7 +166,9 @@ def cell(found: dict[str, Any]) -> str:
 
 
 def main(words: list[str]) -> None:
-    print("| model | states | blocks | rounds | on diagrams, s | MB | listed, s | Storm, s | MB | blocks |")
+    print(
+        "| model | states | blocks | rounds | on diagrams, s | MB | listed, s | Storm, s | MB | blocks |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for index, task in enumerate(TASKS):
         if words and not any(word in task[0] for word in words):

@@ -16,11 +16,11 @@ from time import perf_counter
 import numpy as np
 
 from symcheck.check.options import Options
-from symcheck.dd.quad import flatten
-from symcheck.engines.explicit import SparseOperator
-from symcheck.engines.hybrid import HybridEngine
-from symcheck.numerics.matrix import SparseMatrix
-from symcheck.semantics.bind import bind
+from symcheck.engines.explicit.engine import SparseOperator
+from symcheck.engines.symbolic.hybrid import HybridEngine
+from symcheck.matrices.blocks import flatten
+from symcheck.matrices.rows import SparseMatrix
+from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_model_file
 
@@ -56,7 +56,9 @@ def measure(path: Path, constants: str) -> str:
     system = engine.system(engine.all)
     blocks = system.blocks
     seconds = best(lambda: flatten(system.dag, system.layout))
-    rows = SparseOperator(SparseMatrix(*flatten(system.dag, system.layout), system.n, system.groups))
+    rows = SparseOperator(
+        SparseMatrix(*flatten(system.dag, system.layout), system.n, system.groups)
+    )
     x = np.random.default_rng(1).random(system.n)
     product, stamped = best(lambda: rows.multiply(x)), best(lambda: blocks.multiply(x))
     return (
@@ -67,7 +69,9 @@ def measure(path: Path, constants: str) -> str:
 
 def main(words: list[str]) -> None:
     root = Path(os.environ["SYMCHECK_PEERS"]) / "prism-benchmarks"
-    print("| model | states | entries | rows written, M entries/s | product of rows, ms | of blocks, ms | rows, MB | blocks, MB |")
+    print(
+        "| model | states | entries | rows written, M entries/s | product of rows, ms | of blocks, ms | rows, MB | blocks, MB |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     for name, constants in INSTANCES:
         if not words or any(word in f"{name} {constants}" for word in words):

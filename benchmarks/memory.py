@@ -23,17 +23,34 @@ from whole_runs import MODELS, RESULTS, Family, available, runs, switches
 INSTANCES = (
     Family("crowds", "crowds/crowds.pm", 'P=? [ F "exposed" ]', "CrowdSize", (20,), "TotalRuns=5"),
     Family("kanban", "kanban/kanban.sm", 'R{"delivered"}=? [ S ]', "t", (5,)),
-    Family("multiplex", "multiplex/multiplex.pm", "P=? [ F phase=3 & outputs/N<=0.1 ]", "N", (40, 60), "K=2"),
+    Family(
+        "multiplex",
+        "multiplex/multiplex.pm",
+        "P=? [ F phase=3 & outputs/N<=0.1 ]",
+        "N",
+        (40, 60),
+        "K=2",
+    ),
     Family("polling", "polling/polling.sm", "P=? [ !(busy & at=2) U busy & at=1 ]", "N", (16,)),
     Family("dining", "ring", 'R{"acts"}min=? [ F p1=5 ]', "", (9,)),
 )
-ENGINES = ("symcheck", "symcheck -h", "symcheck -s", "symcheck -ex", "Storm sparse", "Storm hybrid", "Storm dd")
+ENGINES = (
+    "symcheck",
+    "symcheck -h",
+    "symcheck -s",
+    "symcheck -ex",
+    "Storm sparse",
+    "Storm hybrid",
+    "Storm dd",
+)
 
 
 def ring(philosophers: int) -> str:
     """The dining philosophers of models/dining, as many as one likes."""
     text = (MODELS / "dining" / "dining.nm").read_text()
-    alone = re.sub(r"(?m)^module philosopher[23] = .*\n", "", text).replace("p3", f"p{philosophers}")
+    alone = re.sub(r"(?m)^module philosopher[23] = .*\n", "", text).replace(
+        "p3", f"p{philosophers}"
+    )
     others = [
         f"module philosopher{k} = philosopher1 [ p1=p{k}, p2=p{k % philosophers + 1}, p{philosophers}=p{k - 1} ] endmodule"
         for k in range(2, philosophers + 1)
@@ -43,18 +60,27 @@ def ring(philosophers: int) -> str:
 
 def table(measured: Sequence[Run], engines: Sequence[str]) -> str:
     """MB and seconds of processor time, an instance a line."""
-    lines = ["| model | states |" + "".join(f" {e} |" for e in engines), "|---|---|" + "---|" * len(engines)]
+    lines = [
+        "| model | states |" + "".join(f" {e} |" for e in engines),
+        "|---|---|" + "---|" * len(engines),
+    ]
     for name, size in dict.fromkeys((r.family, r.size) for r in measured):
         mine = {r.engine: r for r in measured if (r.family, r.size) == (name, size)}
         states = max((r.states or 0 for r in mine.values()), default=0)
-        lines.append(f"| {name} {size} | {states:,} |" + "".join(f" {_cell(mine.get(e))} |" for e in engines))
+        lines.append(
+            f"| {name} {size} | {states:,} |" + "".join(f" {_cell(mine.get(e))} |" for e in engines)
+        )
     return "\n".join(lines) + "\n"
 
 
 def _cell(run: Run | None) -> str:
     if run is None:
         return ""
-    return f"{run.megabytes} ({run.processor:.1f} s)" if run.ended == "done" else f"{run.ended} at {run.megabytes}"
+    return (
+        f"{run.megabytes} ({run.processor:.1f} s)"
+        if run.ended == "done"
+        else f"{run.ended} at {run.megabytes}"
+    )
 
 
 def main() -> None:

@@ -30,14 +30,16 @@ def instances(peers: Path, only: str) -> Iterator[tuple[Path, str, int]]:
                     yield path, row["model_consts"], int(row["states"])
 
 
-def measure(path: Path, constants: str, schedule: str | None, order: str | None, limit: float) -> dict[str, object]:
+def measure(
+    path: Path, constants: str, schedule: str | None, order: str | None, limit: float
+) -> dict[str, object]:
     from symcheck.check.options import Options
     from symcheck.errors import SymcheckError
-    from symcheck.semantics.bind import bind
+    from symcheck.semantics.binding.bind import bind
     from symcheck.symbolic.build import build
-    from symcheck.symbolic.reach import reach
-    from symcheck.symbolic.sift import SiftedOrder
-    from symcheck.symbolic.transitions import transitions
+    from symcheck.symbolic.matrix.transitions import transitions
+    from symcheck.symbolic.ordering.sifting import SiftedOrder
+    from symcheck.symbolic.reachability.search import reach
     from symcheck.syntax.parse import parse_model_file
 
     result: dict[str, object] = {"model": path.name, "constants": constants}
@@ -55,10 +57,17 @@ def measure(path: Path, constants: str, schedule: str | None, order: str | None,
                 result |= {"order": ",".join(found.order), "sift": round(found.seconds, 4)}
         space = reach(symbolic, schedule=schedule)
         times.append(time.perf_counter())
-        result |= {"schedule": space.schedule, "states": space.count, "nodes": space.states.node_count}
+        result |= {
+            "schedule": space.schedule,
+            "states": space.count,
+            "nodes": space.states.node_count,
+        }
         made = transitions(space, options)
         times.append(time.perf_counter())
-        result |= {"transitions": made.transition_count, "matrix_nodes": symbolic.manager.shared_size(made.roots)}
+        result |= {
+            "transitions": made.transition_count,
+            "matrix_nodes": symbolic.manager.shared_size(made.roots),
+        }
         result["peak"] = symbolic.manager.statistics().peak_live_nodes
     except SymcheckError as error:
         result["error"] = f"{type(error).__name__}: {error}"
@@ -69,10 +78,19 @@ def measure(path: Path, constants: str, schedule: str | None, order: str | None,
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", default="", help="part of the model's path or constants")
-    parser.add_argument("--schedule", nargs="*", default=[None], help="frontier, chaining, saturation; default: the model's")
-    parser.add_argument("--order", help="variables from the top down, or force or sift; default: as declared")
+    parser.add_argument(
+        "--schedule",
+        nargs="*",
+        default=[None],
+        help="frontier, chaining, saturation; default: the model's",
+    )
+    parser.add_argument(
+        "--order", help="variables from the top down, or force or sift; default: as declared"
+    )
     parser.add_argument("--limit", type=float, default=30, help="seconds per run")
     parser.add_argument("--out", type=Path, help="append results here, one JSON object a line")
     arguments = parser.parse_args()
@@ -81,7 +99,9 @@ def main() -> None:
     for path, constants, states in instances(peers, arguments.only):
         for schedule in arguments.schedule:
             with context.Pool(1) as pool:
-                result = pool.apply(measure, (path, constants, schedule, arguments.order, arguments.limit))
+                result = pool.apply(
+                    measure, (path, constants, schedule, arguments.order, arguments.limit)
+                )
             result["right"] = result.get("states") == states
             print(json.dumps(result), flush=True)
             if arguments.out:

@@ -11,14 +11,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from symcheck.kernels import sparse
+from symcheck.kernels.rows import sparse
+from symcheck.matrices.rows import SparseMatrix
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import SparseMatrix
-from symcheck.numerics.methods import solve_linear
-from symcheck.numerics.problem import LinearProblem
+from symcheck.numerics.linear.methods import solve_linear
+from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.numerics.long_run.stationary import long_run_average
 from symcheck.numerics.settings import Accuracy
-from symcheck.numerics.steady import long_run_average
-from symcheck.numerics.transient import transient_values
+from symcheck.numerics.transient.uniformization import transient_values
 
 
 def measure(name: str, run: Callable[[], str]) -> None:
@@ -37,11 +37,15 @@ def solve(problem: LinearProblem) -> str:
 def acyclic(n: int, shuffled: bool) -> LinearProblem:
     """Three successors ahead of each state; 1e-4 leaves at each."""
     rng = np.random.default_rng(1)
-    ahead = np.minimum(np.arange(n)[:, None] + rng.integers(1, 2000, (n, 3)), n - 1).astype(np.int32)
+    ahead = np.minimum(np.arange(n)[:, None] + rng.integers(1, 2000, (n, 3)), n - 1).astype(
+        np.int32
+    )
     data = np.full((n, 3), 0.3333)
     data[ahead == n - 1] = 0.0
     if shuffled:
-        place = (np.arange(n) // 2000 * 2000 + rng.permutation(2000)[np.arange(n) % 2000]).astype(np.int32)
+        place = (np.arange(n) // 2000 * 2000 + rng.permutation(2000)[np.arange(n) % 2000]).astype(
+            np.int32
+        )
         ahead = place[ahead[np.argsort(place)]]
     matrix = SparseMatrix(np.arange(n + 1, dtype=np.int64) * 3, ahead.ravel(), data.ravel(), n)
     return LinearProblem(constant=np.full(n, 5e-5), matrix=matrix, exit=np.full(n, 1e-4))
@@ -52,11 +56,27 @@ def grid(m: int, leak: float, probability: bool = True) -> LinearProblem:
     n = m * m
     s = np.arange(n)
     r, c = s // m, s % m
-    near = [np.where(r > 0, s - m, s), np.where(c > 0, s - 1, s), np.where(c < m - 1, s + 1, s), np.where(r < m - 1, s + m, s)]
+    near = [
+        np.where(r > 0, s - m, s),
+        np.where(c > 0, s - 1, s),
+        np.where(c < m - 1, s + 1, s),
+        np.where(r < m - 1, s + m, s),
+    ]
     indices = np.stack(near, 1).astype(np.int32).ravel()
-    arrays = sparse.merge(np.arange(n + 1, dtype=np.int64) * 4, indices, np.full(4 * n, (1 - leak) / 4), s.astype(np.int32), n)
+    arrays = sparse.merge(
+        np.arange(n + 1, dtype=np.int64) * 4,
+        indices,
+        np.full(4 * n, (1 - leak) / 4),
+        s.astype(np.int32),
+        n,
+    )
     constant = np.where(s % 7 == 0, leak, 0.0) if probability else np.ones(n)
-    return LinearProblem(constant=constant, matrix=SparseMatrix(*arrays, n), exit=np.full(n, leak), probability=probability)
+    return LinearProblem(
+        constant=constant,
+        matrix=SparseMatrix(*arrays, n),
+        exit=np.full(n, leak),
+        probability=probability,
+    )
 
 
 def line(n: int, up: float, down: float) -> SparseMatrix:
@@ -73,7 +93,9 @@ def walk(n: int) -> LinearProblem:
     """Gambler's ruin with a fair coin."""
     ends = np.zeros(n)
     ends[[0, -1]] = 0.5
-    return LinearProblem(constant=np.where(np.arange(n) == n - 1, 0.5, 0.0), matrix=line(n, 0.5, 0.5), exit=ends)
+    return LinearProblem(
+        constant=np.where(np.arange(n) == n - 1, 0.5, 0.0), matrix=line(n, 0.5, 0.5), exit=ends
+    )
 
 
 def main() -> None:
@@ -87,13 +109,21 @@ def main() -> None:
     measure("the same, steps", lambda: solve(grid(300, 1e-5, False)))
     measure("walk of 100 000", lambda: solve(walk(100_000)))
     queue = line(200_000, 1.0, 1.5)
-    measure("queue of 200 000, length", lambda: str(long_run_average(queue, np.arange(200_000.0), Accuracy())))
+    measure(
+        "queue of 200 000, length",
+        lambda: str(long_run_average(queue, np.arange(200_000.0), Accuracy())),
+    )
     rates = line(20_000, 1.0, 3.0)
     leave = sparse.row_sums(rates.indptr, rates.data)
     leave[30:] += 1e-6
     gain = np.where(np.arange(20_000) >= 30, 1e-6, 0.0)
     start = np.zeros(1, dtype=np.int64)
-    measure("failure in 1e6 hours", lambda: transient_values(rates, leave, 1e6, Accuracy(), gain=gain, interest=start).explanation)
+    measure(
+        "failure in 1e6 hours",
+        lambda: (
+            transient_values(rates, leave, 1e6, Accuracy(), gain=gain, interest=start).explanation
+        ),
+    )
 
 
 if __name__ == "__main__":

@@ -26,7 +26,16 @@ __all__ = ["ENGINES", "MODELS", "RESULTS", "Family", "available", "runs", "switc
 HERE = Path(__file__).resolve().parent
 MODELS = HERE.parent / "models"
 RESULTS = HERE / "results"
-ENGINES = ("symcheck", "symcheck -h", "symcheck -s", "symcheck -m", "symcheck -ex", "Storm sparse", "Storm hybrid", "Storm dd")
+ENGINES = (
+    "symcheck",
+    "symcheck -h",
+    "symcheck -s",
+    "symcheck -m",
+    "symcheck -ex",
+    "Storm sparse",
+    "Storm hybrid",
+    "Storm dd",
+)
 
 
 @dataclass(frozen=True)
@@ -45,13 +54,19 @@ class Family:
         return ",".join(part for part in (own, self.fixed) if part)
 
 
-def switches(description: str | None, families: Sequence[Family], engines: Sequence[str]) -> argparse.ArgumentParser:
+def switches(
+    description: str | None, families: Sequence[Family], engines: Sequence[str]
+) -> argparse.ArgumentParser:
     """What may be said on the command line: which families, which engines, and how much each run may take."""
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", nargs="*", default=[f.name for f in families], help="families")
     parser.add_argument("--engines", nargs="*", default=engines)
     parser.add_argument("--limit", type=float, default=60, help="seconds per run")
-    parser.add_argument("--memory", type=int, default=16_000, help="megabytes of address space per run")
+    parser.add_argument(
+        "--memory", type=int, default=16_000, help="megabytes of address space per run"
+    )
     return parser
 
 
@@ -91,7 +106,9 @@ def command(family: Family, size: int, engine: str, model: Path) -> list[str]:
     ]
 
 
-def measure(arguments: Sequence[str], seconds: float, megabytes: int) -> tuple[str, str, float, float, int]:
+def measure(
+    arguments: Sequence[str], seconds: float, megabytes: int
+) -> tuple[str, str, float, float, int]:
     """What a process printed, how it ended, wall and processor seconds, megabytes."""
     with tempfile.TemporaryFile("w+") as out:
         started = time.perf_counter()
@@ -133,11 +150,17 @@ def model_file(family: Family, size: int, folder: Path) -> Path:
         return MODELS / family.model
     path = folder / f"polling{size}.sm"
     generator = MODELS / "polling" / "generate.py"
-    path.write_text(subprocess.run([sys.executable, str(generator), str(size)], check=True, capture_output=True, text=True).stdout)
+    path.write_text(
+        subprocess.run(
+            [sys.executable, str(generator), str(size)], check=True, capture_output=True, text=True
+        ).stdout
+    )
     return path
 
 
-def runs(families: Sequence[Family], engines: Sequence[str], seconds: float, megabytes: int) -> Iterator[Run]:
+def runs(
+    families: Sequence[Family], engines: Sequence[str], seconds: float, megabytes: int
+) -> Iterator[Run]:
     with tempfile.TemporaryDirectory() as folder:
         for family in families:
             beaten: set[str] = set()
@@ -146,11 +169,21 @@ def runs(families: Sequence[Family], engines: Sequence[str], seconds: float, meg
                 for engine in engines:
                     if engine in beaten:
                         continue
-                    text, ended, wall, processor, memory = measure(command(family, size, engine, model), seconds, megabytes)
+                    text, ended, wall, processor, memory = measure(
+                        command(family, size, engine, model), seconds, megabytes
+                    )
                     states, value = last(text, "States:"), last(text, "Result:")
                     if ended != "done":
                         beaten.add(engine)
                     yield Run(
-                        *(family.name, size, engine, int(states) if states else None, round(wall, 3), round(processor, 3), memory),
+                        *(
+                            family.name,
+                            size,
+                            engine,
+                            int(states) if states else None,
+                            round(wall, 3),
+                            round(processor, 3),
+                            memory,
+                        ),
                         *(float(value) if value and ended == "done" else None, ended),
                     )

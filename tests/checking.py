@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from symcheck.check.checker import check
+from symcheck.check.expected_results import Verdict, judge
 from symcheck.check.options import Options
 from symcheck.check.result import Result
-from symcheck.check.resultlines import Verdict, judge
 from symcheck.engines.base import Engine
 from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError
-from symcheck.semantics.bind import bind, bind_properties
+from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType
 from symcheck.syntax.declarations import PropertiesFile
@@ -26,28 +26,43 @@ RESULTS = Path(__file__).parent / "results"
 
 def options_for(engine: str, **settings: object) -> Options:
     """Options for an engine of the registry; 'exact' means rational arithmetic."""
-    return Options(exact=True, **settings) if engine == "exact" else Options(engine=engine, **settings)
+    return (
+        Options(exact=True, **settings) if engine == "exact" else Options(engine=engine, **settings)
+    )
 
 
-def engine_of(text: str, engine: str = "explicit", constants: Mapping[str, str] | None = None, **settings: object) -> Engine:
+def engine_of(
+    text: str,
+    engine: str = "explicit",
+    constants: Mapping[str, str] | None = None,
+    **settings: object,
+) -> Engine:
     """The model of a text, built."""
     options = options_for(engine, **settings)
     return build(bind(parse_model(text), constants or {}, exact=options.exact), options)
 
 
-def check_text(engine: Engine, text: str, constants: Mapping[str, str] | None = None, **settings: object) -> Result:
+def check_text(
+    engine: Engine, text: str, constants: Mapping[str, str] | None = None, **settings: object
+) -> Result:
     """The result of one property."""
-    return ask(engine, parse_properties(text), 0, constants or {}, options_for(engine.name, **settings))
+    return ask(
+        engine, parse_properties(text), 0, constants or {}, options_for(engine.name, **settings)
+    )
 
 
-def ask(engine: Engine, file: PropertiesFile, index: int, constants: Mapping[str, str], options: Options) -> Result:
+def ask(
+    engine: Engine, file: PropertiesFile, index: int, constants: Mapping[str, str], options: Options
+) -> Result:
     """The result of one property of a file."""
     bound = bind_properties(file, engine.model, constants)
 
     def rebind(model: BoundModel) -> Expression:
         return bind_properties(file, model, constants).properties[index].formula
 
-    return check(engine, bound.properties[index].formula, options, labels=bound.labels, rebind=rebind)
+    return check(
+        engine, bound.properties[index].formula, options, labels=bound.labels, rebind=rebind
+    )
 
 
 @dataclass(frozen=True)
@@ -59,12 +74,29 @@ class Checked:
     verdict: Verdict
 
 
-def judge_file(model: Path, properties: Path, constants: Mapping[str, str], engine: str, kind: ModelType | None = None) -> list[Checked]:
+def judge_file(
+    model: Path,
+    properties: Path,
+    constants: Mapping[str, str],
+    engine: str,
+    kind: ModelType | None = None,
+) -> list[Checked]:
     """Check all properties of a file and compare them with their RESULT lines."""
     options = options_for(engine)
-    program, file = parse_model(model.read_text(), model.name), parse_properties(properties.read_text(), properties.name)
+    program, file = (
+        parse_model(model.read_text(), model.name),
+        parse_properties(properties.read_text(), properties.name),
+    )
     of_model = {c.name for c in program.constants}
-    built = build(bind(program, {n: v for n, v in constants.items() if n in of_model}, model_type=kind, exact=options.exact), options)
+    built = build(
+        bind(
+            program,
+            {n: v for n, v in constants.items() if n in of_model},
+            model_type=kind,
+            exact=options.exact,
+        ),
+        options,
+    )
     others = {n: v for n, v in constants.items() if n not in of_model}
     found = []
     for i, bound in enumerate(bind_properties(file, built.model, others).properties):

@@ -7,7 +7,11 @@ from random import Random
 
 __all__ = ["Generated", "random_model", "random_property"]
 
-_WEIGHTS = {1: ("1",), 2: ("0.5,0.5", "0.25,0.75", "1/3,2/3", "0.9,0.1"), 3: ("0.5,0.25,0.25", "1/3,1/3,1/3", "0.2,0.3,0.5")}
+_WEIGHTS = {
+    1: ("1",),
+    2: ("0.5,0.5", "0.25,0.75", "1/3,2/3", "0.9,0.1"),
+    3: ("0.5,0.25,0.25", "1/3,1/3,1/3", "0.2,0.3,0.5"),
+}
 _RATES = ("1", "2", "0.5", "3", "1/3", "10")
 _LABELS = ('"a"', '"b"')
 _REWARDS = ("0", "1", "2", "0.5", "3")
@@ -27,7 +31,10 @@ def random_model(rng: Random, kind: str, *, largest: int = 3) -> Generated:
     """A model of one or two modules with one or two bounded variables each; some synchronise, some overlap, some deadlock."""
     modules, variables = [], []
     for m in range(rng.choice((1, 1, 2))):
-        own = [(f"{'xy'[m]}{i}", rng.randint(1, largest)) for i in range(rng.choice((1, 2)) if m == 0 else 1)]
+        own = [
+            (f"{'xy'[m]}{i}", rng.randint(1, largest))
+            for i in range(rng.choice((1, 2)) if m == 0 else 1)
+        ]
         variables.extend(own)
         modules.append(own)
     text = [kind, ""]
@@ -44,7 +51,9 @@ def random_model(rng: Random, kind: str, *, largest: int = 3) -> Generated:
     return Generated(kind, "\n".join(text), tuple(variables))
 
 
-def _command(rng: Random, kind: str, own: list[tuple[str, int]], variables: list[tuple[str, int]]) -> str:
+def _command(
+    rng: Random, kind: str, own: list[tuple[str, int]], variables: list[tuple[str, int]]
+) -> str:
     action = rng.choice(("", "", "", "go"))
     count = rng.choice((1, 2, 2, 3))
     if kind == "ctmc":
@@ -61,14 +70,23 @@ def _command(rng: Random, kind: str, own: list[tuple[str, int]], variables: list
 
 def _update(rng: Random, own: list[tuple[str, int]]) -> str:
     name, high = rng.choice(own)
-    value = rng.choice((str(rng.randint(0, high)), f"mod({name}+1,{high + 1})", f"max({name}-1,0)", f"min({name}+1,{high})"))
+    value = rng.choice(
+        (
+            str(rng.randint(0, high)),
+            f"mod({name}+1,{high + 1})",
+            f"max({name}-1,0)",
+            f"min({name}+1,{high})",
+        )
+    )
     return f"({name}'={value})"
 
 
 def _condition(rng: Random, variables: list[tuple[str, int]]) -> str:
     name, high = rng.choice(variables)
     value = rng.randint(0, high)
-    simple = rng.choice((f"{name}={value}", f"{name}>={value}", f"{name}<={value}", f"{name}!={value}", "true"))
+    simple = rng.choice(
+        (f"{name}={value}", f"{name}>={value}", f"{name}<={value}", f"{name}!={value}", "true")
+    )
     if rng.random() < 0.2:
         return f"({simple}) {rng.choice('&|')} ({_condition(rng, variables)})"
     return simple
@@ -95,7 +113,10 @@ def random_property(rng: Random, model: Generated, *, timed: bool = True) -> str
     properties.append(f'R{{"r"}}{direction}=? [ C ]')
     if steps or timed:
         time = rng.choice(("0", "1", "3", "7")) if steps else rng.choice(("0", "0.5", "2"))
-        properties += [f'R{{"r"}}{direction}=? [ C<={time} ]', f'R{{"r"}}{direction}=? [ I={time} ]']
+        properties += [
+            f'R{{"r"}}{direction}=? [ C<={time} ]',
+            f'R{{"r"}}{direction}=? [ I={time} ]',
+        ]
     if model.kind != "mdp":
         properties += [f"S=? [ {_states(rng, model)} ]", 'R{"r"}=? [ S ]']
     return rng.choice(properties)
@@ -106,7 +127,17 @@ def _states(rng: Random, model: Generated) -> str:
         direction = rng.choice(("min", "max")) if model.kind == "mdp" else ""
         bound = rng.choice((">", ">=", "<", "<=")) + rng.choice(("0", "0.5", "1", "1/3", "0.25"))
         return f"(P{direction}{bound} [ F {rng.choice(_LABELS)} ])"
-    return rng.choice(('"a"', '"b"', '"a"&"b"', '!"a"', '"init"', '"deadlock"', f"({_condition(rng, list(model.variables))})"))
+    return rng.choice(
+        (
+            '"a"',
+            '"b"',
+            '"a"&"b"',
+            '!"a"',
+            '"init"',
+            '"deadlock"',
+            f"({_condition(rng, list(model.variables))})",
+        )
+    )
 
 
 def _bound(rng: Random, kind: str) -> str:

@@ -21,9 +21,9 @@ from typing import Any
 from symcheck.check.options import Options
 from symcheck.errors import ModelFault
 from symcheck.experiment.sweep import Finished, Instance, sweep
-from symcheck.semantics.bind import bind
+from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.step import initial_states, transitions
+from symcheck.semantics.interpreter import initial_states, transitions
 from symcheck.syntax.parse import parse_model
 
 HERE = Path(__file__).parent

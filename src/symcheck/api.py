@@ -6,27 +6,31 @@ Everything it does is a call of a stage's own function; `Model` only keeps the v
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symcheck.check.checker import check
 from symcheck.check.options import Options
-from symcheck.check.question import Question, lumped, reduced
+from symcheck.check.property_instance import Question, lumped, reduced
 from symcheck.check.result import Result
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
 from symcheck.errors import UsageError
-from symcheck.records import dataclass
-from symcheck.semantics.bind import BoundProperties, BoundProperty, bind, bind_properties
+from symcheck.semantics.binding.bind import BoundProperties, BoundProperty, bind, bind_properties
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import Program, PropertiesFile
-from symcheck.syntax.parse import parse_model, parse_model_file, parse_properties, parse_properties_file
+from symcheck.syntax.parse import (
+    parse_model,
+    parse_model_file,
+    parse_properties,
+    parse_properties_file,
+)
 
 if TYPE_CHECKING:
-    from symcheck.check.distribution import Distribution
+    from symcheck.check.state_distributions import Distribution
     from symcheck.simulate.path import Path as RandomPath
 
 __all__ = ["Model", "load", "loads"]
@@ -71,10 +75,14 @@ class Model:
         """Check one property, such as `P=? [ F "done" ]`. Raises SymcheckError."""
         file = parse_properties(formula)
         if len(file.properties) != 1:
-            raise UsageError(f"one property is wanted here, not {len(file.properties)}; check_all takes several")
+            raise UsageError(
+                f"one property is wanted here, not {len(file.properties)}; check_all takes several"
+            )
         return next(self._answers(file, constants))[1]
 
-    def check_all(self, properties: str | Path | PropertiesFile, constants: Given | None = None) -> Iterator[tuple[BoundProperty, Result]]:
+    def check_all(
+        self, properties: str | Path | PropertiesFile, constants: Given | None = None
+    ) -> Iterator[tuple[BoundProperty, Result]]:
         """Check the properties of a file (a Path), of a text, or parsed already, one after the other.
 
         With the option `bisim`, one quotient serves all of them where that is a gain.
@@ -97,18 +105,23 @@ class Model:
 
         Raises UnsupportedError for an MDP.
         """
-        from symcheck.check.distribution import transient
+        from symcheck.check.state_distributions import transient
 
         return transient(self.engine, time, self.options)
 
     def steady_state(self) -> Distribution:
         """The long-run distribution over the states. Raises UnsupportedError for an MDP."""
-        from symcheck.check.distribution import steady_state
+        from symcheck.check.state_distributions import steady_state
 
         return steady_state(self.engine, self.options)
 
     def simulate(
-        self, steps: int | None = None, *, time: float | None = None, seed: int | None = None, loop_check: bool = True
+        self,
+        steps: int | None = None,
+        *,
+        time: float | None = None,
+        seed: int | None = None,
+        loop_check: bool = True,
     ) -> RandomPath:
         """A random path of so many steps (or until a time), without building the model. The same seed gives the same path."""
         from symcheck.simulate.walk import simulate
@@ -128,15 +141,35 @@ class Model:
         if len(bound.properties) != 1:
             raise UsageError(f"one property is wanted here, not {len(bound.properties)}")
         fixed = self.options.fix_deadlocks
-        return check_by_sampling(self.bound, bound.properties[0].formula, Plan(**plan), labels=bound.labels, fix_deadlocks=fixed)
+        return check_by_sampling(
+            self.bound,
+            bound.properties[0].formula,
+            Plan(**plan),
+            labels=bound.labels,
+            fix_deadlocks=fixed,
+        )
 
-    def _answers(self, file: PropertiesFile, constants: Given | None) -> Iterator[tuple[BoundProperty, Result]]:
+    def _answers(
+        self, file: PropertiesFile, constants: Given | None
+    ) -> Iterator[tuple[BoundProperty, Result]]:
         questions = [Question(file, i, constants or {}) for i in range(len(file.properties))]
-        bound = [q.bind(self.bound) for q in questions]  # faults of the text come before anything is built
+        bound = [
+            q.bind(self.bound) for q in questions
+        ]  # faults of the text come before anything is built
         engine = self._engine_for(questions)
         shared = lumped(engine, questions, self.options)
         for question, (one, labels) in zip(questions, bound, strict=True):
-            yield one, check(engine, one.formula, self.options, labels=labels, rebind=question.formula, shared=shared)
+            yield (
+                one,
+                check(
+                    engine,
+                    one.formula,
+                    self.options,
+                    labels=labels,
+                    rebind=question.formula,
+                    shared=shared,
+                ),
+            )
 
     @cached_property
     def _reduced(self) -> dict[Any, Engine]:
@@ -150,15 +183,25 @@ class Model:
         asked = tuple((q.file, q.index, *q.constants.items()) for q in questions)
         if asked not in self._reduced:
             self._reduced.clear()
-            self._reduced[asked] = registry.build(reduced(self.bound, questions, steps=False).model, self.options)
+            self._reduced[asked] = registry.build(
+                reduced(self.bound, questions, steps=False).model, self.options
+            )
         return self._reduced[asked]
 
 
-def load(path: str | Path, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:
+def load(
+    path: str | Path,
+    constants: Given | None = None,
+    *,
+    type: ModelType | None = None,
+    **options: Any,
+) -> Model:
     """Read a model file. `options` are the fields of `symcheck.Options`, such as engine="sparse". Raises InputError."""
     return Model(parse_model_file(path), constants or {}, Options(**options), type)
 
 
-def loads(text: str, constants: Given | None = None, *, type: ModelType | None = None, **options: Any) -> Model:
+def loads(
+    text: str, constants: Given | None = None, *, type: ModelType | None = None, **options: Any
+) -> Model:
     """A model from its text, as `load`."""
     return Model(parse_model(text), constants or {}, Options(**options), type)

@@ -21,10 +21,9 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from typing import ParamSpec, TypeVar
-
-from symcheck.records import dataclass, field
 
 P = ParamSpec("P")
 T = TypeVar("T")

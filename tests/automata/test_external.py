@@ -40,7 +40,12 @@ def test_prefix_notation_says_the_formula():
 def test_infix_notations():
     f = Formulas()
     a, b = f.literal(0), f.literal(1)
-    formula = f.conjunction((f.always(f.negation(a)), f.disjunction((f.always(f.eventually(b)), f.release(a, b), f.next(a)))))
+    formula = f.conjunction(
+        (
+            f.always(f.negation(a)),
+            f.disjunction((f.always(f.eventually(b)), f.release(a, b), f.next(a))),
+        )
+    )
     texts = {s: spelled(formula, s).replace(" ", "") for s in SYNTAXES}
     assert all(len(set(map(t.count, "()"))) == 1 for t in texts.values())
     assert "[](!(p0))" in texts["spin"]
@@ -64,12 +69,16 @@ def tool(tmp_path: Path):
     return write
 
 
-BUCHI = 'HOA: v1 Start: 0 AP: 1 "p0" Acceptance: 1 Inf(0) --BODY-- State: 0 [0] 0 {0} [!0] 0 --END--'
+BUCHI = (
+    'HOA: v1 Start: 0 AP: 1 "p0" Acceptance: 1 Inf(0) --BODY-- State: 0 [0] 0 {0} [!0] 0 --END--'
+)
 
 
 def test_a_translator_is_given_the_formula_and_writes_the_automaton(tool):
     f = Formulas()
-    program = tool(f"assert open(sys.argv[1]).read() == 'G F p0\\n'\nopen(sys.argv[2], 'w').write({BUCHI!r})")
+    program = tool(
+        f"assert open(sys.argv[1]).read() == 'G F p0\\n'\nopen(sys.argv[2], 'w').write({BUCHI!r})"
+    )
     automaton = translate_by(program, "lbt", f.always(f.eventually(f.literal(0))), range(2))
     assert automaton.accepts([], [0, 1])
     assert not automaton.accepts([1], [0])

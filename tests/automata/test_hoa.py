@@ -56,7 +56,10 @@ def test_forms(name):
     for _ in range(60):
         prefix, period = random_word(random, 4)
         often, never = any(a & 1 for a in period), not any(a & 2 for a in period)
-        assert automaton.accepts(prefix, period) == (often and (never or not without)), (prefix, period)
+        assert automaton.accepts(prefix, period) == (often and (never or not without)), (
+            prefix,
+            period,
+        )
 
 
 FAULTS = {
@@ -89,7 +92,11 @@ def test_broken_text_is_a_fault_or_an_automaton(seed):
     text = random.choice([t for t, _ in SAMPLES.values()])
     for _ in range(random.randint(1, 4)):
         at = random.randrange(len(text))
-        text = text[:at] + random.choice(["", "0", "{", "]", "!", "Inf(", "State: 1", '"', "&"]) + text[at + random.randint(0, 3) :]
+        text = (
+            text[:at]
+            + random.choice(["", "0", "{", "]", "!", "Inf(", "State: 1", '"', "&"])
+            + text[at + random.randint(0, 3) :]
+        )
     try:
         automaton = hoa.read(text, range(4), {"p0": 0, "p1": 1})
     except InputError:

@@ -34,7 +34,10 @@ def test_implication_is_sound(seed):
     for f in made_ones:
         for g in made_ones:
             if formulas.implies(f, g):
-                assert all(w for v, w in zip(values[f], values[g], strict=True) if v), (str(f), str(g))
+                assert all(w for v, w in zip(values[f], values[g], strict=True) if v), (
+                    str(f),
+                    str(g),
+                )
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -44,7 +47,10 @@ def test_persistence_and_classes_are_what_they_say(seed):
     f = made(formulas, random_tree(random, 2, random.randint(1, 9)))
     for _ in range(20):
         prefix, period = random_word(random, 4)
-        now, later = holds(tree_of(f), prefix, period), [holds(tree_of(f), prefix[i:], period) for i in range(len(prefix) + 1)]
+        now, later = (
+            holds(tree_of(f), prefix, period),
+            [holds(tree_of(f), prefix[i:], period) for i in range(len(prefix) + 1)],
+        )
         assert not (f.universal and now) or all(later)
         assert not (f.eventual and any(later)) or now
 

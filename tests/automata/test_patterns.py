@@ -126,7 +126,10 @@ def random_automaton(random):
     def edges():
         return rng.random((states, letters)) < rng.random()
 
-    found = tuple(Pair(edges(), tuple(edges() for _ in range(random.randrange(3)))) for _ in range(random.randint(1, 3)))
+    found = tuple(
+        Pair(edges(), tuple(edges() for _ in range(random.randrange(3))))
+        for _ in range(random.randint(1, 3))
+    )
     return Automaton(table, 0, found)
 
 

@@ -39,20 +39,26 @@ def test_only_the_letters_that_occur_are_read():
             prefix, period = random_word(random, len(letters))
             expected = holds(tree, [letters[i] for i in prefix], [letters[i] for i in period])
             assert automaton.accepts(prefix, period) == expected
-            assert wide.accepts([letters[i] for i in prefix], [letters[i] for i in period]) == expected
+            assert (
+                wide.accepts([letters[i] for i in prefix], [letters[i] for i in period]) == expected
+            )
 
 
 def test_a_good_prefix_of_a_co_safe_formula_ends_in_an_accepting_state():
     formulas = Formulas()
     a, b = formulas.literal(0), formulas.literal(1)
-    automaton = translate(formulas, formulas.eventually(formulas.conjunction((a, formulas.next(b)))), range(4))
+    automaton = translate(
+        formulas, formulas.eventually(formulas.conjunction((a, formulas.next(b)))), range(4)
+    )
     state = automaton.initial
     seen = []
     for letter in (0, 2, 1, 1, 2, 0):
         state = int(automaton.table[state, letter])
         seen.append(state in automaton.accepting)
     assert seen == [False, False, False, False, True, True]
-    assert automaton.entering(automaton.accepting) > {(int(q), a) for q in automaton.accepting for a in range(4)}
+    assert automaton.entering(automaton.accepting) > {
+        (int(q), a) for q in automaton.accepting for a in range(4)
+    }
 
 
 def _chain(make, parts):
@@ -61,12 +67,19 @@ def _chain(make, parts):
 
 def _responses(f, p):
     pairs = zip(p[::2], p[1::2], strict=True)
-    return f.conjunction([f.always(f.disjunction((f.negation(a), f.eventually(b)))) for a, b in pairs])
+    return f.conjunction(
+        [f.always(f.disjunction((f.negation(a), f.eventually(b)))) for a, b in pairs]
+    )
 
 
 def _streett(f, p):
     pairs = zip(p[::2], p[1::2], strict=True)
-    return f.conjunction([f.disjunction((f.negation(f.always(f.eventually(a))), f.always(f.eventually(b)))) for a, b in pairs])
+    return f.conjunction(
+        [
+            f.disjunction((f.negation(f.always(f.eventually(a))), f.always(f.eventually(b))))
+            for a, b in pairs
+        ]
+    )
 
 
 SIZES = {
@@ -96,7 +109,9 @@ SIZES = {
 def test_automata_are_small(name):
     atoms, make, states = SIZES[name]
     formulas = Formulas()
-    automaton = translate(formulas, make(formulas, [formulas.literal(i) for i in range(atoms)]), range(1 << atoms))
+    automaton = translate(
+        formulas, make(formulas, [formulas.literal(i) for i in range(atoms)]), range(1 << atoms)
+    )
     assert automaton.states == states
 
 

@@ -37,11 +37,16 @@ def _values(tree, word, after) -> list[bool]:
         case ("F", t, *bound):
             return _until([True] * len(word), inner(t), after, *bound)
         case ("G", t, *bound):
-            return [not v for v in _until([True] * len(word), [not v for v in inner(t)], after, *bound)]
+            return [
+                not v for v in _until([True] * len(word), [not v for v in inner(t)], after, *bound)
+            ]
         case ("U", t, u, *bound):
             return _until(inner(t), inner(u), after, *bound)
         case ("R", t, u, *bound):
-            return [not v for v in _until([not v for v in inner(t)], [not v for v in inner(u)], after, *bound)]
+            return [
+                not v
+                for v in _until([not v for v in inner(t)], [not v for v in inner(u)], after, *bound)
+            ]
         case ("W", t, u):
             left, right = inner(t), inner(u)
             for_ever = _until([True] * len(word), [not v for v in left], after)
@@ -101,7 +106,12 @@ def random_tree(random: Random, atoms: int, size: int):
         return (kind, random_tree(random, atoms, size - 1), *bound)
     first = random.randrange(size)
     bound = [random.randrange(4)] if kind in "UR" and random.random() < 0.1 else []
-    return (kind, random_tree(random, atoms, first), random_tree(random, atoms, size - 1 - first), *bound)
+    return (
+        kind,
+        random_tree(random, atoms, first),
+        random_tree(random, atoms, size - 1 - first),
+        *bound,
+    )
 
 
 def random_word(random: Random, letters: int) -> tuple[list[int], list[int]]:

@@ -25,7 +25,12 @@ def counters():
 
 def test_nothing_has_grown():
     """In a process of its own: what others have imported or cached would be counted too."""
-    ran = subprocess.run([sys.executable, str(BENCHMARKS / "counters.py")], capture_output=True, text=True, check=False)
+    ran = subprocess.run(
+        [sys.executable, str(BENCHMARKS / "counters.py")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr
 
 
@@ -34,7 +39,9 @@ def test_growth_is_noticed(counters):
     name = next(iter(reference))
     worse = {**reference, name: {**reference[name], "lookups": 2 * reference[name]["lookups"]}}
     assert counters.grown(reference, reference) == []
-    assert [line.split(": ")[1].split()[0] for line in counters.grown(worse, reference)] == ["lookups"]
+    assert [line.split(": ")[1].split()[0] for line in counters.grown(worse, reference)] == [
+        "lookups"
+    ]
 
 
 def test_a_case_cannot_be_dropped(counters):

@@ -12,7 +12,11 @@ class Chain:
     """A Markov chain whose states are split as to whether formulas hold. `first`: distribution of the initial state."""
 
     def __init__(self, matrix, first, atoms):
-        self.matrix, self.first, self.truths = np.asarray(matrix, float), np.asarray(first, float), list(map(np.array, atoms))
+        self.matrix, self.first, self.truths = (
+            np.asarray(matrix, float),
+            np.asarray(first, float),
+            list(map(np.array, atoms)),
+        )
 
     def probability(self, tree) -> float:
         number = self._truth(tree)  # changes all the rest

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from checking import check_text, engine_of
 from generate import random_model, random_property
 from symcheck.api import load, loads
-from symcheck.check import bisimulation
+from symcheck.check.bisimulation import on_quotient
 from symcheck.check.checker import check
 from symcheck.check.options import Options
-from symcheck.engines.written import written_out
+from symcheck.engines.symbolic.materialized import written_out
 from symcheck.errors import InputError, UnsupportedError
-from symcheck.semantics.bind import bind_properties
+from symcheck.semantics.binding.bind import bind_properties
 from symcheck.syntax.parse import parse_properties
 
 SLOW = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
@@ -25,13 +25,19 @@ SLOW = settings(max_examples=50, deadline=None, suppress_health_check=list(Healt
 
 def random_engine(seed, kind, name="explicit"):
     try:
-        return random_model(Random(seed), kind, largest=5), engine_of(random_model(Random(seed), kind, largest=5).text, name)
+        return random_model(Random(seed), kind, largest=5), engine_of(
+            random_model(Random(seed), kind, largest=5).text, name
+        )
     except InputError:
         assume(False)
 
 
 @SLOW
-@given(seed=st.integers(0, 2**20), kind=st.sampled_from(["dtmc", "ctmc", "mdp"]), name=st.sampled_from(["explicit", "sparse", "mtbdd"]))
+@given(
+    seed=st.integers(0, 2**20),
+    kind=st.sampled_from(["dtmc", "ctmc", "mdp"]),
+    name=st.sampled_from(["explicit", "sparse", "mtbdd"]),
+)
 def test_the_same_values(seed, kind, name):
     model, engine = random_engine(seed, kind, name)
     rng = Random(seed + 1)
@@ -60,9 +66,13 @@ def test_symmetric_parts_are_lumped():
 LINE = "dtmc\nmodule m\n x : [0..4];\n [] x=0 -> 1/3:(x'=1) + 1/3:(x'=2) + 1/3:(x'=3);\n [] x>0 -> true;\nendmodule\n"
 
 
-@pytest.mark.parametrize("text", ["filter(max, filter(min, P=? [ F x=1 ]))", "P=? [ F E [ X x=1 ] ]"])
+@pytest.mark.parametrize(
+    "text", ["filter(max, filter(min, P=? [ F x=1 ]))", "P=? [ F E [ X x=1 ] ]"]
+)
 def test_what_is_checked_without(text):
-    assert any("without -bisim" in w for w in check_text(engine_of(LINE), text, bisim=True).warnings)
+    assert any(
+        "without -bisim" in w for w in check_text(engine_of(LINE), text, bisim=True).warnings
+    )
 
 
 def test_searches_for_a_path_need_no_quotient():
@@ -116,7 +126,9 @@ def test_a_threshold_at_the_value():
 
 @pytest.mark.parametrize("engine", ["auto", "sparse"])
 def test_other_engines_answer(engine):
-    assert check_text(engine_of(LINE, engine), "P=? [ F x=1|x=2 ]", bisim=True).value == pytest.approx(2 / 3)
+    assert check_text(
+        engine_of(LINE, engine), "P=? [ F x=1|x=2 ]", bisim=True
+    ).value == pytest.approx(2 / 3)
 
 
 @pytest.mark.parametrize("name", ["explicit", "sparse"])
@@ -129,13 +141,18 @@ def test_labels_that_a_formula_combines_are_not_told_apart(name):
 
 
 def test_listed_states_that_have_diagrams(monkeypatch):
-    monkeypatch.setattr(bisimulation, "_LONG", 2)
-    monkeypatch.setattr(bisimulation, "_ALIKE", 1)
+    monkeypatch.setattr(on_quotient, "_LONG", 2)
+    monkeypatch.setattr(on_quotient, "_ALIKE", 1)
     engine = written_out(engine_of(LINE, "sparse"))
     result = check_text(engine, "P=? [ F x=1|x=2 ]", bisim=True)
     assert "on diagrams" in result.runs[0].explanation
     assert result.values.at(engine.all)[0].tolist() == pytest.approx([2 / 3, 1, 1, 0])
-    assert check_text(engine, "P>0.5 [ F x=1|x=2 ]", bisim=True).satisfying.members.tolist() == [True, True, True, False]
+    assert check_text(engine, "P>0.5 [ F x=1|x=2 ]", bisim=True).satisfying.members.tolist() == [
+        True,
+        True,
+        True,
+        False,
+    ]
     assert check_text(engine, "filter(count, P>0.5 [ F x=1|x=2 ])", bisim=True).value == 3
 
 
@@ -166,7 +183,9 @@ rewards "none" endrewards
         for direction in ("min", "max"):
             lumped = check_text(engine, f'R{{"one"}}{direction}=? [ F x=4 ]', bisim=True)
             assert "5 states -> 4" in lumped.explanation
-            assert lumped.value == pytest.approx(check_text(engine, f'R{{"one"}}{direction}=? [ F x=4 ]').value)
+            assert lumped.value == pytest.approx(
+                check_text(engine, f'R{{"one"}}{direction}=? [ F x=4 ]').value
+            )
         assert "5 states -> 3" in check_text(engine, "Pmax=? [ F x=4 ]", bisim=True).explanation
 
 
@@ -194,13 +213,23 @@ def several(name, texts):
 @pytest.mark.parametrize("name", ["explicit", "sparse", "hybrid", "mtbdd", "auto"])
 def test_formulas_share_a_quotient(name):
     results = several(name, [text for text, _ in THREE])
-    assert [r.value for r in results] == [pytest.approx(v) if isinstance(v, float) else v for _, v in THREE]
+    assert [r.value for r in results] == [
+        pytest.approx(v) if isinstance(v, float) else v for _, v in THREE
+    ]
     # The chain 4, 5, … 20 ends in one state that never changes: it is one block. x=1 and x=2 are told apart for one of them.
     assert all("20 states -> 4 by bisimulation" in r.explanation for r in results)
 
 
 def test_what_has_no_quotient_does_not_take_it_from_the_others():
-    results = several("explicit", ["P=? [ F x=1 ]", "filter(max, filter(min, P=? [ F x=1 ]))", "P=? [ F x=2 ]", "E [ F x=1 ]"])
+    results = several(
+        "explicit",
+        [
+            "P=? [ F x=1 ]",
+            "filter(max, filter(min, P=? [ F x=1 ]))",
+            "P=? [ F x=2 ]",
+            "E [ F x=1 ]",
+        ],
+    )
     assert ["by bisimulation" in r.explanation for r in results] == [True, False, True, False]
     assert "-> 4 by" in results[0].explanation
 
@@ -214,13 +243,22 @@ def test_formulas_that_tell_most_states_apart_keep_their_own_quotients():
 def test_one_formula_with_many_bounds_has_one_quotient():
     file = parse_properties("const int k; P=? [ F<=k x=2 ]; P>=0.3 [ F<=k x=2 ];")
     engine = engine_of(TAIL)
-    asked = [(p.formula, b.labels) for k in range(4) for b in [bind_properties(file, engine.model, {"k": str(k)})] for p in b.properties]
-    shared = bisimulation.common(engine, asked, Options(bisim=True))
+    asked = [
+        (p.formula, b.labels)
+        for k in range(4)
+        for b in [bind_properties(file, engine.model, {"k": str(k)})]
+        for p in b.properties
+    ]
+    shared = on_quotient.common(engine, asked, Options(bisim=True))
     assert str(shared).startswith("20 states -> 3, common to all 8 properties")
 
 
 @SLOW
-@given(seed=st.integers(0, 2**20), kind=st.sampled_from(["dtmc", "ctmc", "mdp"]), name=st.sampled_from(["explicit", "sparse", "mtbdd"]))
+@given(
+    seed=st.integers(0, 2**20),
+    kind=st.sampled_from(["dtmc", "ctmc", "mdp"]),
+    name=st.sampled_from(["explicit", "sparse", "mtbdd"]),
+)
 def test_a_shared_quotient_has_the_same_values(seed, kind, name):
     model, engine = random_engine(seed, kind, name)
     rng = Random(seed + 1)
@@ -228,7 +266,7 @@ def test_a_shared_quotient_has_the_same_values(seed, kind, name):
     for _ in range(4):
         bound = bind_properties(parse_properties(random_property(rng, model)), engine.model, {})
         asked.append((bound.properties[0].formula, bound.labels))
-    shared = bisimulation.common(engine, asked, Options(bisim=True))
+    shared = on_quotient.common(engine, asked, Options(bisim=True))
     for formula, labels in asked if shared is not None else []:
         try:
             want = check(engine, formula, Options(), labels=labels)
@@ -242,7 +280,12 @@ def test_a_shared_quotient_has_the_same_values(seed, kind, name):
 def test_the_study_has_one_quotient():
     """Its model at one position: the eight properties that are no search, exactly as on the model."""
     folder = Path(__file__).parents[2] / "models" / "cell_injection"
-    constants = {"CellBoundaryX": 175, "CellBoundaryY": 175, "NoisePercentage": "0.01", "StepSizeXY": 18}
+    constants = {
+        "CellBoundaryX": 175,
+        "CellBoundaryY": 175,
+        "NoisePercentage": "0.01",
+        "StepSizeXY": 18,
+    }
     constants |= {"InitialPositionXY": 100, "MaxDistance": 250, "Damping": 1}
     whole = load(folder / "cell_injection.pm", constants, engine="explicit")
     want = [r for _, r in whole.check_all(folder / "cell_injection.pctl", {"ForceBound": 10})]
@@ -250,4 +293,6 @@ def test_the_study_has_one_quotient():
         model = whole.with_options(bisim=True, reduce=reduce)
         found = [r for _, r in model.check_all(folder / "cell_injection.pctl", {"ForceBound": 10})]
         assert [r.value for r in found] == pytest.approx([r.value for r in want], rel=1e-14)
-        assert [f"{states} states -> 7275 by bisimulation" in r.explanation for r in found] == [False] + [True] * 8
+        assert [f"{states} states -> 7275 by bisimulation" in r.explanation for r in found] == [
+            False
+        ] + [True] * 8

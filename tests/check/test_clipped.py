@@ -25,7 +25,12 @@ def chain(seed):
 def test_probabilities_are_between_0_and_1(seed, engine):
     n, text = chain(seed)
     model = symcheck.loads(text, engine=engine)
-    for formula in ("S=? [ s>=0 & s<100 ]", f"S=? [ s<{n - 1} | s>{n - 2} ]", f"P=? [ F[3,3] s<{n} ]", f"P=? [ F>=2 s<{n - 1} ]"):
+    for formula in (
+        "S=? [ s>=0 & s<100 ]",
+        f"S=? [ s<{n - 1} | s>{n - 2} ]",
+        f"P=? [ F[3,3] s<{n} ]",
+        f"P=? [ F>=2 s<{n - 1} ]",
+    ):
         result = model.check(formula)
         assert result.values.minimum(model.engine.all)[0] >= 0
         assert result.values.maximum(model.engine.all)[1] <= 1
@@ -35,7 +40,9 @@ def test_probabilities_are_between_0_and_1(seed, engine):
 
 
 def test_expressions_of_probabilities_are_not_clipped():
-    model = symcheck.loads("dtmc module m s:[0..1]; [] s=0 -> 0.5:(s'=1)+0.5:(s'=0); [] s=1 -> true; endmodule")
+    model = symcheck.loads(
+        "dtmc module m s:[0..1]; [] s=0 -> 0.5:(s'=1)+0.5:(s'=0); [] s=1 -> true; endmodule"
+    )
     assert model.check("P=? [ X s=1 ] + P=? [ F s=1 ]").value == 1.5
     assert model.check("P=? [ X s=1 ] - P=? [ F s=1 ]").value == -0.5
 

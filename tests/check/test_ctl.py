@@ -17,7 +17,11 @@ from symcheck.errors import InputError, UnsupportedError
 
 def successors(engine):
     m = engine.matrix
-    owner = np.arange(m.states) if m.groups is None else np.repeat(np.arange(m.states), np.diff(m.groups))
+    owner = (
+        np.arange(m.states)
+        if m.groups is None
+        else np.repeat(np.arange(m.states), np.diff(m.groups))
+    )
     following = [set() for _ in range(m.states)]
     for r in range(m.rows):
         following[owner[r]].update(m.indices[m.indptr[r] : m.indptr[r + 1]].tolist())
@@ -62,10 +66,15 @@ def test_fixpoints(quantifier, operator, seed, kind):
         engine = engine_of(random_model(Random(seed), kind).text)
     except (InputError, UnsupportedError):
         assume(False)
-    a, b = (frozenset(np.flatnonzero(engine.where(engine.model.labels[name]).members).tolist()) for name in "ab")
+    a, b = (
+        frozenset(np.flatnonzero(engine.where(engine.model.labels[name]).members).tolist())
+        for name in "ab"
+    )
     path = f'{operator} "a"' if operator in "XFG" else f'"a" {operator} "b"'
     for sign in ("", "!"):
-        result = check_text(engine, f"{quantifier} [ {path} ]" if not sign else f"!({quantifier} [ {path} ])")
+        result = check_text(
+            engine, f"{quantifier} [ {path} ]" if not sign else f"!({quantifier} [ {path} ])"
+        )
         expected = ctl(quantifier, operator, a, b, successors(engine))
         found = frozenset(np.flatnonzero(result.satisfying.members).tolist())
         assert found == (frozenset(range(engine.states)) - expected if sign else expected)
@@ -119,8 +128,12 @@ def test_bounds_on_steps(seed, kind, name, bounds):
     everything = frozenset(range(len(following)))
     window = f"[{lower},{upper}]"
     assert satisfied(engine, f'E [ "a" U{window} "b" ]') == bounded(lower, upper, a, b, following)
-    assert satisfied(engine, f'E [ F{window} "b" ]') == bounded(lower, upper, everything, b, following)
-    assert satisfied(engine, f'A [ G{window} "b" ]') == everything - bounded(lower, upper, everything, everything - b, following)
+    assert satisfied(engine, f'E [ F{window} "b" ]') == bounded(
+        lower, upper, everything, b, following
+    )
+    assert satisfied(engine, f'A [ G{window} "b" ]') == everything - bounded(
+        lower, upper, everything, everything - b, following
+    )
     # E [ a R b ]: the negation of every path's !a U !b.
     unreleased = satisfied(engine, f'A [ !"a" U{window} !"b" ]')
     assert satisfied(engine, f'E [ "a" R{window} "b" ]') == everything - unreleased
@@ -139,10 +152,13 @@ def test_bounds_on_steps_of_all_paths():
 LINEAR = {
     '(G F "a") & (G F "b")': lambda a, b, m: again((a, b), m),
     'F G "a"': lambda a, b, m: ctl("E", "F", ctl("E", "G", a, a, m), a, m),
-    '(G F "a") => (G F "b")': lambda a, b, m: ctl("E", "F", ctl("E", "G", frozenset(range(len(m))) - a, a, m), a, m) | again((b,), m),
+    '(G F "a") => (G F "b")': lambda a, b, m: (
+        ctl("E", "F", ctl("E", "G", frozenset(range(len(m))) - a, a, m), a, m) | again((b,), m)
+    ),
     'F ("a" & (X "b"))': lambda a, b, m: ctl("E", "F", a & pre(b, m), a, m),
     'G ("a" => (X "b"))': lambda a, b, m: fixpoint(
-        lambda z: z & pre(z, m) & ((frozenset(range(len(m))) - a) | pre(b & z, m)), frozenset(range(len(m)))
+        lambda z: z & pre(z, m) & ((frozenset(range(len(m))) - a) | pre(b & z, m)),
+        frozenset(range(len(m))),
     ),
     '"a" U ("b" U "a")': lambda a, b, m: ctl("E", "U", a, ctl("E", "U", b, a, m), m),
     'X X "b"': lambda a, b, m: pre(pre(b, m), m),
@@ -154,13 +170,19 @@ def again(sets, following):
     everything = frozenset(range(len(following)))
 
     def step(z):
-        return frozenset.intersection(z, *(pre(ctl("E", "F", x & z, x, following), following) for x in sets))
+        return frozenset.intersection(
+            z, *(pre(ctl("E", "F", x & z, x, following), following) for x in sets)
+        )
 
     return fixpoint(step, everything)
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
-@given(seed=st.integers(0, 2**20), kind=st.sampled_from(["dtmc", "ctmc", "mdp"]), name=st.sampled_from(["explicit", "mtbdd", "exact"]))
+@given(
+    seed=st.integers(0, 2**20),
+    kind=st.sampled_from(["dtmc", "ctmc", "mdp"]),
+    name=st.sampled_from(["explicit", "mtbdd", "exact"]),
+)
 def test_linear_time(seed, kind, name):
     engine, following, a, b = drawn(seed, kind, name)
     for formula, states in LINEAR.items():
@@ -176,7 +198,10 @@ def drawn(seed, kind, name):
         plain = engine_of(text)
     except (InputError, UnsupportedError):
         assume(False)
-    a, b = (frozenset(np.flatnonzero(plain.where(plain.model.labels[name]).members).tolist()) for name in "ab")
+    a, b = (
+        frozenset(np.flatnonzero(plain.where(plain.model.labels[name]).members).tolist())
+        for name in "ab"
+    )
     return engine_of(text, name), successors(plain), a, b
 
 
@@ -195,12 +220,19 @@ def test_a_nested_in_p():
 
 
 def test_a_long_chain_is_not_taken_apart_state_by_state():
-    engine = engine_of("dtmc module m x:[0..20000] init 0; [] x<20000 -> (x'=x+1); [] x=20000 -> true; endmodule")
+    engine = engine_of(
+        "dtmc module m x:[0..20000] init 0; [] x<20000 -> (x'=x+1); [] x=20000 -> true; endmodule"
+    )
     assert check_text(engine, "E [ G F x<20000 ]").value is False
 
 
 def test_what_is_refused():
     with pytest.raises(UnsupportedError, match="bound on time"):
-        check_text(engine_of("ctmc module m x:[0..1] init 0; [] x=0 -> (x'=1); endmodule"), "E [ F<=3 x=1 ]")
+        check_text(
+            engine_of("ctmc module m x:[0..1] init 0; [] x=0 -> (x'=1); endmodule"),
+            "E [ F<=3 x=1 ]",
+        )
     with pytest.raises(UnsupportedError, match="bound on a reward"):
-        check_text(engine_of(WALK + ' rewards "r" true : 1; endrewards'), 'E [ F^{rew{"r"}<=3} x=3 ]')
+        check_text(
+            engine_of(WALK + ' rewards "r" true : 1; endrewards'), 'E [ F^{rew{"r"}<=3} x=3 ]'
+        )

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 import symcheck
 from exchange.models import some_model
-from symcheck.check.distribution import initial_distribution, transient
+from symcheck.check.state_distributions import initial_distribution, transient
 from symcheck.errors import UnsupportedError, UsageError
 
 ENGINES = ("explicit", "sparse", "mtbdd")
@@ -34,7 +34,11 @@ def within(found, expected):
 
 
 @settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 10**9), engine=st.sampled_from(ENGINES), steps=st.sampled_from([0, 1, 2, 7, 1000]))
+@given(
+    seed=st.integers(0, 10**9),
+    engine=st.sampled_from(ENGINES),
+    steps=st.sampled_from([0, 1, 2, 7, 1000]),
+)
 def test_steps_of_a_dtmc(seed, engine, steps):
     built = symcheck.loads(some_model(Random(seed), "dtmc").text, engine=engine)
     start = initial_distribution(built.engine)
@@ -42,7 +46,11 @@ def test_steps_of_a_dtmc(seed, engine, steps):
 
 
 @settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 10**9), engine=st.sampled_from(ENGINES), time=st.sampled_from([0, 0.1, 1, 5, 50]))
+@given(
+    seed=st.integers(0, 10**9),
+    engine=st.sampled_from(ENGINES),
+    time=st.sampled_from([0, 0.1, 1, 5, 50]),
+)
 def test_times_of_a_ctmc(seed, engine, time):
     built = symcheck.loads(some_model(Random(seed), "ctmc").text, engine=engine)
     start = initial_distribution(built.engine)
@@ -50,12 +58,19 @@ def test_times_of_a_ctmc(seed, engine, time):
 
 
 @settings(max_examples=80, deadline=None)
-@given(seed=st.integers(0, 10**9), engine=st.sampled_from(ENGINES), kind=st.sampled_from(["dtmc", "ctmc"]))
+@given(
+    seed=st.integers(0, 10**9),
+    engine=st.sampled_from(ENGINES),
+    kind=st.sampled_from(["dtmc", "ctmc"]),
+)
 def test_the_long_run(seed, engine, kind):
     built = symcheck.loads(some_model(Random(seed), kind).text, engine=engine)
     full = dense(built.engine)
     # A lazy chain has the same long run, and no periods; squaring it often enough gives the limit.
-    lazy = 0.5 * (np.eye(len(full)) + (full if kind == "dtmc" else np.eye(len(full)) + full / (abs(full).max() * 2 or 1)))
+    lazy = 0.5 * (
+        np.eye(len(full))
+        + (full if kind == "dtmc" else np.eye(len(full)) + full / (abs(full).max() * 2 or 1))
+    )
     for _ in range(60):
         lazy = lazy @ lazy
         lazy /= lazy.sum(axis=1, keepdims=True)
@@ -80,7 +95,9 @@ def test_rational_arithmetic_builds_the_same():
 def test_another_initial_distribution():
     model = symcheck.loads("dtmc module m x:[0..1]; [] true -> (x'=1-x); endmodule")
     given_start = np.array([0.25, 0.75])
-    assert transient(model.engine, 3, start=given_start).values.tolist() == pytest.approx([0.75, 0.25])
+    assert transient(model.engine, 3, start=given_start).values.tolist() == pytest.approx(
+        [0.75, 0.25]
+    )
     for wrong in ([1.0], [0.5, 0.6], [-0.5, 1.5], [np.nan, 1.0]):
         with pytest.raises(UsageError, match="initial distribution"):
             transient(model.engine, 3, start=np.array(wrong))

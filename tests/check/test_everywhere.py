@@ -40,7 +40,10 @@ def test_what_the_initial_state_decides_needs_no_numbers(engine, formula, value)
 
 
 def test_a_window_that_begins_later_is_not_decided_at_once():
-    model = symcheck.loads("dtmc module m x:[0..400000] init 0; [] x<400000 -> 1/2:(x'=x+1)+1/2:(x'=0); endmodule", engine="explicit")
+    model = symcheck.loads(
+        "dtmc module m x:[0..400000] init 0; [] x<400000 -> 1/2:(x'=x+1)+1/2:(x'=0); endmodule",
+        engine="explicit",
+    )
     assert model.check("P=? [ F[1,1] x=0 ]").value == 0.5
     assert model.check("P=? [ F>0 x=0 ]").value == pytest.approx(1, rel=1e-9)
     assert model.check("P=? [ x=0 U[2,2] x=0 ]").value == 0.25

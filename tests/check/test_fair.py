@@ -24,8 +24,14 @@ def model(rng, n):
         for _ in range(rng.choice((1, 2, 3))):
             p = rng.choice((0.25, 0.5, 1.0))
             first, second = rng.sample([s, s, *range(n + 2)], 2)
-            lines.append(f"  [] s={s} -> (s'={first});" if p == 1 else f"  [] s={s} -> {p}:(s'={first}) + {1 - p}:(s'={second});")
-    return "\n".join([*lines, f"  [] s>={n} -> true;", "endmodule", 'rewards "r"', "  true : 1;", "endrewards"])
+            lines.append(
+                f"  [] s={s} -> (s'={first});"
+                if p == 1
+                else f"  [] s={s} -> {p}:(s'={first}) + {1 - p}:(s'={second});"
+            )
+    return "\n".join(
+        [*lines, f"  [] s>={n} -> true;", "endmodule", 'rewards "r"', "  true : 1;", "endrewards"]
+    )
 
 
 def reach(chain, target):
@@ -52,7 +58,9 @@ def trembling(dense, rows, groups):
     chain = []
     for row, group in zip(rows, groups, strict=True):
         mean = [sum(dense[r][t] for r in group) / len(group) for t in range(len(groups))]
-        chain.append([(1 - TREMBLE) * x + TREMBLE * y for x, y in zip(dense[row], mean, strict=True)])
+        chain.append(
+            [(1 - TREMBLE) * x + TREMBLE * y for x, y in zip(dense[row], mean, strict=True)]
+        )
     return chain
 
 
@@ -73,7 +81,9 @@ def test_trembling_strategies(seed, direction):
     groups = [range(matrix.groups[s], matrix.groups[s + 1]) for s in range(matrix.states)]
     values = [reach(trembling(dense, rows, groups), target) for rows in product(*groups)]
     want = (np.min if direction == "min" else np.max)(values, axis=0)
-    found, _ = check_text(engine, f"P{direction}=? [ F s={n} ]", fairness=True).values.at(engine.all)
+    found, _ = check_text(engine, f"P{direction}=? [ F s={n} ]", fairness=True).values.at(
+        engine.all
+    )
     assert found == pytest.approx(want, abs=1e-4)
 
 

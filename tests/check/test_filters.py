@@ -50,8 +50,12 @@ def test_values(name, formula, value):
 @pytest.mark.parametrize("name", BUILDERS)
 def test_printed_lines(name):
     result = check_text(engine_of(MANY, name), "filter(printall, P=? [ F x=4 ])")
-    assert result.value == pytest.approx((0, 1))  # over the five initial states, as the formula itself
-    assert [(line.index, line.state, pytest.approx(float(line.value))) for line in result.lines] == [
+    assert result.value == pytest.approx(
+        (0, 1)
+    )  # over the five initial states, as the formula itself
+    assert [
+        (line.index, line.state, pytest.approx(float(line.value))) for line in result.lines
+    ] == [
         (0, (0,), 0.0),
         (1, (1,), 0.25),
         (2, (2,), 0.5),
@@ -80,15 +84,23 @@ def test_refused(formula, reason):
 
 
 def test_a_filter_inside_is_the_same_everywhere():
-    assert check_text(engine_of(DIE), 'P>=1 [ F filter(max, P=? [ F "six" ], s=2) > 0.3 ]').value is True
+    assert (
+        check_text(engine_of(DIE), 'P>=1 [ F filter(max, P=? [ F "six" ], s=2) > 0.3 ]').value
+        is True
+    )
 
 
 def test_result_as_text():
     engine = engine_of(MANY)
     assert str(check_text(engine, "P=? [ F x>=0 ]")) == "[1.0,1.0] (exact)"
-    assert str(check_text(engine, "filter(state, P=? [ F x=4 ], x=2)")) == "0.5 (exact up to rounding)"
+    assert (
+        str(check_text(engine, "filter(state, P=? [ F x=4 ], x=2)")) == "0.5 (exact up to rounding)"
+    )
     assert str(check_text(engine, "filter(count, x>1)")) == "3 (exact)"
     assert str(check_text(engine, "x>=0")) == "true"
-    assert str(check_text(engine_of(MANY, "exact"), "filter(state, P=? [ F x=4 ], x=1)")) == "1/4 (exact)"
+    assert (
+        str(check_text(engine_of(MANY, "exact"), "filter(state, P=? [ F x=4 ], x=1)"))
+        == "1/4 (exact)"
+    )
     certified = check_text(engine_of((RESULTS / "queue.sm").read_text()), "P=? [ F<=1 k=2 ]")
     assert "(certified: +/- " in str(certified)

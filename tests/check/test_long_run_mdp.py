@@ -14,7 +14,7 @@ from checking import check_text, engine_of
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.syntax.parse import parse_expression
-from symcheck.syntax.pretty import pretty
+from symcheck.syntax.printer import pretty
 
 SLOW = settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 
@@ -93,8 +93,14 @@ def test_components_that_mix_slowly():
     """
     assert ask('R{"end"}max=? [ S ]', model=walk) == pytest.approx(1 / 600, rel=1e-6)
     rho = 499 / 501
-    weights = [0.501, *(rho**k for k in range(299)), 0.499 * rho**298]  # balance of a birth and death chain, over 0.501
-    assert ask('R{"end"}min=? [ S ]', model=walk) == pytest.approx(weights[-1] / sum(weights), rel=1e-6)
+    weights = [
+        0.501,
+        *(rho**k for k in range(299)),
+        0.499 * rho**298,
+    ]  # balance of a birth and death chain, over 0.501
+    assert ask('R{"end"}min=? [ S ]', model=walk) == pytest.approx(
+        weights[-1] / sum(weights), rel=1e-6
+    )
 
 
 class Choices:
@@ -138,13 +144,18 @@ def test_against_every_memoryless_strategy(seed):
     choices = Choices(seed)
     exact, engine = engine_of(choices.model, "exact"), engine_of(choices.model)
     for operator, query in (('R{"r"}', "S"), ("S", "s=0")):
-        averages = [check_text(engine_of(t, "exact"), f"{operator}=? [ {query} ]").value for t in choices.chains()]
+        averages = [
+            check_text(engine_of(t, "exact"), f"{operator}=? [ {query} ]").value
+            for t in choices.chains()
+        ]
         for direction, fold in (("min", min), ("max", max)):
             true = fold(averages)
             text = f"{operator} {direction}=? [ {query} ]"
             assert check_text(exact, text).value == true, f"{text}\n{choices.model}"
             low, high = (v[0] for v in check_text(engine, text).values.at(engine.initial))
-            assert low - 1e-12 <= true <= high + 1e-12, f"{text}: [{low}, {high}], not {true}\n{choices.model}"
+            assert low - 1e-12 <= true <= high + 1e-12, (
+                f"{text}: [{low}, {high}], not {true}\n{choices.model}"
+            )
             assert high - low <= 1e-6 * abs(float(true)) + 1e-9
             assert isinstance(true, Fraction | int)
 
@@ -157,8 +168,13 @@ def test_against_storm(seed, tmp_path):
     program = stormpy.parse_prism_program(str(tmp_path / "m.prism"))
     engine = engine_of(text)
     for direction in ("min", "max"):
-        for theirs, ours in ((f"LRA{direction}=? [ s=0 ]",) * 2, (f'R{{"r"}}{direction}=? [ LRA ]', f'R{{"r"}}{direction}=? [ S ]')):
+        for theirs, ours in (
+            (f"LRA{direction}=? [ s=0 ]",) * 2,
+            (f'R{{"r"}}{direction}=? [ LRA ]', f'R{{"r"}}{direction}=? [ S ]'),
+        ):
             properties = stormpy.parse_properties(theirs, program)
             built = stormpy.build_model(program, properties)
             value = stormpy.model_checking(built, properties[0]).get_value(built.initial_states[0])
-            assert check_text(engine, ours).value == pytest.approx(value, abs=2e-5), f"{ours}\n{text}"
+            assert check_text(engine, ours).value == pytest.approx(value, abs=2e-5), (
+                f"{ours}\n{text}"
+            )

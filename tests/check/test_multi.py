@@ -68,7 +68,9 @@ def test_numerical():
 
 def test_infinite_rewards():
     assert ask('multi(R{"loop"}max=? [ C ], P>=1 [ F (s=1|s=2) ])') == inf
-    assert ask('multi(R{"loop"}max=? [ C ], P>=1 [ F s=3 ])') == pytest.approx(0, abs=1e-9)  # the loop cannot be entered
+    assert ask('multi(R{"loop"}max=? [ C ], P>=1 [ F s=3 ])') == pytest.approx(
+        0, abs=1e-9
+    )  # the loop cannot be entered
     assert ask('multi(R{"loop"}min=? [ C ], P>=0.3 [ F s=2 ])') == inf
     assert isnan(ask('multi(R{"loop"}min=? [ C ], P>=0.7 [ F s=2 ])'))
     assert ask('multi(R{"loop"}>=1000000 [ C ], P>=0.9 [ F s=1 ])') is True
@@ -81,12 +83,17 @@ def test_rewards_of_some_steps():
     # Nothing beats a at once, which ends it.
     assert ask('multi(R{"try"}max=? [ C<=3 ], P>=0 [ true ])') == pytest.approx(3, abs=1e-9)
     assert ask('multi(R{"try"}max=? [ C<=1 ], P>=1 [ F s=3 ])') == pytest.approx(1, abs=1e-9)
-    assert ask('multi(R{"try"}max=? [ C<=2 ], R{"try"}max=? [ C<=1 ])') == [(pytest.approx(3.0), pytest.approx(3.0))]
+    assert ask('multi(R{"try"}max=? [ C<=2 ], R{"try"}max=? [ C<=1 ])') == [
+        (pytest.approx(3.0), pytest.approx(3.0))
+    ]
 
 
 def test_pareto():
     points = ask("multi(Pmax=? [ F s=2 ], Pmax=? [ F s=3 ])")
-    assert points == [(pytest.approx(0.6), pytest.approx(0, abs=1e-9)), (pytest.approx(0, abs=1e-9), pytest.approx(1))]
+    assert points == [
+        (pytest.approx(0.6), pytest.approx(0, abs=1e-9)),
+        (pytest.approx(0, abs=1e-9), pytest.approx(1)),
+    ]
     assert ask("multi(Pmax=? [ F s=2 ], Pmin=? [ F s=1 ])") == [
         (pytest.approx(0.6), pytest.approx(0.4)),
         (pytest.approx(0, abs=1e-9), pytest.approx(0, abs=1e-9)),
@@ -96,7 +103,10 @@ def test_pareto():
 def test_rational_arithmetic():
     assert ask("multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])", engine="exact") == Fraction(1, 6)
     assert ask('multi(R{"try"}min=? [ C ], P>=1/3 [ F s=2 ])', engine="exact") == Fraction(5, 3)
-    assert ask("multi(Pmax=? [ F s=2 ], Pmin=? [ F s=1 ])", engine="exact") == [(Fraction(3, 5), Fraction(2, 5)), (0, 0)]
+    assert ask("multi(Pmax=? [ F s=2 ], Pmin=? [ F s=1 ])", engine="exact") == [
+        (Fraction(3, 5), Fraction(2, 5)),
+        (0, 0),
+    ]
     assert ask('multi(R{"loop"}max=? [ C ], P>=1 [ F (s=1|s=2) ])', engine="exact") == inf
     assert isnan(ask("multi(Pmax=? [ F s=3 ], P>=0.7 [ F s=2 ])", engine="exact"))
 
@@ -105,8 +115,16 @@ def test_rational_arithmetic():
 def test_bounds_that_are_met_just_so(engine):
     assert ask("multi(P>=0.6 [ F s=2 ], P>=0.4 [ F s=1 ])", engine=engine) is True
     assert ask("multi(P>=0.6 [ F s=2 ], P>=0.4000000000001 [ F s=1 ])", engine=engine) is False
-    assert ask("multi(P>=0.1 [ F s=2 ], P>=1/6 [ F s=1 ], P>=11/15 [ F s=3 ])", engine=engine) is True
-    assert ask("multi(P>=0.1 [ F s=2 ], P>=1/6 [ F s=1 ], P>=0.73333333333334 [ F s=3 ])", engine=engine) is False
+    assert (
+        ask("multi(P>=0.1 [ F s=2 ], P>=1/6 [ F s=1 ], P>=11/15 [ F s=3 ])", engine=engine) is True
+    )
+    assert (
+        ask(
+            "multi(P>=0.1 [ F s=2 ], P>=1/6 [ F s=1 ], P>=0.73333333333334 [ F s=3 ])",
+            engine=engine,
+        )
+        is False
+    )
 
 
 def test_results_say_that_they_are_proved():
@@ -135,12 +153,18 @@ def test_rewards_in_components_that_exclude_each_other():
 
 @pytest.mark.parametrize("engine", ["sparse", "hybrid", "mtbdd"])
 def test_engines_on_diagrams(engine):
-    assert ask("multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])", engine=engine) == pytest.approx(1 / 6, abs=1e-9)
+    assert ask("multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])", engine=engine) == pytest.approx(
+        1 / 6, abs=1e-9
+    )
 
 
 @pytest.mark.parametrize(
     "text",
-    ["multi(P>0.5 [ F s=1 ], P>=0.1 [ F s=2 ])", "multi(S>=0.5 [ s=1 ], P>=0.1 [ F s=2 ])", "multi(s=1, P>=0.1 [ F s=2 ])"],
+    [
+        "multi(P>0.5 [ F s=1 ], P>=0.1 [ F s=2 ])",
+        "multi(S>=0.5 [ s=1 ], P>=0.1 [ F s=2 ])",
+        "multi(s=1, P>=0.1 [ F s=2 ])",
+    ],
 )
 def test_wrong_objectives(text):
     with pytest.raises((InputError, UnsupportedError)):
@@ -168,15 +192,23 @@ def test_a_single_objective_is_the_usual_measure(seed, direction, path):
     engine = random_engine(seed)
     query = path.format('"a"')
     want = check_text(engine, f"P{direction}=? [ {query} ]").value
-    assert check_text(engine, f"multi(P{direction}=? [ {query} ])").value == pytest.approx(want, abs=1e-6)
+    assert check_text(engine, f"multi(P{direction}=? [ {query} ])").value == pytest.approx(
+        want, abs=1e-6
+    )
 
 
 @SLOW
-@given(seed=st.integers(0, 2**20), direction=st.sampled_from(["min", "max"]), query=st.sampled_from(["C", "C<=4"]))
+@given(
+    seed=st.integers(0, 2**20),
+    direction=st.sampled_from(["min", "max"]),
+    query=st.sampled_from(["C", "C<=4"]),
+)
 def test_a_single_reward_is_the_usual_measure(seed, direction, query):
     engine = random_engine(seed)
     want = check_text(engine, f"R{direction}=? [ {query} ]").value
-    assert check_text(engine, f"multi(R{direction}=? [ {query} ])").value == pytest.approx(want, rel=1e-5, abs=1e-8)
+    assert check_text(engine, f"multi(R{direction}=? [ {query} ])").value == pytest.approx(
+        want, rel=1e-5, abs=1e-8
+    )
 
 
 def strategies(matrix, targets, start):
@@ -216,16 +248,23 @@ def test_pareto_curve_against_all_strategies(seed):
     n = rng.randint(2, 4)
     engine = engine_of(absorbing(rng, n))
     columns = engine.explored.states.column(0)
-    points = list(strategies(engine.matrix, [columns == n, columns == n + 1], int(engine.explored.initial[0])))
+    points = list(
+        strategies(engine.matrix, [columns == n, columns == n + 1], int(engine.explored.initial[0]))
+    )
     curve = check_text(engine, f"multi(Pmax=? [ F s={n} ], Pmax=? [ F s={n + 1} ])").value
     for angle in np.linspace(0, np.pi / 2, 13):
         weights = np.array([np.cos(angle), np.sin(angle)])
-        assert max(weights @ np.array(p) for p in curve) == pytest.approx(max(weights @ p for p in points), abs=1e-6)
+        assert max(weights @ np.array(p) for p in curve) == pytest.approx(
+            max(weights @ p for p in points), abs=1e-6
+        )
     for point in curve:  # corners are what some strategy without memory and chance achieves
         assert min(np.abs(np.array(point) - p).max() for p in points) < 1e-6
     bound = float(max(p[1] for p in points)) / 2
     best = check_text(engine, f"multi(Pmax=? [ F s={n} ], P>={bound!r} [ F s={n + 1} ])").value
     hull = max(
-        (p[0] if p[1] >= bound else q[0] + (p[0] - q[0]) * (bound - q[1]) / (p[1] - q[1])) for p in points for q in points if q[1] >= bound
+        (p[0] if p[1] >= bound else q[0] + (p[0] - q[0]) * (bound - q[1]) / (p[1] - q[1]))
+        for p in points
+        for q in points
+        if q[1] >= bound
     )
     assert best == pytest.approx(hull, abs=1e-6)

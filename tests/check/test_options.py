@@ -8,8 +8,8 @@ from checking import RESULTS, check_text, engine_of
 from symcheck.check.result import Certified, Estimate, Exact
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.methods import METHODS
-from symcheck.numerics.problem import Step
+from symcheck.numerics.linear.methods import METHODS
+from symcheck.numerics.linear.problem import Step
 
 GAMBLER = (RESULTS / "gambler.pm").read_text()
 CHOICES = (RESULTS / "choices.nm").read_text()
@@ -55,18 +55,24 @@ def test_fair_strategies(name):
     assert check_text(engine, 'Pmin=? [ F "goal" | "lost" ]', fairness=True).value == 1
     assert check_text(engine, 'P>=1 [ F "goal" | "lost" ]', fairness=True).value is True
     assert check_text(engine, "P>0 [ G s=0 ]", fairness=True).value is False
-    assert check_text(engine, 'Pmax=? [ F "lost" ]', fairness=True).value == pytest.approx(0.6, rel=1e-6)
-    assert check_text(engine, 'Pmin=? [ F "goal" ]', fairness=True).value == pytest.approx(0.4, rel=1e-6)
+    assert check_text(engine, 'Pmax=? [ F "lost" ]', fairness=True).value == pytest.approx(
+        0.6, rel=1e-6
+    )
+    assert check_text(engine, 'Pmin=? [ F "goal" ]', fairness=True).value == pytest.approx(
+        0.4, rel=1e-6
+    )
 
 
 def test_observer_sees_the_iterations_and_may_end_them():
     from symcheck.check.checker import check
     from symcheck.check.options import Options
-    from symcheck.semantics.bind import bind_properties
+    from symcheck.semantics.binding.bind import bind_properties
     from symcheck.syntax.parse import parse_properties
 
     engine = engine_of(GAMBLER, constants=GIVEN)
-    bound = bind_properties(parse_properties('P=? [ F "rich" ]; P=? [ F<=20 "rich" ]'), engine.model)
+    bound = bind_properties(
+        parse_properties('P=? [ F "rich" ]; P=? [ F<=20 "rich" ]'), engine.model
+    )
     steps: list[Step] = []
     for p in bound.properties:
         check(engine, p.formula, Options(method="interval"), observer=steps.append)

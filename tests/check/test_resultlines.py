@@ -7,8 +7,8 @@ from math import inf, nan
 
 import pytest
 
+from symcheck.check.expected_results import VerdictKind, expected_value, judge
 from symcheck.check.result import Certified, Exact, Result, Run
-from symcheck.check.resultlines import VerdictKind, expected_value, judge
 from symcheck.errors import NumericalError, UnsupportedError
 
 PASS, FAIL = VerdictKind.PASS, VerdictKind.FAIL
@@ -17,7 +17,9 @@ STEPPED = (Run("steps", "step by step", 5, 3),)
 
 
 def verdict(expected, value, constants=None, runs=SOLVED, exact=False):
-    return judge([f"RESULT: {expected}"], Result(value, Exact(), runs=runs), constants or {}, exact=exact).kind
+    return judge(
+        [f"RESULT: {expected}"], Result(value, Exact(), runs=runs), constants or {}, exact=exact
+    ).kind
 
 
 @pytest.mark.parametrize(
@@ -104,5 +106,8 @@ def test_errors():
 
 def test_verdict_as_text():
     assert str(judge(["RESULT: true"], Result(True), {})) == "PASS"
-    assert str(judge(["RESULT: true"], Result(False), {})) == "FAIL: true was expected, and the result is false"
+    assert (
+        str(judge(["RESULT: true"], Result(False), {}))
+        == "FAIL: true was expected, and the result is false"
+    )
     assert str(judge([], Result(False), {})) == "NOT TESTED"

@@ -58,7 +58,9 @@ def test_a_bound_from_below_that_is_greater_than_one_from_above(engine):
     rewards "x" s=0 : 1; endrewards
     rewards "y" s=1 : 1; endrewards
     """
-    assert ask('P=? [ F{"x"}>=3,{"y"}<=1 s=2 ]', model, engine) == pytest.approx(0.25 * 0.75, rel=1e-12)
+    assert ask('P=? [ F{"x"}>=3,{"y"}<=1 s=2 ]', model, engine) == pytest.approx(
+        0.25 * 0.75, rel=1e-12
+    )
 
 
 def test_operators():
@@ -87,7 +89,11 @@ def test_rewards_are_scaled():
 
 @pytest.mark.parametrize(
     ("u", "message"),
-    [("-1", r"-\d.0 in state \(s=\d\) is negative"), ("pow(2, 0.5)", r"1.414.* in state \(s=0\)"), ("1e-6", "too fine")],
+    [
+        ("-1", r"-\d.0 in state \(s=\d\) is negative"),
+        ("pow(2, 0.5)", r"1.414.* in state \(s=0\)"),
+        ("1e-6", "too fine"),
+    ],
 )
 def test_rewards_of_other_kinds_are_refused(u, message):
     with pytest.raises(UnsupportedError, match=message):
@@ -96,7 +102,9 @@ def test_rewards_of_other_kinds_are_refused(u, message):
 
 def test_unlike_transitions_of_one_state_are_refused():
     both = CHAIN.replace("[c] s=2", "[] s=1 -> (s'=3);\n  [c] s=2")
-    with pytest.raises(UnsupportedError, match=r"differs between the transitions of one state.*\(s=1\)"):
+    with pytest.raises(
+        UnsupportedError, match=r"differs between the transitions of one state.*\(s=1\)"
+    ):
         ask('P=? [ F{"y"}<=1 s=2 ]', both)
     assert ask('P=? [ F{"x"}<=4 s=2 ]', both) == pytest.approx(0.25 * 0.5 + 0.5 * 0.25 * 0.5 + 0)
 
@@ -148,7 +156,9 @@ def test_slow_cycles_without_reward():
     either = walk.replace("[] s=0 ->", "[] s>0 & s<8 -> 0.75:(s'=s+1) + 0.25:(s'=s-1);\n [] s=0 ->")
     for model in (walk, either):
         for direction in ("min", "max"):
-            assert ask(f'P{direction}=? [ F{{"r"}}<=20 s=41 ]', model) == pytest.approx(1 - 0.75**20, rel=1e-6)
+            assert ask(f'P{direction}=? [ F{{"r"}}<=20 s=41 ]', model) == pytest.approx(
+                1 - 0.75**20, rel=1e-6
+            )
     assert ask('Pmin=? [ F{"r"}>=0 s=41 ]', walk) == 1
 
 
@@ -186,15 +196,24 @@ class Counted:
                 weights = [rng.randint(1, 3) for _ in range(rng.randint(1, 3))]
                 targets = [rng.randrange(n) for _ in weights]
                 total = sum(weights)
-                plain = " + ".join(f"{w}/{total}:(s'={t})" for w, t in zip(weights, targets, strict=True))
-                add = " + ".join(f"{w}/{total}:(s'={t})&(c'=min(c+{reward + state[s]},8))" for w, t in zip(weights, targets, strict=True))
+                plain = " + ".join(
+                    f"{w}/{total}:(s'={t})" for w, t in zip(weights, targets, strict=True)
+                )
+                add = " + ".join(
+                    f"{w}/{total}:(s'={t})&(c'=min(c+{reward + state[s]},8))"
+                    for w, t in zip(weights, targets, strict=True)
+                )
                 commands.append(f"[{name}] s={s} -> {plain};")
                 counting.append(f"[] s={s} -> {add};")
                 rewards.append(f"[{name}] true : {reward};")
         rewards += [f"s={s} : {r};" for s, r in enumerate(state) if r]
         self.text = f"{kind}\nmodule m\n s:[0..{n - 1}];\n" + "\n".join(commands)
         self.text += '\nendmodule\nrewards "r"\n' + "\n".join(rewards) + "\nendrewards\n"
-        self.counting = f"{kind}\nmodule m\n s:[0..{n - 1}];\n c:[0..8];\n" + "\n".join(counting) + "\nendmodule\n"
+        self.counting = (
+            f"{kind}\nmodule m\n s:[0..{n - 1}];\n c:[0..8];\n"
+            + "\n".join(counting)
+            + "\nendmodule\n"
+        )
 
     def questions(self, seed):
         """Pairs: with a bound, and on the model that counts."""
@@ -204,12 +223,24 @@ class Counted:
         high = low + rng.randint(0, 3)
         return [
             (f'{p} [ F{{"r"}}<={high} s={goal} ]', f"{p} [ F (s={goal} & c<={high}) ]"),
-            (f'{p} [ s!={stay} U{{"r"}}<={high} s={goal} ]', f"{p} [ s!={stay} U (s={goal} & c<={high}) ]"),
+            (
+                f'{p} [ s!={stay} U{{"r"}}<={high} s={goal} ]',
+                f"{p} [ s!={stay} U (s={goal} & c<={high}) ]",
+            ),
             (f'{p} [ F{{"r"}}>={low} s={goal} ]', f"{p} [ F (s={goal} & c>={low}) ]"),
-            (f'{p} [ s!={stay} U{{"r"}}[{low},{high}] s={goal} ]', f"{p} [ s!={stay} U (s={goal} & c>={low} & c<={high}) ]"),
+            (
+                f'{p} [ s!={stay} U{{"r"}}[{low},{high}] s={goal} ]',
+                f"{p} [ s!={stay} U (s={goal} & c>={low} & c<={high}) ]",
+            ),
             (f'{p} [ G{{"r"}}<{high + 1} s!={goal} ]', f"{p} [ G (s!={goal} | c>{high}) ]"),
-            (f'{p} [ F^{{rew{{"r"}}[{low},{high}], steps<=5}} s={goal} ]', f"{p} [ F<=5 (s={goal} & c>={low} & c<={high}) ]"),
-            (f'{p} [ F^{{rew{{"r"}}>={low + 3}, steps<=2}} s={goal} ]', f"{p} [ F<=2 (s={goal} & c>={low + 3}) ]"),
+            (
+                f'{p} [ F^{{rew{{"r"}}[{low},{high}], steps<=5}} s={goal} ]',
+                f"{p} [ F<=5 (s={goal} & c>={low} & c<={high}) ]",
+            ),
+            (
+                f'{p} [ F^{{rew{{"r"}}>={low + 3}, steps<=2}} s={goal} ]',
+                f"{p} [ F<=2 (s={goal} & c>={low + 3}) ]",
+            ),
         ]
 
 
@@ -218,14 +249,20 @@ class Counted:
 @given(seed=st.integers(0, 2**20))
 def test_against_a_counter_in_the_model(kind, seed):
     model = Counted(seed, kind)
-    exact, counting, engine = engine_of(model.text, "exact"), engine_of(model.counting, "exact"), engine_of(model.text)
+    exact, counting, engine = (
+        engine_of(model.text, "exact"),
+        engine_of(model.counting, "exact"),
+        engine_of(model.text),
+    )
     for bounded, counted in model.questions(seed):
         true = check_text(counting, counted).value
         assert check_text(exact, bounded).value == true, f"{bounded}\n{model.text}"
         result = check_text(engine, bounded)
         low, high = (v[0] for v in result.values.at(engine.initial))
         slip = 1e-12 if "G" in bounded else 0.0  # 1 minus a number that was rounded
-        assert low * (1 - 1e-12) - slip <= true <= high * (1 + 1e-12) + slip, f"{bounded}: [{low}, {high}], not {true}\n{model.text}"
+        assert low * (1 - 1e-12) - slip <= true <= high * (1 + 1e-12) + slip, (
+            f"{bounded}: [{low}, {high}], not {true}\n{model.text}"
+        )
         assert high - low <= 1e-6 * high + slip
 
 
@@ -242,8 +279,12 @@ def test_against_storm(kind, seed, tmp_path):
             continue  # Storm does not see that the left side is wrong at once
         properties = stormpy.parse_properties(bounded, program)
         built = stormpy.build_model(program, properties)
-        theirs = stormpy.model_checking(built, properties[0], only_initial_states=True).get_value(built.initial_states[0])
-        assert check_text(engine, bounded).value == pytest.approx(float(theirs), abs=1e-5), f"{bounded}\n{model.text}"
+        theirs = stormpy.model_checking(built, properties[0], only_initial_states=True).get_value(
+            built.initial_states[0]
+        )
+        assert check_text(engine, bounded).value == pytest.approx(float(theirs), abs=1e-5), (
+            f"{bounded}\n{model.text}"
+        )
 
 
 def test_successors_that_are_one_place_are_added():
@@ -275,4 +316,6 @@ def test_rates_are_no_probabilities(engine):
     rewards "r"
       [b] true : 1;
     endrewards"""
-    assert ask('P=? [ F^{rew{"r"}<=0} y=1 ]', model=text, engine=engine) == pytest.approx(1, rel=1e-9)
+    assert ask('P=? [ F^{rew{"r"}<=0} y=1 ]', model=text, engine=engine) == pytest.approx(
+        1, rel=1e-9
+    )

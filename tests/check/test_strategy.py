@@ -14,9 +14,14 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model
-from symcheck.engines.explicit import ExplicitEngine
+from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, UsageError
-from symcheck.exchange.strategies import StrategyTarget, strategy_target, strategy_texts, write_strategy
+from symcheck.exchange.strategies import (
+    StrategyTarget,
+    strategy_target,
+    strategy_texts,
+    write_strategy,
+)
 from symcheck.syntax.ast import ModelType
 
 SLOW = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
@@ -46,7 +51,9 @@ class Chain:
 def induced(strategy):
     explored = strategy.engine.explored
     rewards = [r[strategy.rows] for r in explored.choice_rewards]
-    return ExplicitEngine(Chain(explored, replace(explored.model, type=ModelType.DTMC), strategy.induced, rewards))
+    return ExplicitEngine(
+        Chain(explored, replace(explored.model, type=ModelType.DTMC), strategy.induced, rewards)
+    )
 
 
 @SLOW
@@ -64,7 +71,9 @@ def test_the_induced_chain_has_the_value(seed, direction, query):
     assert not result.warnings
     chain = check_text(induced(result.strategy), query.format("")).values
     for (low, high), (other_low, other_high) in zip(
-        zip(*result.values.at(engine.all), strict=True), zip(*chain.at(engine.all), strict=True), strict=True
+        zip(*result.values.at(engine.all), strict=True),
+        zip(*chain.at(engine.all), strict=True),
+        strict=True,
     ):
         if inf in (low, other_low):
             assert low == other_low
@@ -147,7 +156,10 @@ def test_files():
         return out.getvalue()
 
     assert written("actions") == "(0):go\n(1):out\n(2):\n(3):\n"
-    assert written("indices").splitlines()[:2] == [f"0:{strategy.rows[0]}", f"1:{strategy.rows[1] - 2}"]
+    assert written("indices").splitlines()[:2] == [
+        f"0:{strategy.rows[0]}",
+        f"1:{strategy.rows[1] - 2}",
+    ]
     assert written("induced") == "4 5\n0 1 1 go\n1 2 0.5 out\n1 3 0.5 out\n2 2 1\n3 3 1\n"
     assert written("dot").startswith("digraph")
     assert '1 -> 3 [label="0.5 : out"];' in written("dot")
@@ -160,7 +172,9 @@ def test_files():
     assert restricted == "4 4 5\n0 0 1 1 go\n1 0 2 0.5 out\n1 0 3 0.5 out\n2 0 2 1\n3 0 3 1\n"
     numbers = "".join(strategy_texts(least, StrategyTarget("", states=False, reach=True)))
     assert numbers.splitlines() == [f"{s}:{least.actions[s]}" for s in (0, 1)]
-    drawn = "".join(strategy_texts(strategy, StrategyTarget("", "dot", restrict=True, states=False)))
+    drawn = "".join(
+        strategy_texts(strategy, StrategyTarget("", "dot", restrict=True, states=False))
+    )
     assert '1 [label="1"];\n1 -> n1 [label="out",arrowhead="none"];' in drawn
     assert 'n1 -> 3 [label="0.5"];' in drawn
 
@@ -169,15 +183,21 @@ def test_targets():
     assert strategy_target("a.txt") == StrategyTarget("a.txt")
     assert strategy_target("a.tra") == StrategyTarget("a.tra", "induced")
     assert strategy_target("x:y.dot") == StrategyTarget("x:y.dot", "dot", reach=True)
-    assert strategy_target("a:type=induced,mode=restrict,states=false") == StrategyTarget("a", "induced", restrict=True, states=False)
+    assert strategy_target("a:type=induced,mode=restrict,states=false") == StrategyTarget(
+        "a", "induced", restrict=True, states=False
+    )
     with pytest.raises(UsageError):
         strategy_target("a:type=other")
 
 
 def test_what_is_remembered():
-    strategy = check_text(engine_of(ROUND), "Pmax=? [ (G F s=0) & (G F s=1) ]", strategy=True).strategy
+    strategy = check_text(
+        engine_of(ROUND), "Pmax=? [ (G F s=0) & (G F s=1) ]", strategy=True
+    ).strategy
     assert len(next(strategy.states())) == 2  # s, and the memory
-    run = [a for a, there in zip(strategy.actions, strategy.reachable.tolist(), strict=True) if there]
+    run = [
+        a for a, there in zip(strategy.actions, strategy.reachable.tolist(), strict=True) if there
+    ]
     assert set(run) == {"go", "on"}
     out = StringIO()
     write_strategy(strategy, out)

@@ -73,7 +73,9 @@ def test_probabilities_of_zero_and_one_need_no_numbers():
 def test_rounding_in_a_long_sum_is_no_reason_for_a_wrong_answer():
     """Ten steps of probability 0.1 each: as doubles they do not add up to 1."""
     updates = " + ".join(f"0.1:(x'={i})" for i in range(1, 11))
-    engine = engine_of(f"dtmc module m x:[0..11]; [] x=0 -> {updates}; [] x>0&x<11 -> 0.5:(x'=11)+0.5:(x'=0); [] x=11 -> true; endmodule")
+    engine = engine_of(
+        f"dtmc module m x:[0..11]; [] x=0 -> {updates}; [] x>0&x<11 -> 0.5:(x'=11)+0.5:(x'=0); [] x=11 -> true; endmodule"
+    )
     assert check_text(engine, "P>=0.5 [ F<=2 x=11 ]").value is True
     assert check_text(engine, "P>0.5 [ F<=2 x=11 ]").value is False
     assert check_text(engine, "P>=1 [ X x>0 & x<11 ]").value is True

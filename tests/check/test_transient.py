@@ -48,7 +48,14 @@ def chains(draw):
         assume(False)
 
 
-BOUNDS = [("<=0.5", 0, 0.5), ("<2", 0, 2), ("[0.3,2]", 0.3, 2), ("[1,1]", 1, 1), ("=0.25", 0.25, 0.25), ("<=0", 0, 0)]
+BOUNDS = [
+    ("<=0.5", 0, 0.5),
+    ("<2", 0, 2),
+    ("[0.3,2]", 0.3, 2),
+    ("[1,1]", 1, 1),
+    ("=0.25", 0.25, 0.25),
+    ("<=0", 0, 0),
+]
 
 
 @pytest.mark.parametrize(("bound", "lower", "upper"), BOUNDS)
@@ -86,7 +93,9 @@ def test_unbounded_end():
     engine = engine_of("ctmc module m x:[0..2]; [] x=0 -> 1:(x'=1) + 1:(x'=2); endmodule")
     assert check_text(engine, "P=? [ F>=3 x=1 ]").value == pytest.approx(0.5, rel=1e-6)
     # The run must still be at 0 at time 1, and then go to 1.
-    assert check_text(engine, "P=? [ x=0 U>=1 x=1 ]").value == pytest.approx(0.5 * np.exp(-2), rel=1e-6)
+    assert check_text(engine, "P=? [ x=0 U>=1 x=1 ]").value == pytest.approx(
+        0.5 * np.exp(-2), rel=1e-6
+    )
 
 
 def test_both_parts_of_an_interval_are_accurate():
@@ -95,11 +104,17 @@ def test_both_parts_of_an_interval_are_accurate():
     engine = engine_of(text)
     everywhere, start = np.ones(4, bool), np.array([True, False, False, False])
     result = check_text(engine, "P=? [ F[0.5,2] x=0 ]")
-    assert result.value == pytest.approx(until(dense(engine), everywhere, start, 0.5, 2)[0], rel=1e-6)
+    assert result.value == pytest.approx(
+        until(dense(engine), everywhere, start, 0.5, 2)[0], rel=1e-6
+    )
     assert not result.warnings
 
 
 def test_next_in_time():
     engine = engine_of("ctmc module m x:[0..2]; [] x=0 -> 1:(x'=1) + 3:(x'=2); endmodule")
-    assert check_text(engine, "P=? [ X<=0.5 x=1 ]").value == pytest.approx(0.25 * -np.expm1(-2), rel=1e-9)
-    assert check_text(engine, "P=? [ X[0.5,1] x=1 ]").value == pytest.approx(0.25 * (np.exp(-2) - np.exp(-4)), rel=1e-9)
+    assert check_text(engine, "P=? [ X<=0.5 x=1 ]").value == pytest.approx(
+        0.25 * -np.expm1(-2), rel=1e-9
+    )
+    assert check_text(engine, "P=? [ X[0.5,1] x=1 ]").value == pytest.approx(
+        0.25 * (np.exp(-2) - np.exp(-4)), rel=1e-9
+    )

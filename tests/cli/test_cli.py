@@ -88,7 +88,9 @@ def results(text: str) -> list[str]:
         ([DIE, "-pf", "P=? [ F d=6 "], 1, "']' is missing"),
     ],
 )
-def test_wrong_command_lines(words: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_command_lines(
+    words: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(words) == status
     captured = capsys.readouterr()
     assert message in captured.err
@@ -98,27 +100,37 @@ def test_wrong_command_lines(words: list[str], status: int, message: str, capsys
 
 def test_a_value_for_no_constant_is_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
     """Benchmark scripts give one list of constants to many models."""
-    assert main([CROWDS, "-pf", "P=? [ F phase=2 ]", "-const", "TotalRuns=1,CrowdSize=3,CrowdSise=4"]) == 0
+    assert (
+        main([CROWDS, "-pf", "P=? [ F phase=2 ]", "-const", "TotalRuns=1,CrowdSize=3,CrowdSise=4"])
+        == 0
+    )
     out = capsys.readouterr().out
     assert "no such constant" in out
     assert "did you mean CrowdSize?" in out
     assert "There were 2 warnings" in out or "There was 1 warning" in out
 
 
-@pytest.mark.parametrize("text", [b"", b"\x00\x01\xff\xfe", b"dtmc", "dtmc module é endmodule".encode()])
+@pytest.mark.parametrize(
+    "text", [b"", b"\x00\x01\xff\xfe", b"dtmc", "dtmc module é endmodule".encode()]
+)
 def test_files_that_are_no_models(text: bytes, write, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
     assert main([write(text)]) in (1, 2)
     assert "error" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("which", "count"), [("1", 1), ("1,2", 2), ("2-4", 3), ("face", 1), ("1,face", 1), ("2-3, face", 3)])
+@pytest.mark.parametrize(
+    ("which", "count"),
+    [("1", 1), ("1,2", 2), ("2-4", 3), ("face", 1), ("1,face", 1), ("2-3, face", 3)],
+)
 def test_chosen_properties(which: str, count: int, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([DIE, DIE_PCTL, "-prop", which]) == 0
     assert len(results(capsys.readouterr().out)) == count
 
 
 @pytest.mark.parametrize("engine", ["-ex", "-s", "-h", "-m", "-exact"])
-def test_the_long_run_of_an_mdp_is_no_single_number(engine: str, write, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
+def test_the_long_run_of_an_mdp_is_no_single_number(
+    engine: str, write, capsys: pytest.CaptureFixture[str]
+) -> None:  # type: ignore[no-untyped-def]
     words = [write(MDP), engine]
     for formula in ("S=? [ b ]", "S>0.1 [ b ]", "S=? [ false ]", "P=? [ F b ]", "Pmax=? [ F b ]"):
         words += ["-pf", formula]
@@ -137,7 +149,11 @@ def test_words_of_a_verdict(write, capsys: pytest.CaptureFixture[str]) -> None: 
     assert "false (not satisfied in the initial state)" in out
     assert main([write(MDP), "-pf", "x=0", "-pf", "b", "-pf", "x>0"]) == 0
     out = capsys.readouterr().out
-    assert re.findall(r"satisfied in (.*) initial states", out) == ["all of 2", "1 of 2", "none of 2"]
+    assert re.findall(r"satisfied in (.*) initial states", out) == [
+        "all of 2",
+        "1 of 2",
+        "none of 2",
+    ]
 
 
 def test_arguments_of_an_extremum_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
@@ -146,18 +162,39 @@ def test_arguments_of_an_extremum_are_shown(capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.parametrize("engine", ["-ex", "-s", "-exact"])
-def test_examples_of_deadlocks_are_short(engine: str, write, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
+def test_examples_of_deadlocks_are_short(
+    engine: str, write, capsys: pytest.CaptureFixture[str]
+) -> None:  # type: ignore[no-untyped-def]
     others = "".join(f"v{i} : [0..1] init 0;" for i in range(30))
     model = write(f"dtmc module m x : [0..1] init 0; {others} [] x=0 -> (x'=1); endmodule")
     assert main([model, engine]) == 0
     assert "such as (x=1,… 30 more)" in capsys.readouterr().out
     assert main([model, engine, "-nofixdl"]) == 1
-    assert "1 state has no transition (a deadlock), for example (x=1,… 30 more)" in capsys.readouterr().err
+    assert (
+        "1 state has no transition (a deadlock), for example (x=1,… 30 more)"
+        in capsys.readouterr().err
+    )
 
 
-def test_results_on_standard_output(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_on_standard_output(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main([DIE, "-pf", "const int k; P=? [ F d=k ]", "-const", "k=6:7", "-exportresults", "stdout:csv", "-exact"]) == 0
+    assert (
+        main(
+            [
+                DIE,
+                "-pf",
+                "const int k; P=? [ F d=k ]",
+                "-const",
+                "k=6:7",
+                "-exportresults",
+                "stdout:csv",
+                "-exact",
+            ]
+        )
+        == 0
+    )
     assert capsys.readouterr().out.endswith("\nResults:\n\nk,Result\n6,1/6\n7,0\n")
     assert list(tmp_path.iterdir()) == []
 
@@ -169,7 +206,10 @@ def exported(write, tmp_path: Path) -> Callable[..., str]:  # type: ignore[no-un
     def exported(properties: str, constants: str, kind: str, declared: str = "const int a;") -> str:
         model = write(f"dtmc {declared} module m x : [0..9] init a; [] true -> true; endmodule")
         out = tmp_path / "out"
-        assert main([model, "-pf", properties, "-const", constants, "-exportresults", f"{out}:{kind}"]) == 0
+        assert (
+            main([model, "-pf", properties, "-const", constants, "-exportresults", f"{out}:{kind}"])
+            == 0
+        )
         return out.read_text()
 
     return exported
@@ -182,7 +222,10 @@ def exported(write, tmp_path: Path) -> Callable[..., str]:  # type: ignore[no-un
         ("csv", "a,k,Result\n1,0,1\n1,1,2\n2,0,2\n2,1,3\n"),
         ("matrix", "a\\k:\n\t0\t1\n1\t1\t2\n2\t2\t3\n"),
         ("matrix,csv", "a\\k\n,0,1\n1,1,2\n2,2,3\n"),
-        ("dataframe", "Property,a,k,Result,Accuracy\nx + k,1,0,1,exact\nx + k,1,1,2,exact\nx + k,2,0,2,exact\nx + k,2,1,3,exact\n"),
+        (
+            "dataframe",
+            "Property,a,k,Result,Accuracy\nx + k,1,0,1,exact\nx + k,1,1,2,exact\nx + k,2,0,2,exact\nx + k,2,1,3,exact\n",
+        ),
     ],
 )
 def test_formats_of_results(kind: str, expected: str, exported: Callable[..., str]) -> None:
@@ -195,16 +238,25 @@ def test_formats_of_results(kind: str, expected: str, exported: Callable[..., st
         ("text", '"first": x + k:\nk\tResult\n0\t1\n1\t2\n\nx:\nResult\n1\n'),
         ("csv", '"""first"": x + k"\nk,Result\n0,1\n1,2\n\nx\nResult\n1\n'),
         ("matrix", '"first": x + k:\nk:\n0\t1\n1\t2\n\nx:\n1\n'),
-        ("comment", '// RESULT (a=1,k=0): 1\n// RESULT (a=1,k=1): 2\n"first": x + k\n\n// RESULT (a=1): 1\nx\n'),
+        (
+            "comment",
+            '// RESULT (a=1,k=0): 1\n// RESULT (a=1,k=1): 2\n"first": x + k\n\n// RESULT (a=1): 1\nx\n',
+        ),
     ],
 )
-def test_several_properties_have_titles_and_fixed_constants_no_column(kind: str, expected: str, exported: Callable[..., str]) -> None:
+def test_several_properties_have_titles_and_fixed_constants_no_column(
+    kind: str, expected: str, exported: Callable[..., str]
+) -> None:
     assert exported('const int k; "first": x + k; x', "a=1,k=0:1", kind) == expected
 
 
 def test_one_matrix_for_each_choice_of_further_constants(exported: Callable[..., str]) -> None:
-    matrices = exported("const int k; x + k + b", "a=1:2,b=3:4,k=0:1", "matrix", "const int a; const int b;")
-    assert matrices == "a=1, b\\k:\n\t0\t1\n3\t4\t5\n4\t5\t6\n\na=2, b\\k:\n\t0\t1\n3\t5\t6\n4\t6\t7\n"
+    matrices = exported(
+        "const int k; x + k + b", "a=1:2,b=3:4,k=0:1", "matrix", "const int a; const int b;"
+    )
+    assert (
+        matrices == "a=1, b\\k:\n\t0\t1\n3\t4\t5\n4\t5\t6\n\na=2, b\\k:\n\t0\t1\n3\t5\t6\n4\t6\t7\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -216,7 +268,9 @@ def test_one_matrix_for_each_choice_of_further_constants(exported: Callable[...,
         ("-testall", ["Error:type"], 1, 1),
     ],
 )
-def test_tests(switch: str, lines: list[str], status: int, verdicts: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tests(
+    switch: str, lines: list[str], status: int, verdicts: int, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = [w for line in lines for w in ("-pf", f"// RESULT: {line}\nP=? [ F d=6 ]")]
     assert main([DIE, switch, *words]) == status
     assert capsys.readouterr().out.count("Testing result:") == verdicts
@@ -226,7 +280,14 @@ def _start(*words: str) -> subprocess.Popen[str]:
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
     environment.pop("PYTHONUNBUFFERED", None)  # what has been found must be seen at once without it
     command = [sys.executable, "-m", "symcheck", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, preexec_fn=_heard)
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        preexec_fn=_heard,
+    )
 
 
 def _heard() -> None:
@@ -237,8 +298,25 @@ def _heard() -> None:
 @pytest.mark.parametrize("closed", ["stdout", "stderr"])
 def test_output_that_nobody_wants_may_be_closed(closed: str) -> None:
     number = {"stdout": 1, "stderr": 2}[closed]
-    command = ["/bin/sh", "-c", f'exec "$@" {number}>&-', "sh", sys.executable, "-m", "symcheck", DIE, "-pf", "P=? [ F d=6 ]"]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": str(ROOT / "src")})
+    command = [
+        "/bin/sh",
+        "-c",
+        f'exec "$@" {number}>&-',
+        "sh",
+        sys.executable,
+        "-m",
+        "symcheck",
+        DIE,
+        "-pf",
+        "P=? [ F d=6 ]",
+    ]
+    ended = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+    )
     assert (ended.returncode, ended.stderr) == (0, "")
     assert len(results(ended.stdout)) == (0 if closed == "stdout" else 1)
 
@@ -250,7 +328,10 @@ def test_time_limit(write, capsys: pytest.CaptureFixture[str]) -> None:  # type:
     assert "time limit" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("number", "status", "message"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "hint: SIGTERM")])
+@pytest.mark.parametrize(
+    ("number", "status", "message"),
+    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "hint: SIGTERM")],
+)
 def test_a_signal_ends_a_run_with_a_message(write, number: int, status: int, message: str) -> None:  # type: ignore[no-untyped-def]
     process = _start(write(ENDLESS), "-ex", "-timeout", "60")
     assert process.stdout is not None
@@ -267,10 +348,15 @@ def test_a_signal_ends_a_run_with_a_message(write, number: int, status: int, mes
     assert "Traceback" not in errors
 
 
-def test_an_interrupt_that_has_no_effect_is_repeated(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interrupt_that_has_no_effect_is_repeated(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """What is interrupted may be code that cannot raise, such as a destructor; Python then goes on."""
 
-    interrupted, terminated = signal.signal(signal.SIGINT, signal.default_int_handler), signal.getsignal(signal.SIGTERM)
+    interrupted, terminated = (
+        signal.signal(signal.SIGINT, signal.default_int_handler),
+        signal.getsignal(signal.SIGTERM),
+    )
 
     def deaf(_: object) -> int:
         try:
@@ -279,8 +365,8 @@ def test_an_interrupt_that_has_no_effect_is_repeated(monkeypatch: pytest.MonkeyP
             time.sleep(20)
         return 0
 
-    monkeypatch.setattr("symcheck.cli.entry.run", deaf)
-    monkeypatch.setattr("symcheck.cli.stopping._PATIENCE", 0.1)
+    monkeypatch.setattr("symcheck.cli.entry_point.run", deaf)
+    monkeypatch.setattr("symcheck.cli.signals._PATIENCE", 0.1)
     started = time.perf_counter()
     try:
         assert main([DIE]) == 130
@@ -306,7 +392,14 @@ def test_stages_are_shown_in_a_line() -> None:
     import symcheck
 
     model = symcheck.load(DIE)
-    stages = (model, model.program, symcheck.parse_properties_file(DIE_PCTL), model.bound, model.engine, model.check("P=? [ F d=6 ]"))
+    stages = (
+        model,
+        model.program,
+        symcheck.parse_properties_file(DIE_PCTL),
+        model.bound,
+        model.engine,
+        model.check("P=? [ F d=6 ]"),
+    )
     assert [repr(stage) for stage in stages if len(repr(stage)) > 200] == []
     assert "module" in repr(model.program)
 
@@ -314,7 +407,10 @@ def test_stages_are_shown_in_a_line() -> None:
 def test_one_quotient_for_several_properties(capsys):
     assert main([DIE, "-pf", "P=? [ F d=6 ]; P=? [ F<=4 d=6 ]; E [ F d=6 ]", "-bisim"]) == 0
     shown = capsys.readouterr().out
-    assert re.search(r"Bisimulation: 13 states -> 5, common to 2 of 3 properties \(\d rounds on listed states; \d\.\d\d s in all\)", shown)
+    assert re.search(
+        r"Bisimulation: 13 states -> 5, common to 2 of 3 properties \(\d rounds on listed states; \d\.\d\d s in all\)",
+        shown,
+    )
     assert shown.count("13 states -> 5 by bisimulation") == 2
     assert "arning" not in shown
     main([DIE, "-pf", "P=? [ F d=6 ]", "-bisim"])
@@ -323,7 +419,10 @@ def test_one_quotient_for_several_properties(capsys):
 
 def test_compiled_modules_of_another_version_are_named(monkeypatch, capsys):
     def broken(*_: object, **__: object) -> None:
-        raise ImportError("cannot import name 'f' from 'symcheck.kernels.rows'", name="symcheck.kernels.rows")
+        raise ImportError(
+            "cannot import name 'f' from 'symcheck.kernels.rows.submatrix'",
+            name="symcheck.kernels.rows.submatrix",
+        )
 
     monkeypatch.setattr("symcheck.cli.run.registry.build", broken)
     assert main([DIE]) == 1

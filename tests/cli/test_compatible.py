@@ -23,7 +23,9 @@ label "full" = n=2;
 def queue(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "q.sm").write_text(QUEUE)
-    (tmp_path / "q.csl").write_text('label "some" = n>0;\n"f": S=? [ "full" ];\n"g": P=? [ F<=1 "some" ];\n')
+    (tmp_path / "q.csl").write_text(
+        'label "some" = n>0;\n"f": S=? [ "full" ];\n"g": P=? [ F<=1 "some" ];\n'
+    )
     return tmp_path
 
 
@@ -61,7 +63,10 @@ def test_switches_without_effect_are_taken_and_named(words, queue, capsys):
         (["-param", "p=0:1"], "parametric model checking is not offered"),
         (["-importpepa"], "PEPA is not read"),
         (["-exportmrmc"], "-exportmodel writes"),
-        (["-exporttrnas", "x"], "there is no switch -exporttrnas\n  hint: did you mean -exporttrans?"),
+        (
+            ["-exporttrnas", "x"],
+            "there is no switch -exporttrnas\n  hint: did you mean -exporttrans?",
+        ),
         (["-zzz"], "there is no switch -zzz\n  hint: symcheck --help"),
         (["-dir", "/not/there"], "-dir: '/not/there'"),
         (["a.pctl", "b.pctl"], "'b.pctl' is one file too many"),
@@ -76,7 +81,12 @@ def test_switches_that_cannot_be_served(words, message, queue, capsys):
 
 def test_files_may_stand_anywhere():
     found = parse_arguments(["-const", "a=1", "m.pm", "-s", "p.pctl", "-epsilon", "1e-3"])
-    assert (found.model, found.properties, found.const, found.engine) == ("m.pm", "p.pctl", ["a=1"], "sparse")
+    assert (found.model, found.properties, found.const, found.engine) == (
+        "m.pm",
+        "p.pctl",
+        ["a=1"],
+        "sparse",
+    )
 
 
 def test_a_value_may_look_like_a_switch():
@@ -87,7 +97,9 @@ def test_a_value_may_look_like_a_switch():
 
 
 def test_a_strategy_is_an_adversary(queue, capsys):
-    (queue / "m.nm").write_text("mdp module m x:[0..2]; [a] x=0 -> (x'=1); [b] x=0 -> (x'=2); endmodule")
+    (queue / "m.nm").write_text(
+        "mdp module m x:[0..2]; [a] x=0 -> (x'=1); [b] x=0 -> (x'=2); endmodule"
+    )
     assert run(capsys, "m.nm", "-pf", "Pmax=? [ F x=2 ]", "-exportadv", "adv.tra")[0] == 0
     assert (queue / "adv.tra").read_text() == "3 3\n0 2 1 b\n1 1 1\n2 2 1\n"
     assert run(capsys, "m.nm", "-pf", "Pmax=? [ F x=2 ]", "-exportadvmdp", "adv.tra")[0] == 0
@@ -97,7 +109,19 @@ def test_a_strategy_is_an_adversary(queue, capsys):
 
 def test_another_folder(queue, capsys, monkeypatch):
     monkeypatch.chdir("/")
-    words = ["-dir", queue, "q.sm", "-const", "mu=1", "-exportstates", "out.sta", "-exportresults", "r.txt", "-pf", "true"]
+    words = [
+        "-dir",
+        queue,
+        "q.sm",
+        "-const",
+        "mu=1",
+        "-exportstates",
+        "out.sta",
+        "-exportresults",
+        "r.txt",
+        "-pf",
+        "true",
+    ]
     assert run(capsys, *words)[0] == 0
     assert (queue / "out.sta").is_file()
     assert (queue / "r.txt").read_text() == "Result\ntrue\n"
@@ -136,7 +160,19 @@ def test_exact_and_an_engine(queue, capsys):
 
 
 def test_each_experiment_writes_its_own_files(queue, capsys):
-    words = ["-const", "mu=1:2", "-exporttrans", "o.tra", "-ss", "-exportss", "s.txt", "-tr", "1:2", "-exporttr", "t.txt"]
+    words = [
+        "-const",
+        "mu=1:2",
+        "-exporttrans",
+        "o.tra",
+        "-ss",
+        "-exportss",
+        "s.txt",
+        "-tr",
+        "1:2",
+        "-exporttr",
+        "t.txt",
+    ]
     assert run(capsys, "q.sm", *words)[0] == 0
     names = {p.name for p in queue.iterdir()} - {"q.sm", "q.csl"}
     times = {f"t_{t}_mu={mu}.txt" for t in (1, 2) for mu in (1, 2)}
@@ -150,15 +186,23 @@ def test_each_experiment_writes_its_own_path(queue, capsys):
 
 
 def test_each_property_writes_its_own_vector(queue, capsys):
-    assert run(capsys, "q.sm", "q.csl", "-const", "mu=2", "-exportvector", "v.txt", "-prop", "f")[0] == 0
+    assert (
+        run(capsys, "q.sm", "q.csl", "-const", "mu=2", "-exportvector", "v.txt", "-prop", "f")[0]
+        == 0
+    )
     assert [float(x) for x in (queue / "v.txt").read_text().split()] == pytest.approx([1 / 3] * 3)
-    assert run(capsys, "q.sm", "q.csl", "-const", "mu=2", "-exportvector", "v.txt", "-pf", "n>0")[0] == 0
+    assert (
+        run(capsys, "q.sm", "q.csl", "-const", "mu=2", "-exportvector", "v.txt", "-pf", "n>0")[0]
+        == 0
+    )
     assert (queue / "v_property=3.txt").read_text() == "false\ntrue\ntrue\n"
     assert {"v_property=f.txt", "v_property=g.txt"} <= {p.name for p in queue.iterdir()}
 
 
 def test_one_bad_experiment_leaves_the_others(queue, capsys):
-    status, out, err = run(capsys, "q.sm", "-const", "mu=-1:1", "-pf", 'S=? [ "full" ]', "-exportresults", "stdout:csv")
+    status, out, err = run(
+        capsys, "q.sm", "-const", "mu=-1:1", "-pf", 'S=? [ "full" ]', "-exportresults", "stdout:csv"
+    )
     assert status == 1
     assert err == ""
     assert "error[update-negative]: rate -1 is negative" in out
@@ -166,18 +210,48 @@ def test_one_bad_experiment_leaves_the_others(queue, capsys):
 
 
 def test_random_paths_need_no_model_but_exports_do(queue, capsys):
-    for switch in ("-exporttransdot", "-exportstaterewards", "-exportvector", "-exportbsccs", "-exportdot"):
-        status, _, err = run(capsys, "q.sm", "-const", "mu=1", "-pf", "P=? [ F<=1 n=2 ]", "-sim", switch, "x")
+    for switch in (
+        "-exporttransdot",
+        "-exportstaterewards",
+        "-exportvector",
+        "-exportbsccs",
+        "-exportdot",
+    ):
+        status, _, err = run(
+            capsys, "q.sm", "-const", "mu=1", "-pf", "P=? [ F<=1 n=2 ]", "-sim", switch, "x"
+        )
         assert status == 2
         assert f"{switch} needs the whole model" in err
-    status, out, _ = run(capsys, "q.sm", "-const", "mu=1", "-simpath", "3", "p.txt", "-exportstates", "stdout", "-seed", "1")
+    status, out, _ = run(
+        capsys,
+        "q.sm",
+        "-const",
+        "mu=1",
+        "-simpath",
+        "3",
+        "p.txt",
+        "-exportstates",
+        "stdout",
+        "-seed",
+        "1",
+    )
     assert status == 0
     assert "0:(0)\n1:(1)\n2:(2)\n" in out
     assert len((queue / "p.txt").read_text().splitlines()) == 5
 
 
 def test_labels_of_the_properties_in_a_file_of_their_own(queue, capsys):
-    words = ["-const", "mu=1", "-nofixdl", "-exportproplabels", "p.lab", "-exportlabels", "m.lab", "-prop", "f"]
+    words = [
+        "-const",
+        "mu=1",
+        "-nofixdl",
+        "-exportproplabels",
+        "p.lab",
+        "-exportlabels",
+        "m.lab",
+        "-prop",
+        "f",
+    ]
     assert run(capsys, "q.sm", "q.csl", *words)[0] == 0
     assert (queue / "p.lab").read_text() == '0="some"\n1: 0\n2: 0\n'
     assert (queue / "m.lab").read_text() == '0="init" 1="deadlock" 2="full"\n0: 0\n2: 2\n'
@@ -192,7 +266,14 @@ def test_diagrams_in_dot(queue, capsys):
 
 
 def test_options_of_model_exports(queue, capsys):
-    _, out, _ = run(capsys, "q.sm", "-const", "mu=3", "-exportmodel", "stdout.all:labels=false,rewards=false,format=matlab")
+    _, out, _ = run(
+        capsys,
+        "q.sm",
+        "-const",
+        "mu=3",
+        "-exportmodel",
+        "stdout.all:labels=false,rewards=false,format=matlab",
+    )
     assert "R = sparse(3,3);" in out
     assert "l_init" not in out
     status, _, err = run(capsys, "q.sm", "-const", "mu=3", "-exportmodel", "stdout.all:colour=red")

@@ -41,13 +41,19 @@ def test_the_single_switches(die, capsys):
         "exporttransdotstates": "b.dot",
     }
     words = [w for switch, name in names.items() for w in (f"-{switch}", die / name)]
-    status, out, _ = run(capsys, die / "die.pm", *words, "-exportrewards", die / "a.srew", die / "a.trew")
+    status, out, _ = run(
+        capsys, die / "die.pm", *words, "-exportrewards", die / "a.srew", die / "a.trew"
+    )
     assert status == 0
-    assert (die / "a.tra").read_text() == "3 4\n0 1 0.3333333333333333\n0 2 0.6666666666666666\n1 1 1\n2 2 1\n"
+    assert (
+        die / "a.tra"
+    ).read_text() == "3 4\n0 1 0.3333333333333333\n0 2 0.6666666666666666\n1 1 1\n2 2 1\n"
     assert (die / "a.sta").read_text() == "(s)\n0:(0)\n1:(1)\n2:(2)\n"
     assert (die / "a.lab").read_text() == '0="init" 1="deadlock" 2="two"\n0: 0\n1: 1\n2: 1 2\n'
     assert (die / "a1.srew").read_text() == '# Reward structure "r"\n# State rewards\n3 1\n0 2\n'
-    assert (die / "a2.trew").read_text() == '# Reward structure "t"\n# Transition rewards\n3 2\n0 1 3\n0 2 3\n'
+    assert (
+        die / "a2.trew"
+    ).read_text() == '# Reward structure "t"\n# Transition rewards\n3 2\n0 1 3\n0 2 3\n'
     assert "(0)" not in (die / "a.dot").read_text()
     assert "(0)" in (die / "b.dot").read_text()
     assert f"Exported to '{die / 'a.tra'}'" in out
@@ -55,12 +61,17 @@ def test_the_single_switches(die, capsys):
 
 def test_exact_numbers_and_precision(die, capsys):
     assert "0 1 1/3\n" in run(capsys, die / "die.pm", "-exportmodel", "stdout.tra", "-exact")[1]
-    assert "0 1 0.333\n" in run(capsys, die / "die.pm", "-exporttrans", "stdout", "-exportprecision", "3")[1]
+    assert (
+        "0 1 0.333\n"
+        in run(capsys, die / "die.pm", "-exporttrans", "stdout", "-exportprecision", "3")[1]
+    )
 
 
 def test_labels_of_the_properties(die, capsys):
     (die / "p.pctl").write_text('label "late" = "two" | s=1;\nP=? [ F "late" ]\n')
-    _, out, _ = run(capsys, die / "die.pm", die / "p.pctl", "-exportlabels", "stdout", "-exportproplabels")
+    _, out, _ = run(
+        capsys, die / "die.pm", die / "p.pctl", "-exportlabels", "stdout", "-exportproplabels"
+    )
     assert '0="init" 1="deadlock" 2="two" 3="late"\n0: 0\n1: 1 3\n2: 1 2 3\n' in out
 
 
@@ -71,12 +82,23 @@ def test_export_and_import(die, engine, capsys):
     (die / "p.pctl").write_text('P=? [ F "two" ];\nR{"t"}=? [ C ];\nR{"r"}=? [ C ];\n')
     status, out, _ = run(capsys, "-importmodel", die / "out.all", die / "p.pctl")
     assert status == 0
-    assert [line.split()[1] for line in out.splitlines() if line.startswith("Result:")] == ["0.6666666666666666", "3.0", "2.0"]
+    assert [line.split()[1] for line in out.splitlines() if line.startswith("Result:")] == [
+        "0.6666666666666666",
+        "3.0",
+        "2.0",
+    ]
 
 
 def test_import_by_single_switches(die, capsys):
     run(capsys, die / "die.pm", "-exportmodel", die / "out.all")
-    words = ["-importtrans", die / "out.tra", "-importstates", die / "out.sta", "-importlabels", die / "out.lab"]
+    words = [
+        "-importtrans",
+        die / "out.tra",
+        "-importstates",
+        die / "out.sta",
+        "-importlabels",
+        die / "out.lab",
+    ]
     words += ["-importstaterewards", die / "out1.srew", "-dtmc"]
     status, out, _ = run(capsys, *words, "-pf", 'R=? [ F "two" | s=1 ]')
     assert status == 0
@@ -101,7 +123,11 @@ def test_engines_that_cannot_take_an_imported_model_say_so(die, capsys):
 
 
 def test_exports_that_cannot_be(die, capsys):
-    for words in (["-exportmodel", "out"], ["-exportmodel", die / "no" / "out.tra"], ["-exportmodel", "stdout.umb"]):
+    for words in (
+        ["-exportmodel", "out"],
+        ["-exportmodel", die / "no" / "out.tra"],
+        ["-exportmodel", "stdout.umb"],
+    ):
         status, _, err = run(capsys, die / "die.pm", *words)
         assert status == 2
         assert err.startswith("error: ")
@@ -112,19 +138,37 @@ def test_transient_and_steady_state(die, engine, capsys):
     (die / "q.sm").write_text(QUEUE)
     status, out, _ = run(capsys, die / "q.sm", "-tr", "0.5", "-ss", engine)
     assert status == 0
-    lines = {line.partition("=")[0]: float(line.partition("=")[2]) for line in out.splitlines() if line[:3] in ("0:(", "1:(")}
+    lines = {
+        line.partition("=")[0]: float(line.partition("=")[2])
+        for line in out.splitlines()
+        if line[:3] in ("0:(", "1:(")
+    }
     assert lines == pytest.approx({"0:(0)": 0.25, "1:(1)": 0.75})
     assert "certified: +/- " in out
     transient = out[: out.index("steady-state")].splitlines()
     (first,) = [line for line in transient if line.startswith("0:(0)=")]
-    assert float(first.partition("=")[2]) == pytest.approx(0.25 + 0.75 * 2.718281828459045**-2, abs=1e-6)
+    assert float(first.partition("=")[2]) == pytest.approx(
+        0.25 + 0.75 * 2.718281828459045**-2, abs=1e-6
+    )
 
 
 def test_distributions_to_files_and_back(die, capsys):
-    status, *_ = run(capsys, die / "die.pm", "-tr", "0", "-exporttr", die / "t0.txt", "-ss", "-exportss", die / "ss.txt")
+    status, *_ = run(
+        capsys,
+        die / "die.pm",
+        "-tr",
+        "0",
+        "-exporttr",
+        die / "t0.txt",
+        "-ss",
+        "-exportss",
+        die / "ss.txt",
+    )
     assert status == 0
     assert (die / "t0.txt").read_text() == "1\n0\n0\n"
-    assert [float(x) for x in (die / "ss.txt").read_text().split()] == pytest.approx([0, 1 / 3, 2 / 3])
+    assert [float(x) for x in (die / "ss.txt").read_text().split()] == pytest.approx(
+        [0, 1 / 3, 2 / 3]
+    )
     (die / "init.txt").write_text("0\n0.5\n0.5\n")
     _, out, _ = run(capsys, die / "die.pm", "-tr", "1", "-importinitdist", die / "init.txt")
     assert "\n1:(1)=0.5\n2:(2)=0.5\n" in out
@@ -148,7 +192,14 @@ def test_distributions_that_cannot_be(die, capsys):
 
 
 def test_results_as_json(die, capsys):
-    run(capsys, die / "die.pm", "-pf", 'P=? [ F "two" ]; P>=0.5 [ F "two" ]', "-exportresults", f"{die / 'r.json'}:json")
+    run(
+        capsys,
+        die / "die.pm",
+        "-pf",
+        'P=? [ F "two" ]; P>=0.5 [ F "two" ]',
+        "-exportresults",
+        f"{die / 'r.json'}:json",
+    )
     found = json.loads((die / "r.json").read_text())
     assert [r["result"] for r in found] == ["0.6666666666666666", "true"]
     assert found[0]["property"] == 'P=? [ F "two" ]'

@@ -29,20 +29,101 @@ rewards "len" [go] true : 1; s=1 : 2; endrewards
 """,
     "d.pm": "dtmc const int N = 2; module m x : [0..N]; [a] x<N -> 0.5 : (x'=x+1) + 0.5 : (x'=0); endmodule label \"full\" = x=N;",
 }
-MODELS = (["q.sm", "-const", "mu=3"], ["q.sm", "-const", "mu=1:2"], ["m.nm"], ["d.pm"], ["out.all"], ["out.umb"])
+MODELS = (
+    ["q.sm", "-const", "mu=3"],
+    ["q.sm", "-const", "mu=1:2"],
+    ["m.nm"],
+    ["d.pm"],
+    ["out.all"],
+    ["out.umb"],
+)
 PROPERTIES = (
-    *('P=? [ F "full" ]', 'S=? [ "full" ]', 'Pmax=? [ F "full" ]', 'R{"len"}max=? [ F "full" ]', "R=? [ C<=3 ]", "x>", "true"),
-    *("const int k; k+1", 'label "z" = true; P=? [ X "z" ]', 'E [ F "full" ]', 'filter(printall, P=? [ F<=1 "full" ])', '"init"'),
+    *(
+        'P=? [ F "full" ]',
+        'S=? [ "full" ]',
+        'Pmax=? [ F "full" ]',
+        'R{"len"}max=? [ F "full" ]',
+        "R=? [ C<=3 ]",
+        "x>",
+        "true",
+    ),
+    *(
+        "const int k; k+1",
+        'label "z" = true; P=? [ X "z" ]',
+        'E [ F "full" ]',
+        'filter(printall, P=? [ F<=1 "full" ])',
+        '"init"',
+    ),
     *('multi(Pmax=? [ F "full" ], P>=0.1 [ F s=2 ])', "filter(argmax, n)", 'P>0.5 [ G !"full" ]'),
 )
 SWITCHES = (
-    *("-s", "-m", "-h", "-ex", "-exact", "-sim", "-simpath 3 stdout", "-simpath time=1 p", "-nobuild", "-reduce", "-bisim", "-fair", "-v"),
-    *("-nofixdl", "-test", "-testall", "-estimate", "-method power", "-epsilon 1e-3", "-absolute", "-prop 1", "-dtmc", "-ctmc", "-mdp"),
-    *("-exporttrans stdout", "-exportmodel out.all", "-exportmodel stdout.all:rows", "-exportmodel stdout.drn,dot:states=false"),
-    *("-exportmodel o.all:matlab", "-exportdot d.dot", "-exportsccs stdout", "-exportbsccs b", "-exportmecs c", "-exportvector v"),
-    *("-exportstrat st.tra", "-exportstrat stdout:type=dot", "-exportresults r.txt:matrix", "-exportresults stdout:csv"),
-    *("-exportproplabels", "-exportproplabels pl", "-exportlabels stdout", "-tr 1", "-tr 0:1:2", "-ss", "-ss -exportss ss", "-const k=1:2"),
-    *("-exportprism stdout", "-exportprismconst e", "-exportrewards a b", "-exportrows", "-gs", "-javamaxmem 1g", "-simmethod sprt"),
+    *(
+        "-s",
+        "-m",
+        "-h",
+        "-ex",
+        "-exact",
+        "-sim",
+        "-simpath 3 stdout",
+        "-simpath time=1 p",
+        "-nobuild",
+        "-reduce",
+        "-bisim",
+        "-fair",
+        "-v",
+    ),
+    *(
+        "-nofixdl",
+        "-test",
+        "-testall",
+        "-estimate",
+        "-method power",
+        "-epsilon 1e-3",
+        "-absolute",
+        "-prop 1",
+        "-dtmc",
+        "-ctmc",
+        "-mdp",
+    ),
+    *(
+        "-exporttrans stdout",
+        "-exportmodel out.all",
+        "-exportmodel stdout.all:rows",
+        "-exportmodel stdout.drn,dot:states=false",
+    ),
+    *(
+        "-exportmodel o.all:matlab",
+        "-exportdot d.dot",
+        "-exportsccs stdout",
+        "-exportbsccs b",
+        "-exportmecs c",
+        "-exportvector v",
+    ),
+    *(
+        "-exportstrat st.tra",
+        "-exportstrat stdout:type=dot",
+        "-exportresults r.txt:matrix",
+        "-exportresults stdout:csv",
+    ),
+    *(
+        "-exportproplabels",
+        "-exportproplabels pl",
+        "-exportlabels stdout",
+        "-tr 1",
+        "-tr 0:1:2",
+        "-ss",
+        "-ss -exportss ss",
+        "-const k=1:2",
+    ),
+    *(
+        "-exportprism stdout",
+        "-exportprismconst e",
+        "-exportrewards a b",
+        "-exportrows",
+        "-gs",
+        "-javamaxmem 1g",
+        "-simmethod sprt",
+    ),
     *("-simsamples 20", "-exporttransrewards stdout", "-exportprecision 3"),
 )
 
@@ -71,4 +152,9 @@ def test_any_mixture_of_switches(seed, folder, capsys):
         assert "internal" not in captured.out + captured.err, words
         assert "Traceback" not in captured.err, words
         assert not [name for name in os.listdir(folder) if name.endswith(".part")], words
-        assert status == 0 or captured.err or "Error" in captured.out or "Testing result" in captured.out, words
+        assert (
+            status == 0
+            or captured.err
+            or "Error" in captured.out
+            or "Testing result" in captured.out
+        ), words

@@ -29,16 +29,29 @@ CASES = sorted(
 
 
 def test_the_models_are_found():
-    assert {m.name for m, _ in CASES} >= {"die.pm", "crowds.pm", "herman7.pm", "queue.sm", "dining.nm", "contract.pm"}
+    assert {m.name for m, _ in CASES} >= {
+        "die.pm",
+        "crowds.pm",
+        "herman7.pm",
+        "queue.sm",
+        "dining.nm",
+        "contract.pm",
+    }
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(("model", "properties"), CASES, ids=lambda p: p.name)
 def test_results_are_as_published(model, properties, engine, capsys):
     constants = ["-const", CONSTANTS[model.name]] if model.name in CONSTANTS else []
-    status = main([str(model), str(properties), *constants, *([engine] if engine else []), "-testall"])
+    status = main(
+        [str(model), str(properties), *constants, *([engine] if engine else []), "-testall"]
+    )
     out = capsys.readouterr().out
-    verdicts = [line.removeprefix("Testing result: ") for line in out.splitlines() if line.startswith("Testing result:")]
+    verdicts = [
+        line.removeprefix("Testing result: ")
+        for line in out.splitlines()
+        if line.startswith("Testing result:")
+    ]
     assert verdicts, out
     # Rational arithmetic refuses what has no rational value, and says so; nothing else may be left unanswered.
     allowed = ("PASS", "UNSUPPORTED") if engine == "-exact" else ("PASS",)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from symcheck.cli import main
-from symcheck.cli.texts import read_texts
+from symcheck.cli.properties_input import read_texts
 from symcheck.errors import SyntaxFault
 
 MODEL = "dtmc module m x:[0..1]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=0); [] x=1 -> true; endmodule label \"up\" = x=1;"
@@ -17,10 +17,22 @@ def test_what_is_whole_keeps_its_number():
     assert list(texts.broken) == [1]
     assert texts.broken[1].text == "P=? [ F x="
     assert "-pf:1:26" in str(texts.broken[1].fault)
-    assert [p.span.text for i, p in enumerate(texts.file.properties) if i != 1] == ["P=? [ F x=1 ]", "x=0", "x>0"]
+    assert [p.span.text for i, p in enumerate(texts.file.properties) if i != 1] == [
+        "P=? [ F x=1 ]",
+        "x=0",
+        "x>0",
+    ]
 
 
-@pytest.mark.parametrize("text", ['x=0; "a": P=? [ F "up', "x=0; // ; no end\nP=? [ ", "x=0;\n;P==? [ x ]", 'x=0; P=? [ F "a;b ]'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        'x=0; "a": P=? [ F "up',
+        "x=0; // ; no end\nP=? [ ",
+        "x=0;\n;P==? [ x ]",
+        'x=0; P=? [ F "a;b ]',
+    ],
+)
 def test_parts_are_told_apart(text):
     texts = read_texts(None, [text])
     assert texts.file.properties[0].span.text == "x=0"
@@ -41,7 +53,9 @@ def test_where_nothing_is_left_all_is_refused(text):
 
 def test_the_rest_is_answered(tmp_path, capsys):
     (tmp_path / "m.pm").write_text(MODEL)
-    (tmp_path / "p.pctl").write_text('P=? [ F x=1 ];\n// comment\n"bad": P=? [ F x= ];\n"good": x=0;\n')
+    (tmp_path / "p.pctl").write_text(
+        'P=? [ F x=1 ];\n// comment\n"bad": P=? [ F x= ];\n"good": x=0;\n'
+    )
     words = [str(tmp_path / "m.pm"), str(tmp_path / "p.pctl"), "-exportresults", "stdout:csv"]
     assert main(words) == 1
     out = capsys.readouterr().out
@@ -62,6 +76,8 @@ def test_a_property_may_be_called_as_a_label_is(tmp_path, capsys):
 
 
 def test_the_value_of_a_constant_is_pointed_at(tmp_path, capsys):
-    (tmp_path / "m.pm").write_text("dtmc const double mu; module m x:[0..1]; [] true -> mu:(x'=1)+1-mu:(x'=0); endmodule")
+    (tmp_path / "m.pm").write_text(
+        "dtmc const double mu; module m x:[0..1]; [] true -> mu:(x'=1)+1-mu:(x'=0); endmodule"
+    )
     assert main([str(tmp_path / "m.pm"), "-const", "mu=0.5*y"]) == 1
     assert "value of mu:1:5: error[unknown-name]: unknown name y" in capsys.readouterr().err

@@ -9,30 +9,51 @@ import pytest
 from checking import judge_file
 from symcheck.api import load
 from symcheck.check.checker import check
+from symcheck.check.expected_results import VerdictKind
 from symcheck.check.options import Options
-from symcheck.check.resultlines import VerdictKind
-from symcheck.engines.explicit import ExplicitEngine
+from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import ModelFault
 from symcheck.explicit.build import explore
-from symcheck.semantics.bind import bind, bind_properties
-from symcheck.semantics.reduce import observe, reduce
+from symcheck.semantics.binding.bind import bind, bind_properties
+from symcheck.semantics.reduction.reset_dead_variables import observe, reduce
 from symcheck.syntax.parse import parse_model_file, parse_properties_file
 
 FOLDER = Path(__file__).parents[2] / "models" / "cell_injection"
 MODEL, PROPERTIES = FOLDER / "cell_injection.pm", FOLDER / "cell_injection.pctl"
-PAPER = {"NoisePercentage": "0.01", "StepSizeXY": "18", "InitialPositionXY": "100", "MaxDistance": "250", "Damping": "1"}
-SMALL = {**PAPER, "CellBoundaryX": "104", "CellBoundaryY": "104", "NoisePercentage": "0.005", "StepSizeXY": "27"}
+PAPER = {
+    "NoisePercentage": "0.01",
+    "StepSizeXY": "18",
+    "InitialPositionXY": "100",
+    "MaxDistance": "250",
+    "Damping": "1",
+}
+SMALL = {
+    **PAPER,
+    "CellBoundaryX": "104",
+    "CellBoundaryY": "104",
+    "NoisePercentage": "0.005",
+    "StepSizeXY": "27",
+}
 
 
-@pytest.mark.parametrize(("x", "y", "bound"), [("174", "176", "10"), ("175", "175", "10"), ("176", "176", "5")])
+@pytest.mark.parametrize(
+    ("x", "y", "bound"), [("174", "176", "10"), ("175", "175", "10"), ("176", "176", "5")]
+)
 def test_results_of_the_study(x, y, bound):
-    checked = judge_file(MODEL, PROPERTIES, {**PAPER, "CellBoundaryX": x, "CellBoundaryY": y, "ForceBound": bound}, "explicit")
+    checked = judge_file(
+        MODEL,
+        PROPERTIES,
+        {**PAPER, "CellBoundaryX": x, "CellBoundaryY": y, "ForceBound": bound},
+        "explicit",
+    )
     assert [c.verdict.kind for c in checked] == [VerdictKind.PASS] * 9
 
 
 def answers(engine: str) -> dict[str | None, float]:
-    model = load(MODEL, SMALL, exact=engine == "exact", engine="explicit" if engine == "exact" else engine)
+    model = load(
+        MODEL, SMALL, exact=engine == "exact", engine="explicit" if engine == "exact" else engine
+    )
     return {p.name: float(r.value) for p, r in model.check_all(PROPERTIES, {"ForceBound": "10"})}
 
 
@@ -51,7 +72,9 @@ def test_reduction_keeps_the_values_of_the_study():
     whole, options = ExplicitEngine(explore(model, Options())), Options()
     for one in bound.properties:
         assert one.formula is not None
-        small = ExplicitEngine(explore(reduce(model, observe(model, [one.formula], bound.labels)).model, options))
+        small = ExplicitEngine(
+            explore(reduce(model, observe(model, [one.formula], bound.labels)).model, options)
+        )
         assert small.states < whole.states
         a, b = (check(e, one.formula, options, labels=bound.labels).value for e in (whole, small))
         assert a == pytest.approx(b, abs=1e-13)
@@ -62,5 +85,8 @@ def test_damping_of_the_other_sign_drives_the_needle_away():
     model = load(MODEL, constants, engine="explicit")
     values = {p.name: r.value for p, r in model.check_all(PROPERTIES, {"ForceBound": "10"})}
     assert (values["deadlock_free"], values["injected"], values["position_error"]) == (True, 0, 1)
-    with pytest.raises(ModelFault, match=r"X_cur would become 94, outside of \[100\.\.250\], for example in state \(count=2,k=1"):
+    with pytest.raises(
+        ModelFault,
+        match=r"X_cur would become 94, outside of \[100\.\.250\], for example in state \(count=2,k=1",
+    ):
         explore(bind(parse_model_file(MODEL), {**constants, "Damping": "-1"}), Options())

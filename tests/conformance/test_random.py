@@ -19,12 +19,19 @@ def agrees(low, high, true):
     """Whether the bounds hold the true value and are as near as was asked for."""
     if isnan(true) or isinf(true):
         return (isnan(low) and isnan(true)) or low == high == true
-    return low - 1e-11 * (1 + abs(low)) <= true <= high + 1e-11 * (1 + abs(high)) and high - low <= 2e-6 * abs(high) + 1e-11
+    return (
+        low - 1e-11 * (1 + abs(low)) <= true <= high + 1e-11 * (1 + abs(high))
+        and high - low <= 2e-6 * abs(high) + 1e-11
+    )
 
 
 @pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
 @pytest.mark.parametrize("name", [n for n in BUILDERS if n != "exact"])
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+)
 @given(seed=st.integers(0, 2**20))
 def test_engines_agree_with_rationals(kind, name, seed):
     rng = Random(seed)
@@ -39,4 +46,6 @@ def test_engines_agree_with_rationals(kind, name, seed):
         low, high = check_text(engine, text).values.at(engine.all)
         true = check_text(exact, text).values.at(exact.all)[0]
         for state, a, b, t in zip(exact.table, low, high, true, strict=True):
-            assert agrees(a, b, float(t)), f"{text} in {state}: [{a}, {b}], and exactly {t}\n{model.text}"
+            assert agrees(a, b, float(t)), (
+                f"{text} in {state}: [{a}, {b}], and exactly {t}\n{model.text}"
+            )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from checking import RESULTS, judge_file
-from symcheck.check.resultlines import VerdictKind
+from symcheck.check.expected_results import VerdictKind
 from symcheck.engines.registry import BUILDERS
 
 RUNS = [
@@ -21,11 +21,15 @@ RUNS = [
 
 
 @pytest.mark.parametrize("engine", BUILDERS)
-@pytest.mark.parametrize(("model", "properties", "constants"), RUNS, ids=lambda v: str(v) if isinstance(v, dict) else v)
+@pytest.mark.parametrize(
+    ("model", "properties", "constants"), RUNS, ids=lambda v: str(v) if isinstance(v, dict) else v
+)
 def test_known_results(model, properties, constants, engine):
     checked = judge_file(RESULTS / model, RESULTS / properties, constants, engine)
     assert any(c.verdict.kind is VerdictKind.PASS for c in checked)
     # What has no rational value is refused by the exact engine, with a reason.
-    accepted = {VerdictKind.PASS, VerdictKind.UNSUPPORTED} if engine == "exact" else {VerdictKind.PASS}
+    accepted = (
+        {VerdictKind.PASS, VerdictKind.UNSUPPORTED} if engine == "exact" else {VerdictKind.PASS}
+    )
     wrong = [f"{c.text}: {c.verdict}" for c in checked if c.verdict.kind not in accepted]
     assert not wrong

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symcheck.dd import closing
-from symcheck.dd.closing import close
+from symcheck.dd import saturation
 from symcheck.dd.manager import Bdd, Closure, DiagramManager, Transition
+from symcheck.dd.saturation import close
 from symcheck.errors import TimeLimitError
 
 BITS = 5
@@ -36,10 +36,14 @@ def sparse_set(manager: DiagramManager, names: list[str], seed: int, density: fl
 def relation_of(manager: DiagramManager, touched: list[int], seed: int) -> tuple[Bdd, Transition]:
     """Reads any row bit and changes those touched."""
     names = ROWS + [COLUMNS[i] for i in touched]
-    return sparse_set(manager, names, seed, 0.08), manager.transition([ROWS[i] for i in touched], [COLUMNS[i] for i in touched])
+    return sparse_set(manager, names, seed, 0.08), manager.transition(
+        [ROWS[i] for i in touched], [COLUMNS[i] for i in touched]
+    )
 
 
-def repeated(relations: list[tuple[Bdd, Transition]], states: Bdd, within: Bdd, forward: bool) -> Bdd:
+def repeated(
+    relations: list[tuple[Bdd, Transition]], states: Bdd, within: Bdd, forward: bool
+) -> Bdd:
     """The same by definition."""
     while True:
         before = states
@@ -64,7 +68,9 @@ def counter(bits: int) -> tuple[DiagramManager, Bdd, tuple[Bdd, Transition]]:
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(st.tuples(touched_bits, seeds), max_size=4), seeds, seeds, st.booleans(), st.booleans())
+@given(
+    st.lists(st.tuples(touched_bits, seeds), max_size=4), seeds, seeds, st.booleans(), st.booleans()
+)
 def test_closing_is_repeating(kinds, start, border, bounded, forward):
     manager = manager_of_pairs()
     relations = [relation_of(manager, touched, seed) for touched, seed in kinds]
@@ -83,7 +89,10 @@ def test_what_was_closed_before_helps_and_does_not_disturb():
     relations = [relation_of(manager, [0, 3], 1), relation_of(manager, [2], 2)]
     closure = manager.closure(relations)
     for seed in range(20):
-        states, within = sparse_set(manager, ROWS, seed, 0.05), sparse_set(manager, ROWS, seed + 100, 0.7)
+        states, within = (
+            sparse_set(manager, ROWS, seed, 0.05),
+            sparse_set(manager, ROWS, seed + 100, 0.7),
+        )
         assert closure.close(states) == repeated(relations, states, manager.true, True)
         assert closure.close(states, within) == repeated(relations, states, within, True)
         manager.collect()
@@ -105,7 +114,9 @@ def test_another_order_of_the_variables_is_noticed():
     states = sparse_set(manager, ROWS, 3, 0.1)
     closure = manager.closure(relations)
     before = closure.close(states)
-    manager.reorder([name for pair in zip(reversed(ROWS), reversed(COLUMNS), strict=True) for name in pair])
+    manager.reorder(
+        [name for pair in zip(reversed(ROWS), reversed(COLUMNS), strict=True) for name in pair]
+    )
     assert closure.close(states) == before
     assert closure.close(before) == before
 
@@ -118,7 +129,9 @@ def far_pairs(n: int) -> tuple[DiagramManager, Bdd, list[tuple[Bdd, Transition]]
     relations = []
     for a in range(n):
         both = manager.variable(columns[a]) & manager.variable(columns[a + n])
-        relations.append((both, manager.transition([rows[a], rows[a + n]], [columns[a], columns[a + n]])))
+        relations.append(
+            (both, manager.transition([rows[a], rows[a + n]], [columns[a], columns[a + n]]))
+        )
     return manager, manager.conjunction([~manager.variable(row) for row in rows]), relations
 
 
@@ -137,11 +150,13 @@ def test_giving_up_is_not_an_error():
     with pytest.raises(TimeLimitError):
         closure.close(nothing)
     manager.limit_time(None)
-    assert manager.closure(relations[:3]).close(nothing) == repeated(relations[:3], nothing, manager.true, True)
+    assert manager.closure(relations[:3]).close(nothing) == repeated(
+        relations[:3], nothing, manager.true, True
+    )
 
 
 def test_two_ways_take_turns(monkeypatch):
-    monkeypatch.setattr(closing, "FIRST", {True: 2000})
+    monkeypatch.setattr(saturation, "FIRST", {True: 2000})
     manager, nothing, relations = far_pairs(12)
     turns = []
 
@@ -159,7 +174,7 @@ def test_two_ways_take_turns(monkeypatch):
 
 
 def test_a_deadline_ends_the_turns(monkeypatch):
-    monkeypatch.setattr(closing, "FIRST", {True: 2000})
+    monkeypatch.setattr(saturation, "FIRST", {True: 2000})
     manager, nothing, relations = far_pairs(12)
     closure = manager.closure(relations)
 

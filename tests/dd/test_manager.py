@@ -16,8 +16,12 @@ from symcheck.errors import NumericalError
 
 NAMES = ["a", "b", "c", "d"]
 ROWS = np.array(list(itertools.product((0, 1), repeat=4)), dtype=np.uint8)
-numbers = st.lists(st.sampled_from([0.0, 1.0, -1.0, 0.5, 1e-13, 2e-13, 3.0, math.inf]), min_size=16, max_size=16)
-finite = st.lists(st.sampled_from([0.0, 1.0, -1.0, 0.5, 1e-13, 2e-13, 3.0]), min_size=16, max_size=16)
+numbers = st.lists(
+    st.sampled_from([0.0, 1.0, -1.0, 0.5, 1e-13, 2e-13, 3.0, math.inf]), min_size=16, max_size=16
+)
+finite = st.lists(
+    st.sampled_from([0.0, 1.0, -1.0, 0.5, 1e-13, 2e-13, 3.0]), min_size=16, max_size=16
+)
 truths = st.lists(st.booleans(), min_size=16, max_size=16)
 
 
@@ -76,7 +80,14 @@ def test_arithmetic(manager, left, right):
 def test_bridges(manager, left, right, chosen):
     x, y, s = np.array(left), np.array(right), np.array(chosen)
     f, g, states = manager.table(NAMES, x), manager.table(NAMES, y), manager.bdd_table(NAMES, s)
-    for operator, expected in {"<": x < y, "<=": x <= y, ">": x > y, ">=": x >= y, "=": x == y, "!=": x != y}.items():
+    for operator, expected in {
+        "<": x < y,
+        "<=": x <= y,
+        ">": x > y,
+        ">=": x >= y,
+        "=": x == y,
+        "!=": x != y,
+    }.items():
         assert f.compare(operator, g) == manager.bdd_table(NAMES, expected)
     assert f.compare(">=", 0.5) == manager.bdd_table(NAMES, x >= 0.5)
     assert f.equal(g) == manager.bdd_table(NAMES, x == y)
@@ -104,8 +115,14 @@ def test_abstraction(manager, left, right, axes):
     where = tuple(axes)
     assert f.max_over(cube) == manager.table(NAMES, values(x.max(where, keepdims=True)))
     assert f.min_over(cube) == manager.table(NAMES, values(x.min(where, keepdims=True)))
-    np.testing.assert_allclose(f.sum_over(cube).evaluate(ROWS), values(x.sum(where, keepdims=True)), atol=1e-15)
-    np.testing.assert_allclose(f.multiply_sum(g, cube).evaluate(ROWS), values((x * y).sum(where, keepdims=True)), atol=1e-15)
+    np.testing.assert_allclose(
+        f.sum_over(cube).evaluate(ROWS), values(x.sum(where, keepdims=True)), atol=1e-15
+    )
+    np.testing.assert_allclose(
+        f.multiply_sum(g, cube).evaluate(ROWS),
+        values((x * y).sum(where, keepdims=True)),
+        atol=1e-15,
+    )
 
 
 def test_a_matrix_times_a_vector(manager):
@@ -121,7 +138,9 @@ def test_rename_is_simultaneous(manager):
     a, b, c, d = map(manager.variable, NAMES)
     f = (a & ~b) | (c ^ d)
     assert f.rename(manager.renaming({"a": "b", "b": "a"})) == (b & ~a) | (c ^ d)
-    assert f.rename(manager.renaming({"a": "b", "b": "c", "c": "d", "d": "a"})) == (b & ~c) | (d ^ a)
+    assert f.rename(manager.renaming({"a": "b", "b": "c", "c": "d", "d": "a"})) == (b & ~c) | (
+        d ^ a
+    )
     assert f.rename(manager.renaming({"a": "c", "b": "c"})) == c ^ d
     m = f.ite(0.25, 4.0)
     exchange = manager.renaming({"a": "d", "d": "a"})
@@ -262,7 +281,10 @@ def test_exported_sets_come_back(manager, left, right):
 
 
 def test_malformed_tables_are_refused(manager):
-    ints = [np.array(column, dtype=np.int32) for column in ([4, 4, 0, 0], [0, 1, 0, 2], [0, 1, 1, 1], [3])]
+    ints = [
+        np.array(column, dtype=np.int32)
+        for column in ([4, 4, 0, 0], [0, 1, 0, 2], [0, 1, 1, 1], [3])
+    ]
     with pytest.raises(ValueError, match="not below"):
         manager.import_bdd(BddTable(4, *ints))
     ints[1][3] = 3
@@ -309,7 +331,12 @@ def test_sifting_keeps_groups_together_and_helps():
     manager = DiagramManager()
     left, right = [f"x{i}" for i in range(8)], [f"y{i}" for i in range(8)]
     manager.add_variables(left + right)
-    equal = manager.conjunction([manager.variable(x).equivalent(manager.variable(y)) for x, y in zip(left, right, strict=True)])
+    equal = manager.conjunction(
+        [
+            manager.variable(x).equivalent(manager.variable(y))
+            for x, y in zip(left, right, strict=True)
+        ]
+    )
     before = equal.node_count
     manager.sift()
     assert equal.node_count < before / 4

@@ -24,7 +24,9 @@ def operands(manager):
     """Two diagrams whose product would have 2**26 leaves."""
     numbers = np.random.default_rng(0)
     manager.add_variables(NAMES)
-    return manager.table(NAMES[0:26:2], numbers.random(2**13)), manager.table(NAMES[26:39], numbers.random(2**13))
+    return manager.table(NAMES[0:26:2], numbers.random(2**13)), manager.table(
+        NAMES[26:39], numbers.random(2**13)
+    )
 
 
 def test_time_limit():
@@ -55,9 +57,17 @@ def test_interrupt(own):
     """In a recursion of ours and in one of CUDD's."""
     manager = DiagramManager()
     left, right = operands(manager)
-    sets = [manager.bdd_table(NAMES[:18], np.random.default_rng(i).random(2**18) < 0.5) for i in range(2)]
+    sets = [
+        manager.bdd_table(NAMES[:18], np.random.default_rng(i).random(2**18) < 0.5)
+        for i in range(2)
+    ]
     far = sets[1].rename(manager.renaming(dict(zip(NAMES[:18], NAMES[18:36], strict=True))))
-    manager.reorder([*(name for pair in zip(NAMES[:18], NAMES[18:36], strict=True) for name in pair), *NAMES[36:]])
+    manager.reorder(
+        [
+            *(name for pair in zip(NAMES[:18], NAMES[18:36], strict=True) for name in pair),
+            *NAMES[36:],
+        ]
+    )
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.1)
@@ -124,7 +134,13 @@ def test_handles_outlive_their_manager():
 
 
 def run(code: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
 
 
 @pytest.mark.parametrize(

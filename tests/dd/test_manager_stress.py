@@ -17,7 +17,14 @@ NAMES = [f"v{i}" for i in range(K)]
 ROWS = (np.arange(SIZE)[:, None] >> np.arange(K - 1, -1, -1) & 1).astype(np.uint8)
 WEIGHTS = 1 << np.arange(K - 1, -1, -1)
 LEAVES = np.array([0, 0, 0, 1, 2, 0.5, -1, 3.25, 1e-13, -7])
-COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "=": operator.eq, "!=": operator.ne}
+COMPARE = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "=": operator.eq,
+    "!=": operator.ne,
+}
 
 
 def over(table, axes, reduce):
@@ -83,7 +90,14 @@ class Stress:
 
     def do_boolean(self):
         (f, s), (g, t) = self.a_set(), self.a_set()
-        choices = [(f & g, s & t), (f | g, s | t), (f ^ g, s ^ t), (f - g, s & ~t), (f.implies(g), ~s | t), (~f, ~s)]
+        choices = [
+            (f & g, s & t),
+            (f | g, s | t),
+            (f ^ g, s ^ t),
+            (f - g, s & ~t),
+            (f.implies(g), ~s | t),
+            (~f, ~s),
+        ]
         return self.random.choice(choices)
 
     do_boolean_too = do_boolean
@@ -96,7 +110,9 @@ class Stress:
 
     def do_quantify(self):
         (f, s), (axes, cube) = self.a_set(), self.some()
-        return self.random.choice([(f.exists(cube), over(s, axes, np.any)), (f.forall(cube), over(s, axes, np.all))])
+        return self.random.choice(
+            [(f.exists(cube), over(s, axes, np.any)), (f.forall(cube), over(s, axes, np.all))]
+        )
 
     def do_and_exists(self):
         (f, s), (g, t), (axes, cube) = self.a_set(), self.a_set(), self.some()
@@ -105,16 +121,26 @@ class Stress:
     def do_rename_set(self):
         f, s = self.a_set()
         to = self.random.sample(range(K), K)
-        return f.rename(self.manager.renaming({NAMES[i]: NAMES[to[i]] for i in range(K)})), s[ROWS[:, to] @ WEIGHTS]
+        return f.rename(self.manager.renaming({NAMES[i]: NAMES[to[i]] for i in range(K)})), s[
+            ROWS[:, to] @ WEIGHTS
+        ]
 
     def do_rename_number(self):
         f, s = self.a_number()
         to = [self.random.randrange(K) for _ in range(K)]
-        return f.rename(self.manager.renaming({NAMES[i]: NAMES[to[i]] for i in range(K)})), s[ROWS[:, to] @ WEIGHTS]
+        return f.rename(self.manager.renaming({NAMES[i]: NAMES[to[i]] for i in range(K)})), s[
+            ROWS[:, to] @ WEIGHTS
+        ]
 
     def do_arithmetic(self):
         (f, s), (g, t) = self.a_number(), self.a_number()
-        choices = [(f + g, s + t), (f - g, s - t), (f * g, s * t), (f.minimum(g), np.minimum(s, t)), (f.maximum(g), np.maximum(s, t))]
+        choices = [
+            (f + g, s + t),
+            (f - g, s - t),
+            (f * g, s * t),
+            (f.minimum(g), np.minimum(s, t)),
+            (f.maximum(g), np.maximum(s, t)),
+        ]
         return self.random.choice(choices)
 
     do_arithmetic_too = do_arithmetic
@@ -122,7 +148,9 @@ class Stress:
     def do_scale(self):
         f, s = self.a_number()
         k = self.random.choice([0.5, 2.0, -1.0])
-        return self.random.choice([(f + k, s + k), (k - f, k - s), (f * k, s * k), (f / k, s / k), (-f, -s)])
+        return self.random.choice(
+            [(f + k, s + k), (k - f, k - s), (f * k, s * k), (f / k, s / k), (-f, -s)]
+        )
 
     def do_compare(self):
         (f, s), (g, t) = self.a_number(), self.a_number()
@@ -155,7 +183,9 @@ class Stress:
 
     def do_bridge(self):
         (f, s), (g, t) = self.a_number(), self.a_set()
-        return self.random.choice([(f.to_bdd(), s != 0), (g.to_mtbdd(2.5), t * 2.5), (f.map(np.floor), np.floor(s))])
+        return self.random.choice(
+            [(f.to_bdd(), s != 0), (g.to_mtbdd(2.5), t * 2.5), (f.map(np.floor), np.floor(s))]
+        )
 
     def do_arrays(self):
         (f, s), (g, _) = self.a_number(), self.a_set()
@@ -176,7 +206,9 @@ class Stress:
         table = np.zeros((2,) * K)
         table[tuple(rows.T.astype(int))] = values
         words = (rows @ WEIGHTS).astype(np.uint64)
-        return self.manager.mtbdd_from_rows(names, words, values), table.transpose(np.argsort(order)).reshape(-1)
+        return self.manager.mtbdd_from_rows(names, words, values), table.transpose(
+            np.argsort(order)
+        ).reshape(-1)
 
     def do_step(self):
         """States over the even variables, relations over some pairs: the fused steps against the composed ones."""
@@ -189,13 +221,17 @@ class Stress:
         step = m.transition(list(pairs), list(pairs.values()))
         back = m.renaming({b: a for a, b in pairs.items()})
         assert step.image(states, relation) == states.and_exists(relation, step.rows).rename(back)
-        assert step.preimage(states, relation) == states.rename(m.renaming(pairs)).and_exists(relation, step.columns)
+        assert step.preimage(states, relation) == states.rename(m.renaming(pairs)).and_exists(
+            relation, step.columns
+        )
 
     def do_many(self):
         union = self.manager.disjunction([f for f, _ in self.sets])
         assert union == self.manager.bdd_table(NAMES, np.any([s for _, s in self.sets], axis=0))
         total = self.manager.sum([f for f, _ in self.numbers])
-        np.testing.assert_allclose(total.evaluate(ROWS), np.sum([s for _, s in self.numbers], axis=0), atol=1e-6)
+        np.testing.assert_allclose(
+            total.evaluate(ROWS), np.sum([s for _, s in self.numbers], axis=0), atol=1e-6
+        )
 
     def do_disturb(self):
         order = self.random.sample(NAMES, K)
@@ -206,7 +242,9 @@ class Stress:
                 lambda: self.manager.reorder(NAMES),
                 lambda: self.manager.reorder(order),
                 lambda: self.manager.bdd.reorder({name: level for level, name in enumerate(order)}),
-                lambda: self.manager.sift([self.manager.order()[i : i + 2] for i in range(0, K, 2)]),
+                lambda: self.manager.sift(
+                    [self.manager.order()[i : i + 2] for i in range(0, K, 2)]
+                ),
             ]
         )()
 
@@ -244,7 +282,9 @@ def heavy(manager, names, random, kind):
     if kind == "rename":
         return right.rename(manager.renaming(dict(zip(names, reversed(names), strict=True))))
     if kind == "rows":
-        return manager.bdd_from_rows(names, np.unique(random.integers(0, 2 ** len(names), 20_000).astype(np.uint64)))
+        return manager.bdd_from_rows(
+            names, np.unique(random.integers(0, 2 ** len(names), 20_000).astype(np.uint64))
+        )
     if kind == "map":
         return manager.table(names[:15], random.permutation(2**15)).map(np.sqrt)
     states = manager.bdd_table(names[0::2], random.random(2**size) < 0.5)
@@ -252,7 +292,9 @@ def heavy(manager, names, random, kind):
     return manager.transition(names[20::2], names[21::2]).image(states, relation)
 
 
-@pytest.mark.parametrize("kind", ["times", "compare", "sum", "choose", "mask", "rename", "rows", "map", "image"])
+@pytest.mark.parametrize(
+    "kind", ["times", "compare", "sum", "choose", "mask", "rename", "rows", "map", "image"]
+)
 def test_a_memory_limit_in_the_middle_leaves_everything_usable(kind):
     random = np.random.default_rng(3)
     manager = DiagramManager(max_memory=8 * 2**20)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symcheck.dd import quad
 from symcheck.dd.manager import DiagramManager, Mtbdd
 from symcheck.dd.odd import Odd
-from symcheck.kernels.blocks import Blocks
+from symcheck.kernels.blocks.block_matrix import Blocks
+from symcheck.matrices import blocks as quad
 
 K = 4
 N = 2**K
@@ -18,7 +18,9 @@ ROWS = [f"r{i}" for i in range(K)]
 COLUMNS = [f"c{i}" for i in range(K)]
 
 
-def build(seed: int, slots: int) -> tuple[list[Mtbdd], list[np.ndarray], Odd, Odd, np.ndarray, np.ndarray]:
+def build(
+    seed: int, slots: int
+) -> tuple[list[Mtbdd], list[np.ndarray], Odd, Odd, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     m = DiagramManager()
     m.add_variables(name for pair in zip(ROWS, COLUMNS, strict=True) for name in pair)
@@ -46,7 +48,10 @@ def test_one_matrix(seed: int) -> None:
     matrix = quad.blocks(dag, budget=5)
     assert matrix.shape == dense.shape
     assert matrix.entries == np.count_nonzero(dense)
-    x, z = np.random.default_rng(seed).random(column.count), np.random.default_rng(seed + 1).random(row.count)
+    x, z = (
+        np.random.default_rng(seed).random(column.count),
+        np.random.default_rng(seed + 1).random(row.count),
+    )
     np.testing.assert_allclose(matrix.multiply(x), dense @ x)
     np.testing.assert_allclose(matrix.multiply_transposed(z), z @ dense)
     np.testing.assert_allclose(matrix.row_sums(), dense.sum(axis=1))
@@ -69,7 +74,9 @@ def test_choices_are_grouped_by_state(seed: int, slots: int) -> None:
     expected = np.array(stacked).reshape(len(stacked), column.count)
     np.testing.assert_array_equal(to_dense(quad.flatten(dag, layout), column.count), expected)
     assert [slot for _, slot in owners] == layout.slots.tolist()
-    assert np.repeat(np.arange(row.count), np.diff(layout.groups)).tolist() == [s for s, _ in owners]
+    assert np.repeat(np.arange(row.count), np.diff(layout.groups)).tolist() == [
+        s for s, _ in owners
+    ]
 
     matrix = quad.blocks(dag, layout)
     x, z, b = rng.random(column.count), rng.random(len(owners)), rng.random(len(owners))
@@ -85,12 +92,17 @@ def test_choices_are_grouped_by_state(seed: int, slots: int) -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.sampled_from([1, 3, 32768]), st.booleans())
-def test_sweeps_keep_bounds_and_close_in(seed: int, slots: int, range_rows: int, forward: bool) -> None:
+def test_sweeps_keep_bounds_and_close_in(
+    seed: int, slots: int, range_rows: int, forward: bool
+) -> None:
     """x = opt(A x + b) with rows that sum to less than 1: bounds stay bounds, get tighter, and meet."""
     diagrams, _, row, _, _, _ = build(seed, slots)
     rng = np.random.default_rng(seed)
     if forward:  # no cycles: one sweep is enough
-        diagrams = [d * row.manager.table(ROWS + COLUMNS, np.triu(np.ones((N, N)), 1).reshape(-1)) for d in diagrams]
+        diagrams = [
+            d * row.manager.table(ROWS + COLUMNS, np.triu(np.ones((N, N)), 1).reshape(-1))
+            for d in diagrams
+        ]
     present = [np.ones(row.count, bool)] + [rng.random(row.count) < 0.5 for _ in range(slots - 1)]
     guards = [row.collapse(p) for p in present]
     diagrams = [d.times_bdd(g) * (0.9 / N) for d, g in zip(diagrams, guards, strict=True)]

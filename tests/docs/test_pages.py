@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from symcheck.api import load
-from symcheck.cli import compatible, main
+from symcheck.cli import main, prism_options
 from symcheck.cli.arguments import _parser
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,13 +22,17 @@ def blocks(page: str, language: str) -> list[str]:
     """The code blocks of a language, with the indentation of a list taken away."""
     text = (DOCS / page).read_text()
     found = re.findall(rf"^( *)```{language}\n(.*?)^ *```", text, re.DOTALL | re.MULTILINE)
-    return ["".join(line[len(indent) :] + "\n" for line in body.splitlines()) for indent, body in found]
+    return [
+        "".join(line[len(indent) :] + "\n" for line in body.splitlines()) for indent, body in found
+    ]
 
 
 COMMANDS = [(page, block) for page in PAGES for block in blocks(page, "console")]
 
 
-@pytest.mark.parametrize(("page", "block"), COMMANDS, ids=[f"{p}-{i}" for i, (p, _) in enumerate(COMMANDS)])
+@pytest.mark.parametrize(
+    ("page", "block"), COMMANDS, ids=[f"{p}-{i}" for i, (p, _) in enumerate(COMMANDS)]
+)
 def test_commands_print_what_the_page_says(
     page: str, block: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -48,19 +52,40 @@ def test_python_prints_what_the_page_says(page: str, monkeypatch: pytest.MonkeyP
     monkeypatch.chdir(ROOT)
     test = doctest.DocTestParser().get_doctest("\n".join(blocks(page, "python")), {}, page, page, 0)
     said: list[str] = []
-    assert doctest.DocTestRunner(verbose=False).run(test, out=said.append).failed == 0, "".join(said)
+    assert doctest.DocTestRunner(verbose=False).run(test, out=said.append).failed == 0, "".join(
+        said
+    )
 
 
 def test_every_switch_is_explained() -> None:
     """And no other: what the page names exists."""
     text = (DOCS / "command_line.md").read_text()
-    named = {switch for cell in re.findall(r"`([^`]*)`", text) for switch in re.findall(r"(?:^|\s)-([a-z?][\w]*)", cell)}
+    named = {
+        switch
+        for cell in re.findall(r"`([^`]*)`", text)
+        for switch in re.findall(r"(?:^|\s)-([a-z?][\w]*)", cell)
+    }
     own = {s.lstrip("-") for action in _parser()._actions for s in action.option_strings}
-    foreign = {*compatible._WITHOUT_EFFECT, *compatible._REFUSED, "exportadv", "exportadvmdp", "dir"}
+    foreign = {
+        *prism_options._WITHOUT_EFFECT,
+        *prism_options._REFUSED,
+        "exportadv",
+        "exportadvmdp",
+        "dir",
+    }
     assert named == own | foreign
 
 
-@pytest.mark.parametrize("page", [*PAGES, "../README.md", "../CONTRIBUTING.md", "../benchmarks/README.md", "../models/README.md"])
+@pytest.mark.parametrize(
+    "page",
+    [
+        *PAGES,
+        "../README.md",
+        "../CONTRIBUTING.md",
+        "../benchmarks/README.md",
+        "../models/README.md",
+    ],
+)
 def test_links_lead_somewhere(page: str) -> None:
     text = (DOCS / page).read_text()
     for target, anchor in re.findall(r"\]\(([^)#]*)(?:#([^)]*))?\)", text):
@@ -70,7 +95,9 @@ def test_links_lead_somewhere(page: str) -> None:
         assert path.exists(), target
         if anchor:
             heads = re.findall(r"^#+ (.*)$", path.read_text(), re.MULTILINE)
-            assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in heads}, anchor
+            assert anchor in {
+                re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in heads
+            }, anchor
 
 
 def test_the_index_names_every_page() -> None:
@@ -81,11 +108,16 @@ def test_the_index_names_every_page() -> None:
 def test_the_models_are_as_their_index_says() -> None:
     text = (ROOT / "models" / "README.md").read_text()
     rows = re.findall(r"^\| `(\S+)` \| (\w+) \|([^|]*)\| ([\d ]+) \|", text, re.MULTILINE)
-    found = {p.relative_to(ROOT / "models").as_posix() for p in (ROOT / "models").glob("*/*.[psn]m")}
+    found = {
+        p.relative_to(ROOT / "models").as_posix() for p in (ROOT / "models").glob("*/*.[psn]m")
+    }
     assert {name for name, *_ in rows} == found
     for name, kind, constants, states in rows:
         if "see" in constants:
             continue
         given = dict(c.split("=") for c in constants.strip("` ").split(",") if c)
         model = load(ROOT / "models" / name, given)
-        assert (model.bound.type.name, model.engine.states) == (kind, int(states.replace(" ", ""))), name
+        assert (model.bound.type.name, model.engine.states) == (
+            kind,
+            int(states.replace(" ", "")),
+        ), name

@@ -38,7 +38,11 @@ def test_paths_in_the_architecture_exist() -> None:
     paths = re.findall(r"`((?:\w+/)*\w+\.(?:py|pyx|md))`", text)
     assert len(paths) > 10
     for path in paths:
-        assert (ROOT / path).exists() or (ROOT / "src/symcheck" / path).exists() or list((ROOT / "src").rglob(path)), path
+        assert (
+            (ROOT / path).exists()
+            or (ROOT / "src/symcheck" / path).exists()
+            or list((ROOT / "src").rglob(path))
+        ), path
 
 
 def test_figures_can_be_made(tmp_path: Path) -> None:

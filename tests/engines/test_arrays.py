@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symcheck.engines.arrays import ArraySet, ArrayValues
 from symcheck.engines.base import ROUNDING, bracket
+from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 
 TESTS = {
     ">=": lambda v, t: v >= t,
@@ -63,7 +63,12 @@ def test_rounding_never_decides(operator):
     assert not sure
 
 
-@given(st.sampled_from(["+", "-", "*", "/", "min", "max", "floor", "ceil", "round", "neg"]), *[doubles] * 4, st.booleans(), st.booleans())
+@given(
+    st.sampled_from(["+", "-", "*", "/", "min", "max", "floor", "ceil", "round", "neg"]),
+    *[doubles] * 4,
+    st.booleans(),
+    st.booleans(),
+)
 def test_arithmetic_keeps_the_truth(operator, a, b, c, d, first, second):
     x, y = values(min(a, b), max(a, b), first), values(min(c, d), max(c, d), second)
     for p in (Fraction(a), Fraction(b), (Fraction(a) + Fraction(b)) / 2):
@@ -77,7 +82,13 @@ def test_arithmetic_keeps_the_truth(operator, a, b, c, d, first, second):
 
 
 def _map(operator, x, y):
-    result = x.map("-") if operator == "neg" else x.map(operator) if operator in ("floor", "ceil", "round") else x.map(operator, y)
+    result = (
+        x.map("-")
+        if operator == "neg"
+        else x.map(operator)
+        if operator in ("floor", "ceil", "round")
+        else x.map(operator, y)
+    )
     return float(result.lower[0]), float(result.upper[0])
 
 
@@ -107,7 +118,9 @@ def _exact(operator, p, q):
 
 def test_a_difference_of_computed_values_has_their_error():
     """0.3 - (0.1 + 0.2) is not known to be negative, zero or positive."""
-    difference = values(0.3, 0.3, computed=True).map("-", values(0.1 + 0.2, 0.1 + 0.2, computed=True))
+    difference = values(0.3, 0.3, computed=True).map(
+        "-", values(0.1 + 0.2, 0.1 + 0.2, computed=True)
+    )
     _, undecided = difference.compare(">", 0)
     assert undecided
     assert difference.exact

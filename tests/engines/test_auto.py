@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from symcheck.check.options import Options
-from symcheck.engines import auto
+from symcheck.engines import selection
 from symcheck.engines.registry import build
-from symcheck.engines.sparse import SparseEngine
-from symcheck.engines.written import WrittenEngine, written_out
+from symcheck.engines.symbolic.materialized import WrittenEngine, written_out
+from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.errors import MemoryLimitError, TimeLimitError
-from symcheck.semantics.bind import bind
-from symcheck.symbolic import reach as reaching
+from symcheck.semantics.binding.bind import bind
+from symcheck.symbolic.reachability import search as reaching
 from symcheck.syntax.parse import parse_model
 
 COUNTER = """
@@ -41,9 +41,13 @@ UNBOUNDED = "dtmc module m x : int; [] x<70000 -> (x'=x+1); [] x>=70000 -> true;
 
 def chosen(text, monkeypatch, **settings):
     for name, value in settings.items():
-        monkeypatch.setattr(auto, name, value)
+        monkeypatch.setattr(selection, name, value)
     choices = []
-    engine = auto.choose(bind(parse_model(text)), Options(), lambda news: choices.append(news) if isinstance(news, auto.Choice) else None)
+    engine = selection.choose(
+        bind(parse_model(text)),
+        Options(),
+        lambda news: choices.append(news) if isinstance(news, selection.Choice) else None,
+    )
     return engine, choices[-1]
 
 
@@ -67,7 +71,9 @@ def test_an_mdp_that_diagrams_compress_is_written_out(monkeypatch):
 
 
 def test_rows_that_do_not_fit_stay_blocks(monkeypatch):
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _ROWS_SHARE=0.0, _WRITTEN=0)
+    engine, choice = chosen(
+        COUNTER, monkeypatch, _SMALL=100, _MORE=100, _ROWS_SHARE=0.0, _WRITTEN=0
+    )
     assert engine.name == choice.engine == "hybrid"
 
 
@@ -79,7 +85,7 @@ def test_a_model_that_does_not_compress_goes_on_being_searched(monkeypatch):
 
 def test_diagrams_that_take_too_long_give_way(monkeypatch):
     def too_long(*_):
-        raise auto._Unfinished("time", 7)
+        raise selection._Unfinished("time", 7)
 
     engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long)
     assert engine.name == "explicit"
@@ -87,13 +93,15 @@ def test_diagrams_that_take_too_long_give_way(monkeypatch):
 
 
 def test_a_search_is_not_gone_on_with_where_diagrams_had_found_more_than_it_would_list(monkeypatch):
-    def unfinished_at_first(model, options, seconds, reach=auto._reach):
+    def unfinished_at_first(model, options, seconds, reach=selection._reach):
         if seconds is not None:
-            raise auto._Unfinished("time", 2_000)
+            raise selection._Unfinished("time", 2_000)
         return reach(model, options, seconds)
 
     turns = ((1.0, 1000), (2.0, 1500))
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=unfinished_at_first, _TURNS=turns)
+    engine, choice = chosen(
+        COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=unfinished_at_first, _TURNS=turns
+    )
     assert isinstance(engine, SparseEngine)
     assert "more than 2,000 states" in choice.reason
 
@@ -104,8 +112,8 @@ def test_diagrams_that_miss_their_turn_say_what_they_had_found(monkeypatch):
         raise TimeLimitError("time")
 
     monkeypatch.setattr(reaching, "search", stopped)
-    with pytest.raises(auto._Unfinished) as caught:
-        auto._reach(bind(parse_model(COUNTER), {}), Options(), 100.0)
+    with pytest.raises(selection._Unfinished) as caught:
+        selection._reach(bind(parse_model(COUNTER), {}), Options(), 100.0)
     assert caught.value.found == 1 + 2 + 3  # states at distance 0, 1 and 2
 
 
@@ -113,7 +121,7 @@ def test_arrays_beyond_the_memory_end_with_advice(monkeypatch):
     def too_large(*_):
         np.empty(2**62, dtype=np.uint8)
 
-    monkeypatch.setattr(auto, "_explicit", too_large)
+    monkeypatch.setattr(selection, "_explicit", too_large)
     with pytest.raises(MemoryLimitError, match="hint: the engines -h and -m"):
         build(bind(parse_model(COUNTER), {}), Options())
 
@@ -127,23 +135,34 @@ def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatc
     assert choice.reason == "updates read too much for diagrams"
 
 
-@pytest.mark.parametrize("missed", [TimeLimitError("while encoding"), auto._Unfinished("while searching", 7)])
+@pytest.mark.parametrize(
+    "missed", [TimeLimitError("while encoding"), selection._Unfinished("while searching", 7)]
+)
 def test_where_diagrams_found_less_in_their_long_turn_the_search_goes_on(monkeypatch, missed):
     def too_long(*_):
         raise missed
 
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long, _TURNS=((1.0, 1000), (10.0, 2000)))
+    engine, choice = chosen(
+        COUNTER,
+        monkeypatch,
+        _SMALL=100,
+        _MORE=100,
+        _reach=too_long,
+        _TURNS=((1.0, 1000), (10.0, 2000)),
+    )
     assert engine.name == "explicit"
     assert choice.reason == "diagrams did not finish within 10 s"
 
 
 def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
-    def too_long_at_first(model, options, seconds, reach=auto._reach):
+    def too_long_at_first(model, options, seconds, reach=selection._reach):
         if seconds is not None:
-            raise auto._Unfinished("time", 0)
+            raise selection._Unfinished("time", 0)
         return reach(model, options, seconds)
 
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long_at_first, _TURNS=((1.0, 1000),))
+    engine, choice = chosen(
+        COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long_at_first, _TURNS=((1.0, 1000),)
+    )
     assert isinstance(engine, SparseEngine)
     assert "more than 1,000 states" in choice.reason
 
@@ -192,7 +211,9 @@ def rows(engine):
         for r in range(groups[state], groups[state + 1]):
             part = slice(m.indptr[r], m.indptr[r + 1])
             entries = sorted(zip(m.indices[part].tolist(), m.data[part].tolist(), strict=True))
-            choices.append((int(explored.choice_actions[r]), float(explored.choice_rewards[0][r]), entries))
+            choices.append(
+                (int(explored.choice_actions[r]), float(explored.choice_rewards[0][r]), entries)
+            )
         found.append(sorted(choices))
     return found
 
@@ -200,13 +221,13 @@ def rows(engine):
 @pytest.mark.parametrize("complete", [False, True])
 def test_few_states_with_many_transitions_are_not_searched_at_length(complete):
     class Search:
-        progress = SimpleNamespace(transitions=auto._DENSE + 1)
+        progress = SimpleNamespace(transitions=selection._DENSE + 1)
 
         def run(self, budget, observer):
-            assert budget == auto._MORE
+            assert budget == selection._MORE
             observer(self.progress)
             raise AssertionError("the search went on")
 
     search = Search()
     search.complete = complete
-    assert auto._a_little_more(search) is complete
+    assert selection._a_little_more(search) is complete

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from checking import engine_of
 from generate import random_model
-from symcheck.engines.arrays import ArraySet
+from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.syntax.ast import Type
 from symcheck.syntax.parse import parse_expression
@@ -35,14 +35,22 @@ def subsets(engine, rng):
 
 def dense(matrix):
     out = np.zeros((matrix.rows, matrix.columns))
-    np.add.at(out, (np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)), matrix.indices), matrix.data)
+    np.add.at(
+        out,
+        (np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)), matrix.indices),
+        matrix.data,
+    )
     return out
 
 
 def owners(engine):
     """The state of each row."""
     groups = engine.matrix.groups
-    return np.arange(engine.states) if groups is None else np.repeat(np.arange(engine.states), np.diff(groups))
+    return (
+        np.arange(engine.states)
+        if groups is None
+        else np.repeat(np.arange(engine.states), np.diff(groups))
+    )
 
 
 QUICK = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
@@ -80,18 +88,32 @@ def test_graph(engine, seed):
     rng = Random(seed)
     a, b = subsets(engine, rng), subsets(engine, rng)
     owner = owners(engine)
-    edges = {(int(owner[r]), int(c)) for r in range(engine.matrix.rows) for c in np.flatnonzero(dense(engine.matrix)[r])}
+    edges = {
+        (int(owner[r]), int(c))
+        for r in range(engine.matrix.rows)
+        for c in np.flatnonzero(dense(engine.matrix)[r])
+    }
     following = {s: {t for u, t in edges if u == s} for s in range(engine.states)}
-    assert engine.graph.predecessors(a).members.tolist() == [any(a.members[t] for t in following[s]) for s in range(engine.states)]
-    assert engine.graph.all_successors_in(a).members.tolist() == [all(a.members[t] for t in following[s]) for s in range(engine.states)]
+    assert engine.graph.predecessors(a).members.tolist() == [
+        any(a.members[t] for t in following[s]) for s in range(engine.states)
+    ]
+    assert engine.graph.all_successors_in(a).members.tolist() == [
+        all(a.members[t] for t in following[s]) for s in range(engine.states)
+    ]
     reach = set(np.flatnonzero(b.members))
-    while more := {s for s in range(engine.states) if s not in reach and a.members[s] and following[s] & reach}:
+    while more := {
+        s for s in range(engine.states) if s not in reach and a.members[s] and following[s] & reach
+    }:
         reach |= more
-    assert engine.graph.exists_until(a, b).members.tolist() == [s in reach for s in range(engine.states)]
+    assert engine.graph.exists_until(a, b).members.tolist() == [
+        s in reach for s in range(engine.states)
+    ]
     stay = set(np.flatnonzero(a.members))
     while less := {s for s in stay if not following[s] & stay}:
         stay -= less
-    assert engine.graph.exists_globally(a).members.tolist() == [s in stay for s in range(engine.states)]
+    assert engine.graph.exists_globally(a).members.tolist() == [
+        s in stay for s in range(engine.states)
+    ]
 
 
 @QUICK
@@ -128,7 +150,9 @@ class Parity:
 
     @property
     def table(self):
-        return np.array([[(q >> 1 ^ (v >> 1 & 1)) << 1 | (v & 1) for v in range(4)] for q in range(4)], np.int32)
+        return np.array(
+            [[(q >> 1 ^ (v >> 1 & 1)) << 1 | (v & 1) for v in range(4)] for q in range(4)], np.int32
+        )
 
 
 @QUICK
@@ -138,8 +162,12 @@ def test_product(engine, seed):
     letters = [subsets(engine, rng), subsets(engine, rng)]
     automaton = Parity()
     product = engine.product(letters, automaton)
-    letter = [int(letters[0].members[s]) + 2 * int(letters[1].members[s]) for s in range(engine.states)]
-    groups = engine.matrix.groups if engine.matrix.groups is not None else np.arange(engine.states + 1)
+    letter = [
+        int(letters[0].members[s]) + 2 * int(letters[1].members[s]) for s in range(engine.states)
+    ]
+    groups = (
+        engine.matrix.groups if engine.matrix.groups is not None else np.arange(engine.states + 1)
+    )
     found, queue = {}, deque((s, 0) for s in range(engine.states))
     while queue:
         s, q = queue.popleft()
@@ -150,20 +178,31 @@ def test_product(engine, seed):
             queue.extend(t for row in rows for t, _ in row)
     pairs = sorted(found)
     matrix = product.engine.matrix
-    assert list(zip(product.pairs.state.tolist(), product.pairs.automaton.tolist(), strict=True)) == pairs
+    assert (
+        list(zip(product.pairs.state.tolist(), product.pairs.automaton.tolist(), strict=True))
+        == pairs
+    )
     own = matrix.groups if matrix.groups is not None else np.arange(len(pairs) + 1)
     for p, pair in enumerate(pairs):
-        rows = [[(pairs[t], w) for t, w in _row(matrix, r, None)] for r in range(own[p], own[p + 1])]
+        rows = [
+            [(pairs[t], w) for t, w in _row(matrix, r, None)] for r in range(own[p], own[p + 1])
+        ]
         assert rows == found[pair]
     odd = product.automaton_states(frozenset({2, 3}))
     assert odd.members.tolist() == [q >= 2 for _, q in pairs]
-    assert product.lift(letters[0]).members.tolist() == [bool(letters[0].members[s]) for s, _ in pairs]
+    assert product.lift(letters[0]).members.tolist() == [
+        bool(letters[0].members[s]) for s, _ in pairs
+    ]
     some = frozenset({(0, 1), (2, 3)})
     assert product.edges(some).members.tolist() == [(q, letter[s]) in some for s, q in pairs]
     numbers = product.engine.system(product.engine.all).lift(np.arange(float(len(pairs))), None)
-    assert product.project(numbers).lower.tolist() == [pairs.index((s, 0)) for s in range(engine.states)]
+    assert product.project(numbers).lower.tolist() == [
+        pairs.index((s, 0)) for s in range(engine.states)
+    ]
     assert product.project_set(odd).members.tolist() == [False] * engine.states
-    assert list(product.engine.valuations(product.engine.all)) == [list(engine.valuations(engine.all))[s] for s, _ in pairs]
+    assert list(product.engine.valuations(product.engine.all)) == [
+        list(engine.valuations(engine.all))[s] for s, _ in pairs
+    ]
 
 
 def _row(matrix, r, after):
@@ -174,11 +213,19 @@ def _row(matrix, r, after):
 
 
 def test_values_and_valuations():
-    engine = engine_of("dtmc module m x:[0..2] init 0; b:bool init true; [] x<2 -> (x'=x+1)&(b'=!b); [] x=2 -> true; endmodule")
+    engine = engine_of(
+        "dtmc module m x:[0..2] init 0; b:bool init true; [] x<2 -> (x'=x+1)&(b'=!b); [] x=2 -> true; endmodule"
+    )
     assert list(engine.valuations(engine.all)) == [(0, True), (1, False), (2, True)]
     assert list(engine.valuations(engine.all, limit=1)) == [(0, True)]
     assert engine.values(parse_expression("x/2"), Type.DOUBLE).lower.tolist() == [0.0, 0.5, 1.0]
     assert engine.where(parse_expression("b & x>0")).members.tolist() == [False, False, True]
     assert engine.where(parse_expression("true")) == engine.all
-    assert list(engine.valuations(engine.first(engine.where(parse_expression("x>0"))))) == [(1, False)]
-    assert engine.to_bools(engine.from_bools(np.array([True, False, True]))).tolist() == [True, False, True]
+    assert list(engine.valuations(engine.first(engine.where(parse_expression("x>0"))))) == [
+        (1, False)
+    ]
+    assert engine.to_bools(engine.from_bools(np.array([True, False, True]))).tolist() == [
+        True,
+        False,
+        True,
+    ]

@@ -9,13 +9,13 @@ import pytest
 
 from engines.twins import ENGINES, MODELS, Pair, explicit, fresh, pairs, pairs_of, symbolic
 from symcheck.check.options import Options
-from symcheck.engines.arrays import ArraySet, ArrayValues
-from symcheck.engines.mtbdd import DiagramOperator, MtbddEngine
-from symcheck.engines.sparse import SparseEngine
-from symcheck.engines.symbolic import SymbolicEngine
-from symcheck.engines.symbolic_sets import SymbolicSet, SymbolicValues
-from symcheck.numerics.matrix import SparseMatrix
-from symcheck.semantics.bind import bind
+from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.symbolic.engine import SymbolicEngine
+from symcheck.engines.symbolic.mtbdd import DiagramOperator, MtbddEngine
+from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues
+from symcheck.engines.symbolic.sparse import SparseEngine
+from symcheck.matrices.rows import SparseMatrix
+from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.ast import Type
 from symcheck.syntax.parse import parse_expression, parse_model
@@ -33,7 +33,13 @@ def rows_by_state(matrix: SparseMatrix, extra: np.ndarray) -> list[list[tuple[fl
         rows = []
         for r in range(groups[s], groups[s + 1]):
             part = slice(matrix.indptr[r], matrix.indptr[r + 1])
-            cells = sorted(zip(matrix.indices[part].tolist(), np.round(matrix.data[part], 12).tolist(), strict=True))
+            cells = sorted(
+                zip(
+                    matrix.indices[part].tolist(),
+                    np.round(matrix.data[part], 12).tolist(),
+                    strict=True,
+                )
+            )
             rows.append((round(float(extra[r]), 12), *(x for cell in cells for x in cell)))
         result.append(sorted(rows))
     return result
@@ -69,17 +75,29 @@ def test_set_operations(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("patience", [-1.0, 1000.0])
 def test_graph_questions(name: str, patience: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("symcheck.engines.symbolic_graph.PATIENCE", patience)  # so on rows, or so on diagrams
+    monkeypatch.setattr(
+        "symcheck.engines.symbolic.graph.PATIENCE", patience
+    )  # so on rows, or so on diagrams
     a, b = explicit(name), fresh(name, SparseEngine)
     directions = ("min", "max") if name == "mdp" else (None,)
     for p, q in zip(pairs_of(b, 12), list(pairs_of(b, 14))[2:], strict=True):
         assert same(b, b.graph.predecessors(p.diagram), a.graph.predecessors(p.array))
         assert same(b, b.graph.all_successors_in(p.diagram), a.graph.all_successors_in(p.array))
-        assert same(b, b.graph.exists_until(p.diagram, q.diagram), a.graph.exists_until(p.array, q.array))
+        assert same(
+            b, b.graph.exists_until(p.diagram, q.diagram), a.graph.exists_until(p.array, q.array)
+        )
         assert same(b, b.graph.exists_globally(p.diagram), a.graph.exists_globally(p.array))
         for direction in directions:
-            assert same(b, b.graph.prob0(p.diagram, q.diagram, direction), a.graph.prob0(p.array, q.array, direction))
-            assert same(b, b.graph.prob1(p.diagram, q.diagram, direction), a.graph.prob1(p.array, q.array, direction))
+            assert same(
+                b,
+                b.graph.prob0(p.diagram, q.diagram, direction),
+                a.graph.prob0(p.array, q.array, direction),
+            )
+            assert same(
+                b,
+                b.graph.prob1(p.diagram, q.diagram, direction),
+                a.graph.prob1(p.array, q.array, direction),
+            )
     assert ("_rows" in vars(b.graph)) == (patience < 0)
 
 
@@ -88,7 +106,10 @@ def test_bottom_components(name: str) -> None:
     a, b = explicit(name), symbolic(name, SparseEngine)
     expected = {tuple(np.flatnonzero(s.members)) for s in a.graph.bsccs()}
     assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.bsccs()} == expected
-    assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.components.enumerated_bsccs(b.diagrams.states)} == expected
+    assert {
+        tuple(np.flatnonzero(b.to_bools(s)))
+        for s in b.graph.components.enumerated_bsccs(b.diagrams.states)
+    } == expected
 
 
 def test_end_components() -> None:
@@ -96,10 +117,20 @@ def test_end_components() -> None:
     sets = list(pairs("mdp", 12))
     for p in [*sets, Pair(a.all, b.all)]:
         expected = {tuple(np.flatnonzero(s.members)) for s in a.graph.end_components(p.array)}
-        assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.end_components(p.diagram)} == expected
+        assert {
+            tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.end_components(p.diagram)
+        } == expected
     for p, q, r in zip(sets, sets[1:], sets[2:], strict=False):
-        expected_set = a.graph.accepting_end_components([(p.array, [q.array]), (q.array, [r.array, p.array])])
-        assert same(b, b.graph.accepting_end_components([(p.diagram, [q.diagram]), (q.diagram, [r.diagram, p.diagram])]), expected_set)
+        expected_set = a.graph.accepting_end_components(
+            [(p.array, [q.array]), (q.array, [r.array, p.array])]
+        )
+        assert same(
+            b,
+            b.graph.accepting_end_components(
+                [(p.diagram, [q.diagram]), (q.diagram, [r.diagram, p.diagram])]
+            ),
+            expected_set,
+        )
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -169,7 +200,10 @@ def test_diagrams_multiply_and_sweep_as_blocks_do(name: str, direction: str) -> 
         constant, divisor = rng.random(blocks.shape[0]) * 0.1, rng.random(blocks.shape[0]) + 8.0
         chosen = direction if name == "mdp" else None
         for upper in (False, True):
-            bounds = np.full(system.n, 9.0 if upper else 0.0), np.full(system.n, 9.0 if upper else 0.0)
+            bounds = (
+                np.full(system.n, 9.0 if upper else 0.0),
+                np.full(system.n, 9.0 if upper else 0.0),
+            )
             for operator, x in zip((on_diagrams, blocks), bounds, strict=True):
                 for _ in range(300):
                     operator.sweep(x, constant, chosen, 1e-14, upper=upper, divisor=divisor)
@@ -187,23 +221,39 @@ def test_actions_of_rows() -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_expressions(name: str) -> None:
     a, b = explicit(name), symbolic(name, SparseEngine)
-    texts = {"dtmc": ("x+y>4 & !lost", "x/(y-1)"), "ctmc": ("jobs>=c", "jobs*c-2"), "mdp": ("s=4|t=s", "pow(s,2)+t")}[name]
+    texts = {
+        "dtmc": ("x+y>4 & !lost", "x/(y-1)"),
+        "ctmc": ("jobs>=c", "jobs*c-2"),
+        "mdp": ("s=4|t=s", "pow(s,2)+t"),
+    }[name]
     assert same(b, b.where(parse_expression(texts[0])), a.where(parse_expression(texts[0])))
     number = parse_expression(texts[1])
-    np.testing.assert_array_equal(b.values(number, Type.DOUBLE).at(b.all), a.values(number, Type.DOUBLE).at(a.all))
+    np.testing.assert_array_equal(
+        b.values(number, Type.DOUBLE).at(b.all), a.values(number, Type.DOUBLE).at(a.all)
+    )
     truth = parse_expression(texts[0])
-    np.testing.assert_array_equal(b.values(truth, Type.BOOL).at(b.all), a.values(truth, Type.BOOL).at(a.all))
+    np.testing.assert_array_equal(
+        b.values(truth, Type.BOOL).at(b.all), a.values(truth, Type.BOOL).at(a.all)
+    )
 
 
 def value_pairs(name: str) -> list[tuple[ArrayValues, SymbolicValues]]:
     a, b = explicit(name), symbolic(name, SparseEngine)
     rng = np.random.default_rng(5)
-    found: list[tuple[ArrayValues, SymbolicValues]] = [(a.constant(0.5), b.constant(0.5)), (a.constant(1, 2), b.constant(1, 2))]
+    found: list[tuple[ArrayValues, SymbolicValues]] = [
+        (a.constant(0.5), b.constant(0.5)),
+        (a.constant(1, 2), b.constant(1, 2)),
+    ]
     for p, q in zip(pairs(name, 6), list(pairs(name, 7))[1:], strict=True):
         s, t = a.system(p.array), b.system(p.diagram)
         low = rng.integers(-4, 5, s.n) / 4
         for upper, exact in ((None, True), (low + 0.25, False)):
-            found.append((s.lift(low, upper, [(q.array, 0.75)], exact), t.lift(low, upper, [(q.diagram, 0.75)], exact)))
+            found.append(
+                (
+                    s.lift(low, upper, [(q.array, 0.75)], exact),
+                    t.lift(low, upper, [(q.diagram, 0.75)], exact),
+                )
+            )
         found.append((a.indicator(p.array), b.indicator(p.diagram)))
     return found
 
@@ -221,8 +271,12 @@ def test_values(name: str) -> None:
             if p.array:
                 assert y.minimum(p.diagram) == x.minimum(p.array)
                 assert y.maximum(p.diagram) == x.maximum(p.array)
-        for operator, threshold in product((">=", ">", "<=", "<", "=", "!="), (0.0, 0.25, 0.5, 1.0)):
-            for found, expected in zip(y.compare(operator, threshold), x.compare(operator, threshold), strict=True):
+        for operator, threshold in product(
+            (">=", ">", "<=", "<", "=", "!="), (0.0, 0.25, 0.5, 1.0)
+        ):
+            for found, expected in zip(
+                y.compare(operator, threshold), x.compare(operator, threshold), strict=True
+            ):
                 assert same(b, found, expected)
 
 
@@ -236,10 +290,15 @@ def test_arithmetic_on_values(name: str, operator: str) -> None:
         expected, found = x.map(operator, *arguments[0]), y.map(operator, *arguments[1])
         np.testing.assert_array_equal(found.at(b.all), expected.at(a.all))
     p = next(pairs(name, 1))
-    expected, found = values[2][0].choose(p.array, values[3][0]), values[2][1].choose(p.diagram, values[3][1])
+    expected, found = (
+        values[2][0].choose(p.array, values[3][0]),
+        values[2][1].choose(p.diagram, values[3][1]),
+    )
     np.testing.assert_array_equal(found.at(b.all), expected.at(a.all))
     if operator == "-":
-        np.testing.assert_array_equal(values[3][1].map("-").at(b.all), values[3][0].map("-").at(a.all))
+        np.testing.assert_array_equal(
+            values[3][1].map("-").at(b.all), values[3][0].map("-").at(a.all)
+        )
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -258,8 +317,14 @@ def test_another_order_of_the_variables_only_numbers_the_states_otherwise(name: 
         expected = np.zeros(a.states)
         expected[moved] = np.add.reduceat(a.system(a.all).into(p.array), _starts(a.matrix))
         whole = b.system(b.all)
-        np.testing.assert_allclose(np.add.reduceat(whole.into(q), _starts(whole.matrix)), expected, rtol=1e-13)
-        assert same(b, b.graph.predecessors(q), ArraySet(a.graph.predecessors(p.array).members[np.argsort(moved)]))
+        np.testing.assert_allclose(
+            np.add.reduceat(whole.into(q), _starts(whole.matrix)), expected, rtol=1e-13
+        )
+        assert same(
+            b,
+            b.graph.predecessors(q),
+            ArraySet(a.graph.predecessors(p.array).members[np.argsort(moved)]),
+        )
 
 
 def _starts(matrix: SparseMatrix) -> np.ndarray:
@@ -267,7 +332,10 @@ def _starts(matrix: SparseMatrix) -> np.ndarray:
 
 
 def test_a_few_unknowns_among_very_many_states_need_few_numbers() -> None:
-    counters = "\n".join(f"module m{i}\n b{i} : [0..1023] init 0;\n [] x=0 -> (b{i}'=mod(b{i}+1, 1024));\nendmodule" for i in range(6))
+    counters = "\n".join(
+        f"module m{i}\n b{i} : [0..1023] init 0;\n [] x=0 -> (b{i}'=mod(b{i}+1, 1024));\nendmodule"
+        for i in range(6)
+    )
     text = f"dtmc\nmodule m\n x : [0..3] init 0;\n [] x=0 & b0=5 -> 0.5:(x'=1)+0.5:(x'=2);\nendmodule\n{counters}"
     engine = SparseEngine.of(construct(bind(parse_model(text)), Options()))
     assert engine.states > 2**60
@@ -275,7 +343,9 @@ def test_a_few_unknowns_among_very_many_states_need_few_numbers() -> None:
     system = engine.system(unknown)
     assert system.n == 8
     assert system.matrix.states == 8
-    values = system.lift(np.arange(8) / 8, None, [(engine.where(parse_expression("x=1")), 1.0)], exact=True)
+    values = system.lift(
+        np.arange(8) / 8, None, [(engine.where(parse_expression("x=1")), 1.0)], exact=True
+    )
     assert values.maximum(engine.all) == (1.0, 1.0)
     sure, undecided = values.compare(">=", 0.5)
     assert sure.count == engine.where(parse_expression("x=1")).count + 3

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from symcheck.check.options import Options
-from symcheck.engines import symbolic_acyclic
-from symcheck.engines.explicit import ExplicitEngine
-from symcheck.engines.sparse import SparseEngine
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.symbolic import acyclic
+from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import Exploration
-from symcheck.numerics.methods import solve_linear
-from symcheck.numerics.problem import LinearProblem
+from symcheck.numerics.linear.methods import solve_linear
+from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.settings import Accuracy
-from symcheck.semantics.bind import bind
+from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_expression as parse
 from symcheck.syntax.parse import parse_model
@@ -33,9 +33,9 @@ rewards depth<5 : place/7; [] true : 0.25; endrewards
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Models of any size are large enough."""
-    monkeypatch.setattr(symbolic_acyclic, "LARGE", 1)
-    monkeypatch.setattr(symbolic_acyclic, "SHARE", 1e9)
-    monkeypatch.setattr(symbolic_acyclic, "PER_STATE", 1e9)
+    monkeypatch.setattr(acyclic, "LARGE", 1)
+    monkeypatch.setattr(acyclic, "SHARE", 1e9)
+    monkeypatch.setattr(acyclic, "PER_STATE", 1e9)
 
 
 def engines(loop: str = "true") -> tuple[SparseEngine, ExplicitEngine]:
@@ -47,7 +47,9 @@ def engines(loop: str = "true") -> tuple[SparseEngine, ExplicitEngine]:
 
 def among(engine: ExplicitEngine, inside: np.ndarray, constant: np.ndarray) -> np.ndarray:
     system = engine.system(engine.from_bools(inside))
-    found = solve_linear(LinearProblem(constant[inside], system.matrix, probability=False), Accuracy())
+    found = solve_linear(
+        LinearProblem(constant[inside], system.matrix, probability=False), Accuracy()
+    )
     out = np.zeros(len(inside))
     out[inside] = found.middle
     return out
@@ -57,7 +59,9 @@ def among(engine: ExplicitEngine, inside: np.ndarray, constant: np.ndarray) -> n
 def test_rewards_are_those_of_rows() -> None:
     symbolic, explicit = engines()
     states = symbolic.where(parse("depth<5"))
-    found = symbolic.solve_acyclic(states, None, 0, [(symbolic.where(parse("depth=5 & place>3")), 7.0)])
+    found = symbolic.solve_acyclic(
+        states, None, 0, [(symbolic.where(parse("depth=5 & place>3")), 7.0)]
+    )
     assert found is not None
     inside = explicit.where(parse("depth<5")).members
     per_state, per_row = explicit.system(explicit.all).rewards(0)
@@ -73,10 +77,16 @@ def test_rewards_are_those_of_rows() -> None:
 @pytest.mark.usefixtures("small")
 def test_probabilities_and_a_part_of_the_states() -> None:
     symbolic, explicit = engines()
-    found = symbolic.solve_acyclic(symbolic.where(parse("depth<5")), symbolic.where(parse("depth=5 & place>20")), None, [])
+    found = symbolic.solve_acyclic(
+        symbolic.where(parse("depth<5")), symbolic.where(parse("depth=5 & place>20")), None, []
+    )
     assert found is not None
     inside = explicit.where(parse("depth<5")).members
-    expected = among(explicit, inside, explicit.system(explicit.all).into(explicit.where(parse("depth=5 & place>20"))))
+    expected = among(
+        explicit,
+        inside,
+        explicit.system(explicit.all).into(explicit.where(parse("depth=5 & place>20"))),
+    )
     low, high = found.values.minimum(symbolic.initial)
     assert low <= expected[0] <= high
     yes, open_ = found.values.compare(">", 0.5)

@@ -11,17 +11,23 @@ from hypothesis import strategies as st
 
 from engines import twins
 from symcheck.check.context import Context
+from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.options import Options
-from symcheck.check.reach import reach_reward, until
-from symcheck.engines import symbolic_graph
-from symcheck.engines.arrays import ArraySet
-from symcheck.engines.explicit import ExplicitEngine
-from symcheck.engines.sparse import SparseEngine
-from symcheck.engines.symbolic_forced import Shorter, ShorterUntil, forced_states, shorter
+from symcheck.direction import Direction
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.symbolic import graph as symbolic_graph
+from symcheck.engines.symbolic.deterministic_elimination import (
+    Shorter,
+    ShorterUntil,
+    forced_states,
+    shorter,
+)
+from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import explore
-from symcheck.numerics.methods import solve_linear
+from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.settings import Accuracy
-from symcheck.semantics.bind import bind
+from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_expression, parse_model
 
@@ -40,13 +46,13 @@ subsets = st.sets(st.integers(0, SIZE - 1))
 def text(kind: str, states: Sequence[Sequence[Choice]]) -> str:
     """A model of these states, all of them initial."""
     commands = [
-        f"[] x={number} -> " + " + ".join(f"1/{len(choice)} : (x'={successor})" for successor in choice) + ";"
+        f"[] x={number} -> "
+        + " + ".join(f"1/{len(choice)} : (x'={successor})" for successor in choice)
+        + ";"
         for number, of in enumerate(states)
         for choice in of
     ]
-    return (
-        f"{kind} module m x : [0..{SIZE - 1}]; {' '.join(commands)} endmodule init true endinit rewards true : x/4; [] x=1 : 2; endrewards"
-    )
+    return f"{kind} module m x : [0..{SIZE - 1}]; {' '.join(commands)} endmodule init true endinit rewards true : x/4; [] x=1 : 2; endrewards"
 
 
 def both(source: str) -> tuple[SparseEngine, ExplicitEngine]:
@@ -55,33 +61,53 @@ def both(source: str) -> tuple[SparseEngine, ExplicitEngine]:
 
 
 def shortened(engine: SparseEngine, left: np.ndarray, right: np.ndarray) -> Shorter:
-    found = shorter(engine.diagrams, engine.from_bools(left).bdd, engine.from_bools(right).bdd, ENOUGH)
+    found = shorter(
+        engine.diagrams, engine.from_bools(left).bdd, engine.from_bools(right).bdd, ENOUGH
+    )
     assert found is not None
     return found
 
 
-def expected_values(engine: ExplicitEngine, left: ArraySet, right: ArraySet, direction: str | None) -> np.ndarray:
+def expected_values(
+    engine: ExplicitEngine, left: ArraySet, right: ArraySet, direction: str | None
+) -> np.ndarray:
     yes = engine.graph.prob1(left, right, direction)
     unknown = ~(yes | engine.graph.prob0(left, right, direction))
     system = engine.system(unknown)
-    from symcheck.numerics.problem import LinearProblem
+    from symcheck.numerics.linear.problem import LinearProblem
 
-    problem = LinearProblem(system.into(yes), system.matrix, None, system.into(~unknown), direction, True)
+    problem = LinearProblem(
+        system.into(yes), system.matrix, None, system.into(~unknown), direction, True
+    )
     out = yes.members.astype(float)
     if unknown:
         out[unknown.members] = solve_linear(problem, Accuracy(epsilon=1e-9)).middle
     return out
 
 
-def compare(symbolic: SparseEngine, explicit: ExplicitEngine, left: np.ndarray, right: np.ndarray, direction: str | None) -> None:
+def compare(
+    symbolic: SparseEngine,
+    explicit: ExplicitEngine,
+    left: np.ndarray,
+    right: np.ndarray,
+    direction: str | None,
+) -> None:
     parts = shortened(symbolic, left, right)
     arrays = ArraySet(left), ArraySet(right)
     zero, one = parts.states(parts.prob0(direction)), parts.states(parts.prob1(direction))
-    assert np.array_equal(symbolic.diagrams.odd.expand(zero), explicit.graph.prob0(*arrays, direction).members)
-    assert np.array_equal(symbolic.diagrams.odd.expand(one), explicit.graph.prob1(*arrays, direction).members)
+    assert np.array_equal(
+        symbolic.diagrams.odd.expand(zero), explicit.graph.prob0(*arrays, direction).members
+    )
+    assert np.array_equal(
+        symbolic.diagrams.odd.expand(one), explicit.graph.prob1(*arrays, direction).members
+    )
     equations = ShorterUntil.of(parts, direction)
     found = solve_linear(equations.problem(), Accuracy(epsilon=1e-9)) if equations.n else None
-    values = equations.lift(np.empty(0), None) if found is None else equations.lift(found.lower, found.upper)
+    values = (
+        equations.lift(np.empty(0), None)
+        if found is None
+        else equations.lift(found.lower, found.upper)
+    )
     low, high = values.at(symbolic.all)
     expected = expected_values(explicit, *arrays, direction)
     assert np.all(low <= expected + 1e-9)
@@ -92,15 +118,19 @@ def compare(symbolic: SparseEngine, explicit: ExplicitEngine, left: np.ndarray, 
 
 
 @settings(max_examples=40)
-@given(mdps, subsets, subsets, st.sampled_from(["min", "max"]))
-def test_probabilities_of_decision_processes(states: Sequence[Sequence[Choice]], left: set[int], right: set[int], direction: str) -> None:
+@given(mdps, subsets, subsets, st.sampled_from([Direction.MIN, Direction.MAX]))
+def test_probabilities_of_decision_processes(
+    states: Sequence[Sequence[Choice]], left: set[int], right: set[int], direction: str
+) -> None:
     members = [np.isin(np.arange(SIZE), list(s)) for s in (left, right)]
     compare(*both(text("mdp", states)), members[0], members[1], direction)
 
 
 @settings(max_examples=40)
 @given(chains, subsets, subsets)
-def test_probabilities_of_chains(states: Sequence[Sequence[Choice]], left: set[int], right: set[int]) -> None:
+def test_probabilities_of_chains(
+    states: Sequence[Sequence[Choice]], left: set[int], right: set[int]
+) -> None:
     members = [np.isin(np.arange(SIZE), list(s)) for s in (left, right)]
     compare(*both(text("dtmc", states)), members[0], members[1], None)
 
@@ -110,22 +140,32 @@ def test_models_of_several_modules(name: str) -> None:
     symbolic, explicit = twins.symbolic(name, SparseEngine), twins.explicit(name)
     sets = [p.array.members for p in twins.pairs(name, 12)]
     for left, right in zip(sets[::2], sets[1::2], strict=True):
-        for direction in ("min", "max") if name == "mdp" else (None,):
+        for direction in (Direction.MIN, Direction.MAX) if name == "mdp" else (None,):
             compare(symbolic, explicit, left, right, direction)  # type: ignore[arg-type]
 
 
 def test_what_is_passed_over() -> None:
-    symbolic, _ = both("mdp module m x : [0..5]; [] x<3 -> (x'=x+1); [] x=1 -> (x'=5); [] x=3 -> 0.5:(x'=4)+0.5:(x'=5); endmodule")
-    names = {x for x in range(6) if symbolic.where(parse_expression(f"x={x}")).bdd <= forced_states(symbolic.diagrams)}
+    symbolic, _ = both(
+        "mdp module m x : [0..5]; [] x<3 -> (x'=x+1); [] x=1 -> (x'=5); [] x=3 -> 0.5:(x'=4)+0.5:(x'=5); endmodule"
+    )
+    names = {
+        x
+        for x in range(6)
+        if symbolic.where(parse_expression(f"x={x}")).bdd <= forced_states(symbolic.diagrams)
+    }
     assert names == {0, 2, 4, 5}  # the last two have a loop as their only transition
-    parts = shortened(symbolic, np.ones(6, bool), symbolic.to_bools(symbolic.where(parse_expression("x=4"))))
+    parts = shortened(
+        symbolic, np.ones(6, bool), symbolic.to_bools(symbolic.where(parse_expression("x=4")))
+    )
     assert parts.n == 2
     assert parts.place.tolist() == [0, 0, 1, 1, 2, 3]
 
 
 def test_memory_that_would_not_do() -> None:
     symbolic = twins.symbolic("mdp", SparseEngine)
-    assert shorter(symbolic.diagrams, symbolic.diagrams.states, symbolic.diagrams.initial, 100) is None
+    assert (
+        shorter(symbolic.diagrams, symbolic.diagrams.states, symbolic.diagrams.initial, 100) is None
+    )
 
 
 @pytest.fixture
@@ -143,21 +183,29 @@ def test_graph_questions_where_diagrams_take_long(name: str) -> None:
     sets = list(twins.pairs_of(symbolic, 12))
     for left, right in zip(sets[::2], sets[1::2], strict=True):
         possible = symbolic.graph.exists_until(left.diagram, right.diagram)
-        assert np.array_equal(symbolic.to_bools(possible), explicit.graph.exists_until(left.array, right.array).members)
-        for direction in ("min", "max") if name == "mdp" else (None,):
+        assert np.array_equal(
+            symbolic.to_bools(possible),
+            explicit.graph.exists_until(left.array, right.array).members,
+        )
+        for direction in (Direction.MIN, Direction.MAX) if name == "mdp" else (None,):
             for ask in ("prob0", "prob1"):
                 found = getattr(symbolic.graph, ask)(left.diagram, right.diagram, direction)
-                assert np.array_equal(symbolic.to_bools(found), getattr(explicit.graph, ask)(left.array, right.array, direction).members)
+                assert np.array_equal(
+                    symbolic.to_bools(found),
+                    getattr(explicit.graph, ask)(left.array, right.array, direction).members,
+                )
 
 
 @pytest.mark.usefixtures("impatient")
 def test_equations_where_diagrams_take_long() -> None:
     symbolic = twins.fresh("mdp", SparseEngine)
     everything, target = symbolic.all, symbolic.where(parse_expression("s=6"))
-    found = symbolic.shorter_until(everything, target, "max")
+    found = symbolic.shorter_until(everything, target, Direction.MAX)
     assert found is not None
     assert found.n + int(found.no.sum()) + int(found.yes.sum()) == found.parts.n + 2
-    assert twins.fresh("ctmc", SparseEngine).graph.until(everything, target, None) is None  # rates are no probabilities
+    assert (
+        twins.fresh("ctmc", SparseEngine).graph.until(everything, target, None) is None
+    )  # rates are no probabilities
 
 
 @pytest.mark.usefixtures("impatient")
@@ -169,7 +217,9 @@ def test_equations_where_many_states_are_neither(monkeypatch: pytest.MonkeyPatch
         "[] x=0 -> 0.5:(x'=1) + 0.5:(x'=5); [] x=0 -> 0.25:(x'=9) + 0.75:(x'=5); [] x>0 & x<5 -> (x'=x+1); "
         "[] x=5 -> 0.25:(x'=9) + 0.25:(x'=6) + 0.5:(x'=8); [] x=6 -> (x'=7); [] x=7 -> (x'=5); endmodule"
     )
-    found = symbolic.shorter_until(symbolic.all, symbolic.where(parse_expression("x=9")), "max")
+    found = symbolic.shorter_until(
+        symbolic.all, symbolic.where(parse_expression("x=9")), Direction.MAX
+    )
     assert found is not None
     assert found.n == 2
     solution = solve_linear(found.problem(), Accuracy())
@@ -182,19 +232,25 @@ def test_equations_where_many_states_are_neither(monkeypatch: pytest.MonkeyPatch
 
 
 @settings(max_examples=40)
-@given(st.one_of(mdps.map(lambda s: ("mdp", s)), chains.map(lambda s: ("dtmc", s))), subsets, subsets)
-def test_formulas_where_diagrams_take_long(model: tuple[str, Sequence[Sequence[Choice]]], left: set[int], right: set[int]) -> None:
+@given(
+    st.one_of(mdps.map(lambda s: ("mdp", s)), chains.map(lambda s: ("dtmc", s))), subsets, subsets
+)
+def test_formulas_where_diagrams_take_long(
+    model: tuple[str, Sequence[Sequence[Choice]]], left: set[int], right: set[int]
+) -> None:
     """Whole measures, by the equations on what is left, on both engines."""
     symbolic, explicit = both(text(*model))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(symbolic_graph, "LARGE", 1)
         patch.setattr(symbolic_graph, "FEW_ROWS", 0)
         patch.setattr(symbolic_graph, "PATIENCE", -1e6)
-        for direction in ("min", "max") if model[0] == "mdp" else (None,):
+        for direction in (Direction.MIN, Direction.MAX) if model[0] == "mdp" else (None,):
             values = []
             for engine in (symbolic, explicit):
                 context = Context(engine, Options(epsilon=1e-9))
-                members = [engine.from_bools(np.isin(np.arange(SIZE), list(s))) for s in (left, right)]
+                members = [
+                    engine.from_bools(np.isin(np.arange(SIZE), list(s))) for s in (left, right)
+                ]
                 probability = until(context, *members, direction).at(engine.all)
                 reward = reach_reward(context, 0, members[1], direction).at(engine.all)
                 values.append((probability, reward))
@@ -204,8 +260,10 @@ def test_formulas_where_diagrams_take_long(model: tuple[str, Sequence[Sequence[C
 
 
 @pytest.mark.usefixtures("impatient")
-@pytest.mark.parametrize("direction", ["min", "max"])
-def test_rewards_on_forced_ways_are_added_up(direction: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("direction", [Direction.MIN, Direction.MAX])
+def test_rewards_on_forced_ways_are_added_up(
+    direction: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     source = (
         "mdp module m x : [0..9] init 0; [] x=0 -> 0.5:(x'=1) + 0.5:(x'=5); [] x=0 -> (x'=7); [] x>0 & x<9 -> (x'=x+1); endmodule "
         "rewards x<9 : 1; [] x=4 : 10; x=8 : 0.5; endrewards"
@@ -216,18 +274,26 @@ def test_rewards_on_forced_ways_are_added_up(direction: str, monkeypatch: pytest
         found = symbolic.shorter_reward(0, symbolic.where(parse_expression("x=9")), direction)
         assert found is not None
         assert found.n == 1
-        values = reach_reward(Context(symbolic, Options()), 0, symbolic.where(parse_expression("x=9")), direction)
-        expected = reach_reward(Context(explicit, Options()), 0, explicit.where(parse_expression("x=9")), direction)
+        values = reach_reward(
+            Context(symbolic, Options()), 0, symbolic.where(parse_expression("x=9")), direction
+        )
+        expected = reach_reward(
+            Context(explicit, Options()), 0, explicit.where(parse_expression("x=9")), direction
+        )
         assert values.at(symbolic.all)[0] == pytest.approx(expected.at(explicit.all)[0], rel=1e-12)
         assert values.rounded(symbolic.initial)
 
 
 @pytest.mark.usefixtures("impatient")
 def test_negative_rewards_are_left_to_others() -> None:
-    symbolic, _ = both("mdp module m x : [0..9] init 0; [] x<9 -> (x'=x+1); [] x=1 -> (x'=0); endmodule rewards x=2 : -1; endrewards")
-    assert symbolic.shorter_reward(0, symbolic.where(parse_expression("x=9")), "max") is None
+    symbolic, _ = both(
+        "mdp module m x : [0..9] init 0; [] x<9 -> (x'=x+1); [] x=1 -> (x'=0); endmodule rewards x=2 : -1; endrewards"
+    )
+    assert (
+        symbolic.shorter_reward(0, symbolic.where(parse_expression("x=9")), Direction.MAX) is None
+    )
 
 
 def test_few_states_are_left_to_others() -> None:
     symbolic = twins.symbolic("mdp", SparseEngine)
-    assert symbolic.shorter_until(symbolic.all, symbolic.initial, "max") is None
+    assert symbolic.shorter_until(symbolic.all, symbolic.initial, Direction.MAX) is None

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model
-from symcheck.check import bisimulation
-from symcheck.engines import symbolic_lump
-from symcheck.engines.arrays import ArrayValues
-from symcheck.engines.symbolic_lump import lump_diagrams
+from symcheck.check.bisimulation import on_quotient
+from symcheck.engines.explicit.array_values import ArrayValues
+from symcheck.engines.symbolic import bisimulation as symbolic_lump
+from symcheck.engines.symbolic.bisimulation import lump_diagrams
 from symcheck.errors import InputError, UnsupportedError
-from symcheck.numerics.lump import lump
-from symcheck.semantics.bind import bind_properties
+from symcheck.numerics.bisimulation import lump
+from symcheck.semantics.binding.bind import bind_properties
 from symcheck.syntax.parse import parse_properties
 
 SLOW = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
@@ -50,14 +50,20 @@ def rows_of(matrix, rewards=None):
         rows = set()
         for r in range(groups[s], groups[s + 1]):
             here = slice(matrix.indptr[r], matrix.indptr[r + 1])
-            entries = zip(matrix.indices[here].tolist(), (round(v, 9) for v in matrix.data[here].tolist()), strict=True)
+            entries = zip(
+                matrix.indices[here].tolist(),
+                (round(v, 9) for v in matrix.data[here].tolist()),
+                strict=True,
+            )
             rows.add((frozenset(entries), None if rewards is None else round(rewards[r], 9)))
         found.append(rows)
     return found
 
 
 def where(engine, text):
-    return engine.where(bind_properties(parse_properties(text), engine.model, {}).properties[0].formula)
+    return engine.where(
+        bind_properties(parse_properties(text), engine.model, {}).properties[0].formula
+    )
 
 
 def random_engine(seed, kind):
@@ -68,7 +74,11 @@ def random_engine(seed, kind):
 
 
 @SLOW
-@given(seed=st.integers(0, 2**20), kind=st.sampled_from(["dtmc", "ctmc", "mdp"]), rewarded=st.booleans())
+@given(
+    seed=st.integers(0, 2**20),
+    kind=st.sampled_from(["dtmc", "ctmc", "mdp"]),
+    rewarded=st.booleans(),
+)
 def test_the_partition_of_listed_states(seed, kind, rewarded):
     engine = random_engine(seed, kind)
     first = engine.model.variables[0]
@@ -87,7 +97,10 @@ def test_the_partition_of_listed_states(seed, kind, rewarded):
     rewards = (rows[0][want.rows], found.rewards[0]) if structures else (None, None)
     assert rows_of(found.matrix, rewards[1]) == rows_of(want.matrix, rewards[0])
     assert found.members.tolist() == engine.diagrams.odd.unrank(want.first).tolist()
-    assert found.meeting(engine.initial.bdd).tolist() == np.unique(want.block[engine.to_bools(engine.initial)]).tolist()
+    assert (
+        found.meeting(engine.initial.bdd).tolist()
+        == np.unique(want.block[engine.to_bools(engine.initial)]).tolist()
+    )
 
 
 @SLOW
@@ -107,7 +120,9 @@ def test_values_of_blocks_are_values_of_states(seed):
 def test_bits_that_nobody_reads_count_for_all_their_values():
     text = (
         "dtmc\nmodule m\n x : [0..3];\n y : [0..7];\n"
-        " [] x<3 -> 1/16:(x'=x+1)&(y'=0)" + "".join(f" + 1/16:(x'=x+1)&(y'={i})" for i in range(1, 8)) + " + 1/2:(x'=3);\n"
+        " [] x<3 -> 1/16:(x'=x+1)&(y'=0)"
+        + "".join(f" + 1/16:(x'=x+1)&(y'={i})" for i in range(1, 8))
+        + " + 1/2:(x'=3);\n"
         " [] x=3 -> true;\nendmodule\n"
     )
     engine = engine_of(text, "sparse")
@@ -122,7 +137,12 @@ def test_components_that_are_alike():
     found = lump_diagrams(engine.diagrams, [], [0], observed.append)
     assert found.blocks == comb(11, 3)  # multisets of 8 of 4 states
     assert observed[-1].blocks == found.blocks == observed[-2].blocks
-    assert found.matrix.entries == lump(engine.system(engine.all).matrix, [engine.system(engine.all).rewards(0)[0]]).matrix.entries
+    assert (
+        found.matrix.entries
+        == lump(
+            engine.system(engine.all).matrix, [engine.system(engine.all).rewards(0)[0]]
+        ).matrix.entries
+    )
 
 
 def test_more_states_than_can_be_numbered():
@@ -168,13 +188,15 @@ def test_giving_up_in_time():
     with pytest.raises(UnsupportedError, match=r"outgrows 0 s \(1 blocks after 0 rounds\)"):
         lump_diagrams(engine.diagrams, [], seconds=0.0)
     large = engine_of(symmetric(10), "sparse")  # here in the middle of a round
-    different = [where(large, " + ".join(f"{i}*x{i}" for i in range(10)) + f"={k}").bdd for k in (30, 31)]
+    different = [
+        where(large, " + ".join(f"{i}*x{i}" for i in range(10)) + f"={k}").bdd for k in (30, 31)
+    ]
     with pytest.raises(UnsupportedError, match=r"outgrows 0.05 s"):
         lump_diagrams(large.diagrams, different, seconds=0.05)
 
 
 def test_listed_states_where_diagrams_take_too_long(monkeypatch):
-    monkeypatch.setattr(bisimulation, "_PATIENCE", 0.0)
+    monkeypatch.setattr(on_quotient, "_PATIENCE", 0.0)
     result = check_text(engine_of(symmetric(5), "sparse"), "R=? [ S ]", bisim=True)
     assert "on listed states" in result.runs[0].explanation
     assert "1024 states -> 56 by bisimulation" in result.explanation

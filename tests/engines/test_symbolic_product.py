@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from engines.twins import MODELS, Pair, explicit, pairs, symbolic
-from symcheck.engines.explicit import ExplicitEngine
-from symcheck.engines.hybrid import HybridEngine
-from symcheck.engines.symbolic import SymbolicEngine
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.symbolic.engine import SymbolicEngine
+from symcheck.engines.symbolic.hybrid import HybridEngine
 
 
 @dataclass(frozen=True)
@@ -21,10 +21,14 @@ class Table:
 
 def automaton(seed: int, states: int, letters: int) -> Table:
     rng = np.random.default_rng(seed)
-    return Table(rng.integers(0, states, (states, 2**letters)).astype(np.int32), int(rng.integers(0, states)))
+    return Table(
+        rng.integers(0, states, (states, 2**letters)).astype(np.int32), int(rng.integers(0, states))
+    )
 
 
-def keys_of(engine: ExplicitEngine | SymbolicEngine, second: list[np.ndarray]) -> list[tuple[object, ...]]:
+def keys_of(
+    engine: ExplicitEngine | SymbolicEngine, second: list[np.ndarray]
+) -> list[tuple[object, ...]]:
     """Each pair's valuation and automaton state (`second`: membership by automaton state), in the engine's order."""
     states = list(engine.valuations(engine.all))
     automaton_state = np.argmax(np.array(second), axis=0)
@@ -39,12 +43,22 @@ def test_products_agree(name: str, size: int) -> None:
     table = automaton(size, size, 2)
     p = a.product([x.array for x in letters], table)
     q = b.product([x.diagram for x in letters], table)
-    assert (p.engine.states, p.engine.transitions, p.engine.choices) == (q.engine.states, q.engine.transitions, q.engine.choices)
-    left = keys_of(p.engine, [p.engine.to_bools(p.automaton_states(frozenset({i}))) for i in range(size)])
-    right = keys_of(q.engine, [q.engine.to_bools(q.automaton_states(frozenset({i}))) for i in range(size)])
+    assert (p.engine.states, p.engine.transitions, p.engine.choices) == (
+        q.engine.states,
+        q.engine.transitions,
+        q.engine.choices,
+    )
+    left = keys_of(
+        p.engine, [p.engine.to_bools(p.automaton_states(frozenset({i}))) for i in range(size)]
+    )
+    right = keys_of(
+        q.engine, [q.engine.to_bools(q.automaton_states(frozenset({i}))) for i in range(size)]
+    )
     assert sorted(left) == sorted(right)
     place = {key: i for i, key in enumerate(right)}
-    order = np.array([place[key] for key in left])  # number in the symbolic product of each explicit pair
+    order = np.array(
+        [place[key] for key in left]
+    )  # number in the symbolic product of each explicit pair
 
     def same(found: object, expected: object) -> bool:
         return np.array_equal(q.engine.to_bools(found)[order], p.engine.to_bools(expected))
@@ -55,7 +69,10 @@ def test_products_agree(name: str, size: int) -> None:
     assert same(q.engine.deadlocks, p.engine.deadlocks)
     for x in letters:
         assert same(q.lift(x.diagram), p.lift(x.array))
-        assert same(q.engine.graph.predecessors(q.lift(x.diagram)), p.engine.graph.predecessors(p.lift(x.array)))
+        assert same(
+            q.engine.graph.predecessors(q.lift(x.diagram)),
+            p.engine.graph.predecessors(p.lift(x.array)),
+        )
     rng = np.random.default_rng(1)
     members = rng.random(p.engine.states) < 0.4
     scattered = np.zeros_like(members)
@@ -68,24 +85,37 @@ def test_products_agree(name: str, size: int) -> None:
     moved = np.empty_like(values)
     moved[order] = values
     lifted = p.engine.system(p.engine.all).lift(values, None)
-    found = q.engine.system(two).lift(moved[scattered], None).choose(two, q.engine.system(q.engine.all).lift(moved, None))
+    found = (
+        q.engine.system(two)
+        .lift(moved[scattered], None)
+        .choose(two, q.engine.system(q.engine.all).lift(moved, None))
+    )
     np.testing.assert_array_equal(q.project(found).at(b.all), p.project(lifted).at(a.all))
-    np.testing.assert_array_equal(q.project(q.engine.constant(0.5)).at(b.all), p.project(p.engine.constant(0.5)).at(a.all))
+    np.testing.assert_array_equal(
+        q.project(q.engine.constant(0.5)).at(b.all), p.project(p.engine.constant(0.5)).at(a.all)
+    )
 
     dense = []
     for engine, numbers in ((p.engine, np.arange(len(order))), (q.engine, order)):
         m = engine.system(engine.all).matrix
         groups = np.arange(m.rows + 1) if m.groups is None else m.groups
-        rows = [[m.data[m.indptr[r] : m.indptr[r + 1]].sum() for r in range(groups[s], groups[s + 1])] for s in numbers]
+        rows = [
+            [m.data[m.indptr[r] : m.indptr[r + 1]].sum() for r in range(groups[s], groups[s + 1])]
+            for s in numbers
+        ]
         total = np.zeros((m.states, m.states))
         owner = np.repeat(np.repeat(np.arange(m.states), np.diff(groups)), np.diff(m.indptr))
         np.add.at(total, (owner, m.indices), m.data)
-        dense.append((total[np.ix_(numbers, numbers)], [np.sort(np.round(r, 12)).tolist() for r in rows]))
+        dense.append(
+            (total[np.ix_(numbers, numbers)], [np.sort(np.round(r, 12)).tolist() for r in rows])
+        )
     np.testing.assert_allclose(dense[0][0], dense[1][0], rtol=1e-12)
     assert dense[0][1] == dense[1][1]
     for i in range(len(a.model.rewards)):
         one_rewards = p.engine.system(p.engine.all).rewards(i)[0]
-        np.testing.assert_allclose(q.engine.system(q.engine.all).rewards(i)[0][order], one_rewards, rtol=1e-13)
+        np.testing.assert_allclose(
+            q.engine.system(q.engine.all).rewards(i)[0][order], one_rewards, rtol=1e-13
+        )
 
 
 def test_a_product_of_a_product() -> None:

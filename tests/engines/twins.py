@@ -9,15 +9,15 @@ from functools import cache
 import numpy as np
 
 from symcheck.check.options import Options
-from symcheck.engines.arrays import ArraySet
-from symcheck.engines.explicit import ExplicitEngine
-from symcheck.engines.hybrid import HybridEngine
-from symcheck.engines.mtbdd import MtbddEngine
-from symcheck.engines.sparse import SparseEngine
-from symcheck.engines.symbolic import SymbolicEngine
-from symcheck.engines.symbolic_sets import SymbolicSet
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.symbolic.engine import SymbolicEngine
+from symcheck.engines.symbolic.hybrid import HybridEngine
+from symcheck.engines.symbolic.mtbdd import MtbddEngine
+from symcheck.engines.symbolic.sets import SymbolicSet
+from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import explore
-from symcheck.semantics.bind import bind
+from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_model
 

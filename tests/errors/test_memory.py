@@ -22,19 +22,36 @@ def _bound() -> symcheck.BoundModel:
     ("within", "call"),
     [
         ("symcheck.check.checker._boolean", lambda: symcheck.load(DIE).check("P>0 [ F d=6 ]")),
-        ("symcheck.check.distribution._matrix", lambda: symcheck.load(DIE).transient(2)),
-        ("symcheck.check.distribution._prepared", lambda: symcheck.load(DIE).steady_state()),
+        ("symcheck.check.state_distributions._matrix", lambda: symcheck.load(DIE).transient(2)),
+        (
+            "symcheck.check.state_distributions._prepared",
+            lambda: symcheck.load(DIE).steady_state(),
+        ),
         ("symcheck.explicit.build.initial_rows", lambda: symcheck.load(DIE).engine),
-        ("symcheck.explicit.build.initial_rows", lambda: symcheck.explore(_bound(), symcheck.Options())),
-        ("symcheck.symbolic.assemble.encode", lambda: symcheck.build(_bound(), symcheck.Options())),
-        ("symcheck.symbolic.reach.search", lambda: symcheck.reach(symcheck.build(_bound(), symcheck.Options()))),
-        ("symcheck.exchange.facade.snapshot", lambda: symcheck.export(symcheck.load(DIE), "die.drn")),
-        ("symcheck.exchange.facade.read_files", lambda: symcheck.load_explicit("die.all")),
+        (
+            "symcheck.explicit.build.initial_rows",
+            lambda: symcheck.explore(_bound(), symcheck.Options()),
+        ),
+        (
+            "symcheck.symbolic.events.encode_events.encode",
+            lambda: symcheck.build(_bound(), symcheck.Options()),
+        ),
+        (
+            "symcheck.symbolic.reachability.search.search",
+            lambda: symcheck.reach(symcheck.build(_bound(), symcheck.Options())),
+        ),
+        (
+            "symcheck.exchange.api_io.snapshot",
+            lambda: symcheck.export(symcheck.load(DIE), "die.drn"),
+        ),
+        ("symcheck.exchange.api_io.read_files", lambda: symcheck.load_explicit("die.all")),
         ("symcheck.simulate.walk._first", lambda: symcheck.load(DIE).simulate(3)),
         ("symcheck.simulate.check.Sampler", lambda: symcheck.load(DIE).estimate("P=? [ F d=6 ]")),
     ],
 )
-def test_memory_that_arrays_lack(within: str, call: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_that_arrays_lack(
+    within: str, call: Callable[[], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def lacking(*_: Any, **__: Any) -> object:
         raise MemoryError
 

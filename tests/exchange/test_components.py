@@ -7,9 +7,9 @@ import pytest
 import symcheck
 from symcheck.errors import UnsupportedError
 from symcheck.exchange.components import components_file
-from symcheck.exchange.snapshot import snapshot
-from symcheck.exchange.targets import ExportOptions as Options
-from symcheck.exchange.targets import Target, _texts, file_options
+from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.export import ExportOptions as Options
+from symcheck.exchange.export import Target, _texts, file_options
 
 CHAIN = """dtmc
 module m
@@ -41,8 +41,12 @@ def test_components_of_an_mdp():
 
 def matlab(text, kind):
     model = symcheck.loads(text)
-    shot = snapshot(model.engine, list(model.bound.labels), lambda n: model.engine.where(model.bound.labels[n]))
-    return ["".join(chunks) for _, chunks in _texts(shot, Target(kind, "stdout", Options(matlab=True)))]
+    shot = snapshot(
+        model.engine, list(model.bound.labels), lambda n: model.engine.where(model.bound.labels[n])
+    )
+    return [
+        "".join(chunks) for _, chunks in _texts(shot, Target(kind, "stdout", Options(matlab=True)))
+    ]
 
 
 def test_a_chain_for_matlab():
@@ -51,9 +55,15 @@ def test_a_chain_for_matlab():
     assert matlab(text, "tra") == ["R = sparse(3,3);\nR(1,3)=3;\nR(2,3)=3;\nR(3,2)=0.5;\n"]
     assert matlab(text, "sta") == ["% (n,b)\nstates=[\n0,0\n0,1\n1,1\n];\n"]
     (labels,) = matlab(text, "lab")
-    assert labels == "l_init=sparse(3,1);\nl_deadlock=sparse(3,1);\nl_up=sparse(3,1);\n\nl_init(1)=1;\nl_up(3)=1;\n"
+    assert (
+        labels
+        == "l_init=sparse(3,1);\nl_deadlock=sparse(3,1);\nl_up=sparse(3,1);\n\nl_init(1)=1;\nl_up(3)=1;\n"
+    )
     assert matlab(text, "srew") == ["c1 = sparse(3,1);\nc1(3)=1;\n", "c2 = sparse(3,1);\n"]
-    assert matlab(text, "trew") == ["C1 = sparse(3,3);\n", "C2 = sparse(3,3);\nC2(1,3)=2;\nC2(2,3)=2;\n"]
+    assert matlab(text, "trew") == [
+        "C1 = sparse(3,3);\n",
+        "C2 = sparse(3,3);\nC2(1,3)=2;\nC2(2,3)=2;\n",
+    ]
 
 
 def test_an_mdp_is_no_matrix():

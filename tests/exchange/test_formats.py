@@ -10,8 +10,8 @@ import pytest
 import symcheck
 from symcheck.errors import UsageError
 from symcheck.exchange import text as texts
-from symcheck.exchange.snapshot import snapshot
-from symcheck.exchange.targets import export, parse_target
+from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.export import export, parse_target
 
 MDP = """mdp
 module m
@@ -43,7 +43,9 @@ def written(model, target, labels=()):
 
 
 def test_states():
-    assert written(MDP, "stdout.sta") == "(s,b)\n0:(0,false)\n1:(1,false)\n2:(2,false)\n3:(2,true)\n"
+    assert (
+        written(MDP, "stdout.sta") == "(s,b)\n0:(0,false)\n1:(1,false)\n2:(2,false)\n3:(2,true)\n"
+    )
 
 
 def test_transitions_of_an_mdp():
@@ -58,7 +60,10 @@ def test_transitions_of_an_mdp():
 
 def test_options_leave_out_actions_and_cut_digits():
     assert "go" not in written(MDP, "stdout.tra:actions=false")
-    assert "0 1 0.3333\n" in written("dtmc module m x:[0..2]; [] x=0 -> 1/3:(x'=1)+2/3:(x'=2); endmodule", "stdout.tra:precision=4")
+    assert "0 1 0.3333\n" in written(
+        "dtmc module m x:[0..2]; [] x=0 -> 1/3:(x'=1)+2/3:(x'=2); endmodule",
+        "stdout.tra:precision=4",
+    )
 
 
 def test_rows():
@@ -70,7 +75,10 @@ def test_transitions_of_a_chain():
 
 
 def test_labels():
-    assert written(MDP, "stdout.lab", ["end"]) == '0="init" 1="deadlock" 2="end"\n0: 0\n1: 1\n2: 1 2\n3: 2\n'
+    assert (
+        written(MDP, "stdout.lab", ["end"])
+        == '0="init" 1="deadlock" 2="end"\n0: 0\n1: 1\n2: 1 2\n3: 2\n'
+    )
 
 
 def test_state_rewards():
@@ -92,7 +100,9 @@ def test_transition_rewards_of_a_ctmc_keep_the_expected_reward():
 
 
 def test_rationals():
-    model = symcheck.loads("dtmc module m x:[0..2]; [] x=0 -> 1/3:(x'=1)+2/3:(x'=2); endmodule", exact=True)
+    model = symcheck.loads(
+        "dtmc module m x:[0..2]; [] x=0 -> 1/3:(x'=1)+2/3:(x'=2); endmodule", exact=True
+    )
     assert "0 1 1/3\n0 2 2/3\n" in written(model, "stdout.tra")
 
 
@@ -107,9 +117,16 @@ def test_dot():
 
 
 def test_number_texts_give_the_double_back():
-    values = np.random.default_rng(5).random(1000) * 10.0 ** np.random.default_rng(6).integers(-20, 20, 1000)
+    values = np.random.default_rng(5).random(1000) * 10.0 ** np.random.default_rng(6).integers(
+        -20, 20, 1000
+    )
     assert [float(t) for t in texts.number_texts(values)] == values.tolist()
-    assert texts.number_texts(np.array([1.0, 0.5, np.inf, 2e300])) == ["1", "0.5", "Infinity", "2e+300"]
+    assert texts.number_texts(np.array([1.0, 0.5, np.inf, 2e300])) == [
+        "1",
+        "0.5",
+        "Infinity",
+        "2e+300",
+    ]
 
 
 def test_long_files_are_written_in_chunks(monkeypatch):
@@ -147,13 +164,19 @@ def test_targets(argument, expected):
     assert [t.path for t in parse_target(argument, "dir/model.pm")] == expected
 
 
-@pytest.mark.parametrize("argument", ["out", "out.xyz", "out.tra:colour=red", "out.tra:precision=0"])
+@pytest.mark.parametrize(
+    "argument", ["out", "out.xyz", "out.tra:colour=red", "out.tra:precision=0"]
+)
 def test_targets_that_are_no_targets(argument):
     with pytest.raises(UsageError, match="hint: "):
         parse_target(argument, "model.pm")
 
 
 def test_matlab_is_told_by_the_ending_and_by_the_format():
-    assert [(t.kind, t.path, t.options.matlab) for t in parse_target("out.m", "x.pm")] == [("tra", "out.m", True)]
-    assert [(t.kind, t.path, t.options.matlab) for t in parse_target("stdout:format=matlab", "x.pm")] == [("tra", "stdout", True)]
+    assert [(t.kind, t.path, t.options.matlab) for t in parse_target("out.m", "x.pm")] == [
+        ("tra", "out.m", True)
+    ]
+    assert [
+        (t.kind, t.path, t.options.matlab) for t in parse_target("stdout:format=matlab", "x.pm")
+    ] == [("tra", "stdout", True)]
     assert [t.kind for t in parse_target("out.tra,sta:matlab", "x.pm")] == ["tra", "sta"]

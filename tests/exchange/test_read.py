@@ -20,7 +20,9 @@ def load(tmp_path, *, kind=None, **files):
 
 
 def test_comments_blanks_and_order_do_not_matter(tmp_path):
-    model = load(tmp_path, tra="# Transitions (DTMC)\n\n3 4\n2 2 1\n  0 2   .5\n1 1 1\n\n0 1 5e-1\n")
+    model = load(
+        tmp_path, tra="# Transitions (DTMC)\n\n3 4\n2 2 1\n  0 2   .5\n1 1 1\n\n0 1 5e-1\n"
+    )
     assert model.check("P=? [ F x=1 ]").value == 0.5
 
 
@@ -28,8 +30,12 @@ def test_the_type_is_seen(tmp_path):
     assert load(tmp_path, tra=DTMC).bound.type is ModelType.DTMC
     assert load(tmp_path, tra=MDP).bound.type is ModelType.MDP
     assert load(tmp_path, tra="2 2\n0 1 3\n1 0 2\n").bound.type is ModelType.CTMC
-    assert load(tmp_path, tra="# Transitions (CTMC)\n2 2\n0 1 1\n1 0 1\n").bound.type is ModelType.CTMC
-    assert load(tmp_path, tra="2 2\n0 1 1\n1 0 1\n", kind=ModelType.CTMC).bound.type is ModelType.CTMC
+    assert (
+        load(tmp_path, tra="# Transitions (CTMC)\n2 2\n0 1 1\n1 0 1\n").bound.type is ModelType.CTMC
+    )
+    assert (
+        load(tmp_path, tra="2 2\n0 1 1\n1 0 1\n", kind=ModelType.CTMC).bound.type is ModelType.CTMC
+    )
 
 
 def test_deadlocks_are_fixed(tmp_path):
@@ -44,7 +50,9 @@ def test_deadlocks_are_fixed(tmp_path):
 def test_a_deadlock_may_be_an_error(tmp_path):
     (tmp_path / "m.tra").write_text("3 2\n0 1 0.5\n0 2 0.5\n")
     with pytest.raises(ModelFault, match="2 deadlock states"):
-        symcheck.load_explicit(str(tmp_path / "m.tra"), type=ModelType.DTMC, fix_deadlocks=False).check("true")
+        symcheck.load_explicit(
+            str(tmp_path / "m.tra"), type=ModelType.DTMC, fix_deadlocks=False
+        ).check("true")
 
 
 def test_actions_labels_and_rewards(tmp_path):
@@ -71,7 +79,11 @@ def test_a_chain_may_have_actions_and_comments_anywhere(tmp_path):
 
 
 def test_comments_in_every_file(tmp_path):
-    files = {"tra": DTMC, "sta": "# s\n(s)\n# t\n0:(5) # first\n1:(6)\n2:(7)\n", "srew": '# Reward structure "r"\n3 1\n# here\n0 2\n'}
+    files = {
+        "tra": DTMC,
+        "sta": "# s\n(s)\n# t\n0:(5) # first\n1:(6)\n2:(7)\n",
+        "srew": '# Reward structure "r"\n3 1\n# here\n0 2\n',
+    }
     model = load(tmp_path, **files, lab='# l\n0="init" 1="a"\n# m\n0: 0\n1: 1\n')
     assert model.check('P=? [ F "a" ]').value == model.check("P=? [ F s=6 ]").value
     assert model.check('R{"r"}=? [ C<=1 ]').value == 2
@@ -98,7 +110,11 @@ FAULTS = [
     ({"tra": "3\n"}, "m.tra:1:1", "first line"),
     ({"tra": "3 4x\n"}, "m.tra:1:3", "4x"),
     ({"tra": "0 0\n"}, "m.tra:1:1", "at least one state"),
-    ({"tra": "3 5\n0 1 0.5\n0 2 0.5\n1 1 1\n2 2 1\n"}, "m.tra:1:3", "tells of 5 transitions, and 4 follow"),
+    (
+        {"tra": "3 5\n0 1 0.5\n0 2 0.5\n1 1 1\n2 2 1\n"},
+        "m.tra:1:3",
+        "tells of 5 transitions, and 4 follow",
+    ),
     ({"tra": "3 4\n0 1 0.5\n0 2 zero\n1 1 1\n2 2 1\n"}, "m.tra:3:5", "'zero' is not a number"),
     ({"tra": "3 4\n0 1 0.5\n0 2 nan\n1 1 1\n2 2 1\n"}, "m.tra:3:5", "not negative"),
     ({"tra": "3 4\n0 1 0.5\n0 2 1/0\n1 1 1\n2 2 1\n"}, "m.tra:3:5", "'1/0' is not a number"),
@@ -107,7 +123,11 @@ FAULTS = [
     ({"tra": "3 4\n0 1 0.5\n0 a 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:3", "'a' is not a whole number"),
     ({"tra": "3 4\n0 1 0.5\n0 1 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:1", "already"),
     ({"tra": "3 4\n0 1 0.5\n0 2\n1 1 1\n2 2 1\n"}, "m.tra:3:1", "source, target"),
-    ({"tra": "# Transitions (DTMC)\n3 4\n0 1 0.5\n0 2 0.4\n1 1 1\n2 2 1\n"}, "m.tra:3:1", "sum to 0.9, not to 1"),
+    (
+        {"tra": "# Transitions (DTMC)\n3 4\n0 1 0.5\n0 2 0.4\n1 1 1\n2 2 1\n"},
+        "m.tra:3:1",
+        "sum to 0.9, not to 1",
+    ),
     ({"tra": MDP.replace("0 0 1 0.5 a", "0 0 1 0.6 a")}, "m.tra:2:1", "sum to 1.1, not to 1"),
     ({"tra": MDP.replace("0 0 1 0.5 a", "0 0 1 0.5 c")}, "m.tra:3:1", "different actions"),
     ({"tra": MDP.replace("0 1 1 1 b", "0 2 1 1 b")}, "m.tra:4:3", "choice 1 of state 0 is missing"),

@@ -16,8 +16,8 @@ import symcheck
 from exchange.models import some_model
 from generate import random_property
 from symcheck.errors import SymcheckError, UsageError
-from symcheck.exchange.snapshot import snapshot
-from symcheck.exchange.targets import export, parse_target
+from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.export import export, parse_target
 from symcheck.exchange.text import write_text
 from symcheck.syntax.ast import ModelType
 
@@ -86,13 +86,19 @@ def _choices(model):
         values = tuple(round(float(x), 9) for x in model.values[i:j])
         action = -1 if model.row_actions is None else int(model.row_actions[r])
         name = "" if action < 0 else model.actions[action]
-        yield state, name, tuple(m.indices[i:j].tolist()), values, tuple(round(float(x.rows[r]), 9) for x in model.rewards)
+        yield (
+            state,
+            name,
+            tuple(m.indices[i:j].tolist()),
+            values,
+            tuple(round(float(x.rows[r]), 9) for x in model.rewards),
+        )
 
 
 def test_states_in_another_order_are_put_in_order():
     model = symcheck.loads(some_model(Random(3), "mdp").text)
     whole = snapshot(model.engine)
-    from symcheck.exchange.snapshot import _permuted, _sorted
+    from symcheck.exchange.explicit_export import _permuted, _sorted
 
     order = np.arange(whole.n)[::-1]
     mixed = _permuted(whole, order)
@@ -120,7 +126,9 @@ def test_a_model_without_states_file_has_one_variable(kind, tmp_path):
 
 
 def test_a_ctmc_whose_rates_sum_to_1_stays_one(tmp_path):
-    model = symcheck.loads("ctmc module m x:[0..1]; [] x=0 -> 1:(x'=1); [] x=1 -> 1:(x'=0); endmodule")
+    model = symcheck.loads(
+        "ctmc module m x:[0..1]; [] x=0 -> 1:(x'=1); [] x=1 -> 1:(x'=0); endmodule"
+    )
     exported(model, tmp_path / "m.all")
     again = symcheck.load_explicit(str(tmp_path / "m.all"))
     assert again.engine.model.type is ModelType.CTMC
@@ -150,7 +158,12 @@ def test_thresholds_on_rounded_numbers_are_decided_as_before(tmp_path):
     model = symcheck.loads(text)
     exported(model, tmp_path / "m.all")
     again = symcheck.load_explicit(str(tmp_path / "m.all"))
-    for formula in ("P>=1/3 [ F x=1 ]", "P>1/3 [ F x=1 ]", "P<=1/3 [ F x=1 ]", "P>=2/3 [ F x<3&x>0 ]"):
+    for formula in (
+        "P>=1/3 [ F x=1 ]",
+        "P>1/3 [ F x=1 ]",
+        "P<=1/3 [ F x=1 ]",
+        "P>=2/3 [ F x<3&x>0 ]",
+    ):
         assert again.check(formula).value == model.check(formula).value == (">1/3" not in formula)
     exact = symcheck.load_explicit(str(tmp_path / "m.all"), exact=True)
     assert str(exact.check("P=? [ F x=1 ]").value) == "1/3"

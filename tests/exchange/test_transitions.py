@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import symcheck
 from exchange.models import some_model
-from symcheck.exchange.snapshot import snapshot
+from symcheck.exchange.explicit_export import snapshot
 
 RACE = """ctmc
 module q
@@ -28,7 +28,13 @@ def test_transitions_of_a_row_have_their_own_rewards(tmp_path):
     model = symcheck.loads(RACE)
     symcheck.export(model, str(tmp_path / "m.trew"))
     # From 1 to 0: down with rate 3 for 1, reset with rate 1 for 9: together 12 at rate 4.
-    assert (tmp_path / "m.trew").read_text().splitlines()[2:] == ["3 4", "0 1 5", "1 0 3", "1 2 5", "2 1 1"]
+    assert (tmp_path / "m.trew").read_text().splitlines()[2:] == [
+        "3 4",
+        "0 1 5",
+        "1 0 3",
+        "1 2 5",
+        "2 1 1",
+    ]
 
 
 @pytest.mark.parametrize("options", [{"engine": "sparse"}, {"engine": "mtbdd"}, {"exact": True}])
@@ -63,9 +69,14 @@ def test_rows_earn_what_their_transitions_earn(seed, kind):
 @given(seed=st.integers(0, 10**9), kind=st.sampled_from(["dtmc", "ctmc"]))
 def test_rational_arithmetic_agrees(seed, kind):
     text = some_model(Random(seed), kind).text
-    doubles, rationals = (snapshot(symcheck.loads(text, **options).engine) for options in ({"engine": "explicit"}, {"exact": True}))
+    doubles, rationals = (
+        snapshot(symcheck.loads(text, **options).engine)
+        for options in ({"engine": "explicit"}, {"exact": True})
+    )
     for i in range(len(doubles.rewards)):
-        assert doubles.entry_rewards(i) == pytest.approx([float(x) for x in rationals.entry_rewards(i)], rel=1e-12)
+        assert doubles.entry_rewards(i) == pytest.approx(
+            [float(x) for x in rationals.entry_rewards(i)], rel=1e-12
+        )
 
 
 @pytest.mark.parametrize("exact", [False, True])
@@ -86,5 +97,8 @@ def test_measures_see_the_expected_reward_of_what_was_read(tmp_path):
 def test_the_loop_of_a_deadlock_earns_nothing(tmp_path):
     (tmp_path / "m.tra").write_text("3 2\n0 1 0.5\n0 2 0.5\n")
     (tmp_path / "m.trew").write_text("3 1\n0 2 4\n")
-    model = symcheck.load_explicit(str(tmp_path / "m.tra,trew"), type=symcheck.loads("dtmc module m x:bool; endmodule").program.type)
+    model = symcheck.load_explicit(
+        str(tmp_path / "m.tra,trew"),
+        type=symcheck.loads("dtmc module m x:bool; endmodule").program.type,
+    )
     assert snapshot(model.engine).entry_rewards(0).tolist() == [0, 4, 0, 0]

@@ -12,7 +12,7 @@ import symcheck
 from exchange.models import some_model
 from generate import random_property
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
-from symcheck.exchange.snapshot import snapshot
+from symcheck.exchange.explicit_export import snapshot
 from symcheck.syntax.ast import ModelType
 
 pytest.importorskip("umbi")
@@ -42,20 +42,31 @@ def test_the_model_is_in_the_file(kind, tmp_path):
     raw.validate()
     shot = snapshot(model.engine, ["a", "b"], lambda n: model.engine.where(model.bound.labels[n]))
     system = raw.index.transition_system
-    assert (system.num_states, system.num_choices, system.num_branches) == (shot.n, shot.matrix.rows, shot.matrix.entries)
-    assert np.flatnonzero(raw.state_is_initial).tolist() == np.flatnonzero(shot.labels["init"]).tolist()
+    assert (system.num_states, system.num_choices, system.num_branches) == (
+        shot.n,
+        shot.matrix.rows,
+        shot.matrix.entries,
+    )
+    assert (
+        np.flatnonzero(raw.state_is_initial).tolist()
+        == np.flatnonzero(shot.labels["init"]).tolist()
+    )
     values = shot.values / shot.row_sums[shot.row_of_entry] if kind == "ctmc" else shot.values
     assert raw.branch_to_target == shot.matrix.indices.tolist()
     assert [float(p) for p in raw.branch_to_probability] == pytest.approx(values.tolist())
     if kind == "ctmc":
         assert [float(r) for r in raw.state_to_exit_rate] == pytest.approx(shot.row_sums.tolist())
-    assert {n: v["states"] for n, v in raw.annotations["aps"].items()} == {n: m.tolist() for n, m in shot.labels.items() if n != "init"}
+    assert {n: v["states"] for n, v in raw.annotations["aps"].items()} == {
+        n: m.tolist() for n, m in shot.labels.items() if n != "init"
+    }
     rewards = raw.annotations["rewards"]["r"]
     assert rewards["states"] == shot.rewards[0].states.tolist()
     entries = rewards.get("branches") or np.array(rewards["choices"])[shot.row_of_entry].tolist()
     assert entries == pytest.approx(shot.entry_rewards(0).tolist())
     names = [v.name for v in shot.variables]
-    assert raw.valuations["states"] == [dict(zip(names, row, strict=True)) for row in np.array(shot.columns).T.tolist()]
+    assert raw.valuations["states"] == [
+        dict(zip(names, row, strict=True)) for row in np.array(shot.columns).T.tolist()
+    ]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -152,7 +163,10 @@ def test_files_that_are_none_are_refused(tmp_path):
 
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -0.5])
 def test_what_is_no_probability_is_refused(wrong, tmp_path):
-    symcheck.export(symcheck.loads("dtmc module m s:[0..1]; [] s=0 -> 0.5:(s'=1)+0.5:(s'=0); endmodule"), str(tmp_path / "m.umb"))
+    symcheck.export(
+        symcheck.loads("dtmc module m s:[0..1]; [] s=0 -> 0.5:(s'=1)+0.5:(s'=0); endmodule"),
+        str(tmp_path / "m.umb"),
+    )
     raw = umbi.umb.read(tmp_path / "m.umb")
     raw.branch_to_probability = [wrong, 1.5, 1.0]
     umbi.umb.write(raw, tmp_path / "n.umb")

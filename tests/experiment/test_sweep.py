@@ -7,18 +7,22 @@ from dataclasses import replace
 
 import pytest
 
-from symcheck.check import bisimulation
+from symcheck.check.bisimulation import on_quotient
 from symcheck.check.options import Options
 from symcheck.experiment.sweep import Instance, check_instance, read_journal, sweep
 
 MODEL = """dtmc const int N; const double p; module m s : [0..N] init 0; t : [0..3] init 0;
   [] s<N -> p:(s'=s+1)&(t'=2) + 1-p:(s'=0)&(t'=1); [] s=N -> true; endmodule label "done" = s=N;"""
-PROPERTIES = """const int k; "reach": P=? [ F<=k "done" ]; P=? [ F "done" ]; "live": A [ G !"deadlock" ];"""
+PROPERTIES = (
+    """const int k; "reach": P=? [ F<=k "done" ]; P=? [ F "done" ]; "live": A [ G !"deadlock" ];"""
+)
 INSTANCE = Instance(MODEL, PROPERTIES, options=Options(engine="explicit"))
 
 
 def test_an_instance_answers_each_property_for_the_constants_it_needs():
-    done = check_instance(replace(INSTANCE, constants={"N": "2", "p": "0.5"}, varying={"k": ("2", "3")}))
+    done = check_instance(
+        replace(INSTANCE, constants={"N": "2", "p": "0.5"}, varying={"k": ("2", "3")})
+    )
     assert [(r.property, r.constants.get("k")) for r in done.rows] == [
         ("reach", "2"),
         ("reach", "3"),
@@ -48,8 +52,8 @@ def test_properties_of_an_instance_share_a_quotient(monkeypatch):
         asked.append(len(formulas))
         return made(engine, formulas, options)
 
-    made = bisimulation.common
-    monkeypatch.setattr(bisimulation, "common", common)
+    made = on_quotient.common
+    monkeypatch.setattr(on_quotient, "common", common)
     task = replace(INSTANCE, constants={"N": "2", "p": "0.5"}, varying={"k": ("2", "3")})
     smaller = check_instance(replace(task, options=Options(engine="explicit", bisim=True)))
     assert asked == [4]
@@ -73,7 +77,15 @@ def test_a_sweep_is_resumed_from_its_journal(tmp_path):
     assert again[0] == next(d for d in first if d.key == json.loads(whole)["key"])
     assert {d.constants["N"] for d in again} == {"1", "2"}
     assert len(read_journal(journal)) == 2
-    more = list(sweep(INSTANCE, {**constants, "N": ("1", "2", "3")}, varying={"k": ("2",)}, journal=journal, workers=1))
+    more = list(
+        sweep(
+            INSTANCE,
+            {**constants, "N": ("1", "2", "3")},
+            varying={"k": ("2",)},
+            journal=journal,
+            workers=1,
+        )
+    )
     assert [d.constants["N"] for d in more][-1] == "3"
     assert len(read_journal(journal)) == 3
 

@@ -31,13 +31,18 @@ def models(draw, types=TYPES, faults=True):
         modules.append(own)
     for m, own in enumerate(modules):
         lines.append(f"module m{m}")
-        lines += [f"  {n} : {'bool' if low is None else f'[{low}..{high}]'};" for n, low, high in own]
+        lines += [
+            f"  {n} : {'bool' if low is None else f'[{low}..{high}]'};" for n, low, high in own
+        ]
         for _ in range(draw(st.integers(1, 7))):
             lines.append("  " + draw(_command(kind, own, ints, bools, faults)))
         lines.append("endmodule")
     if draw(st.booleans()):
         lines += ['rewards "r"', f"  {draw(_guard(ints, bools))} : {draw(_int(ints))} + 0.5;"]
-        lines += [f"  [{a}] {draw(_guard(ints, bools))} : {draw(_int(ints))};" for a in draw(st.sampled_from([["a"], ["", "b"], []]))]
+        lines += [
+            f"  [{a}] {draw(_guard(ints, bools))} : {draw(_int(ints))};"
+            for a in draw(st.sampled_from([["a"], ["", "b"], []]))
+        ]
         lines += ["endrewards", "rewards", "  [a] true : 2;", "  true : 1;", "endrewards"]
     if draw(st.integers(0, 3)) == 0:
         lines += [f"init {draw(_guard(ints, bools))} endinit"]
@@ -46,7 +51,11 @@ def models(draw, types=TYPES, faults=True):
 
 
 def _int(ints):
-    leaves = st.one_of(st.integers(-1, 3).map(str), st.sampled_from([n for n, _, _ in ints])) if ints else st.integers(-1, 3).map(str)
+    leaves = (
+        st.one_of(st.integers(-1, 3).map(str), st.sampled_from([n for n, _, _ in ints]))
+        if ints
+        else st.integers(-1, 3).map(str)
+    )
     return st.one_of(
         leaves,
         st.tuples(leaves, st.sampled_from("+-*"), leaves).map(lambda t: f"({t[0]}{t[1]}{t[2]})"),
@@ -59,9 +68,9 @@ def _atom(ints, bools):
     choices = [st.just("true")]
     if ints:
         choices += [
-            st.tuples(st.sampled_from(ints), st.sampled_from(["=", "!=", "<", ">="]), st.integers(-1, 3)).map(
-                lambda t: f"{t[0][0]}{t[1]}{t[2]}"
-            )
+            st.tuples(
+                st.sampled_from(ints), st.sampled_from(["=", "!=", "<", ">="]), st.integers(-1, 3)
+            ).map(lambda t: f"{t[0][0]}{t[1]}{t[2]}")
         ] * 3
         choices.append(st.tuples(_int(ints), _int(ints)).map(lambda t: f"{t[0]}<={t[1]}"))
     if bools:
@@ -86,7 +95,14 @@ def _command(draw, kind, own, ints, bools, faults):
     n = draw(st.integers(1, 3))
     targets = [draw(_update(assigned, ints, bools, faults)) for _ in range(n)]
     if kind == "ctmc":
-        weights = [draw(st.one_of(st.sampled_from(["1", "0.5", "3"]), _int(ints).map(lambda x: f"max(0, {x})*0.7"))) for _ in range(n)]
+        weights = [
+            draw(
+                st.one_of(
+                    st.sampled_from(["1", "0.5", "3"]), _int(ints).map(lambda x: f"max(0, {x})*0.7")
+                )
+            )
+            for _ in range(n)
+        ]
     else:
         weights = {1: ["1"], 2: ["0.3", "0.7"], 3: ["1/3", "1/3", "1-2/3"]}[n]
         if n == 2 and ints and draw(st.integers(0, 2)) == 0:

@@ -14,10 +14,10 @@ from symcheck.check.options import Options
 from symcheck.errors import InputError, Interrupted, MemoryLimitError, ModelFault, TimeLimitError
 from symcheck.explicit.build import Exploration, explore
 from symcheck.explicit.states import Layout
-from symcheck.kernels.packed import order_rows
-from symcheck.semantics.bind import bind
+from symcheck.kernels.explore.packed_states import order_rows
+from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.interpreter import initial_states, state_rewards, transitions
 from symcheck.semantics.model import Variable
-from symcheck.semantics.step import initial_states, state_rewards, transitions
 from symcheck.syntax.ast import Type
 from symcheck.syntax.parse import parse_expression, parse_model, parse_model_file
 
@@ -86,16 +86,26 @@ def _compare(model, result, initial, rows):
             continue
         assert len(mine) == len(wanted)
         for r, row in zip(mine, wanted, strict=True):
-            assert _row(matrix, r) == pytest.approx({number[s]: p for p, s in row.branches}, rel=1e-12)
-            assert result.choice_actions[r] == (-1 if row.action is None else model.actions.index(row.action))
-            assert [c[r] for c in result.choice_rewards] == pytest.approx([float(x) for x in row.rewards], rel=1e-12)
-        assert [s[i] for s in result.state_rewards] == pytest.approx([float(x) for x in state_rewards(model, state)], rel=1e-12)
+            assert _row(matrix, r) == pytest.approx(
+                {number[s]: p for p, s in row.branches}, rel=1e-12
+            )
+            assert result.choice_actions[r] == (
+                -1 if row.action is None else model.actions.index(row.action)
+            )
+            assert [c[r] for c in result.choice_rewards] == pytest.approx(
+                [float(x) for x in row.rewards], rel=1e-12
+            )
+        assert [s[i] for s in result.state_rewards] == pytest.approx(
+            [float(x) for x in state_rewards(model, state)], rel=1e-12
+        )
 
 
 def _row(matrix, r):
     columns = matrix.indices[matrix.indptr[r] : matrix.indptr[r + 1]].tolist()
     assert columns == sorted(set(columns))
-    return dict(zip(columns, matrix.data[matrix.indptr[r] : matrix.indptr[r + 1]].tolist(), strict=True))
+    return dict(
+        zip(columns, matrix.data[matrix.indptr[r] : matrix.indptr[r + 1]].tolist(), strict=True)
+    )
 
 
 COUNTER = """dtmc
@@ -225,7 +235,9 @@ def test_observer_and_interrupt():
 def test_init_with_many_states():
     text = "mdp\nmodule m\n x : [0..9];\n b : bool;\n y : [0..1000];\n [] x>0 -> (x'=x-1);\nendmodule\ninit x+y=9 & (b | x=3) & y<8 endinit"
     result = _explore(text)
-    assert [result.states.row(i) for i in result.initial] == [(x, b, 9 - x) for x in range(2, 10) for b in (False, True) if b or x == 3]
+    assert [result.states.row(i) for i in result.initial] == [
+        (x, b, 9 - x) for x in range(2, 10) for b in (False, True) if b or x == 3
+    ]
 
 
 def test_init_without_states():
@@ -234,7 +246,9 @@ def test_init_without_states():
 
 
 def test_init_over_a_huge_domain_that_a_conjunct_fixes():
-    result = _explore("mdp\nmodule m\n x : [0..1000000000000];\n y : [0..3];\nendmodule\ninit x=7 & y<2 endinit")
+    result = _explore(
+        "mdp\nmodule m\n x : [0..1000000000000];\n y : [0..3];\nendmodule\ninit x=7 & y<2 endinit"
+    )
     assert list(result.states) == [(7, 0), (7, 1)]
 
 
@@ -245,13 +259,18 @@ def test_many_distinct_probabilities(last):
         f"dtmc\nmodule m\n x : [0..{last}];\n [] x<{last} -> x/{last}:(x'=x+1) + 1-x/{last}:(x'=0);\nendmodule\ninit true endinit"
     )
     x = np.arange(1, last)
-    assert (result.matrix.data[1:-1].reshape(-1, 2) == np.stack([1 - x / last, x / last], axis=1)).all()
+    assert (
+        result.matrix.data[1:-1].reshape(-1, 2) == np.stack([1 - x / last, x / last], axis=1)
+    ).all()
     assert result.matrix.indices[1:-1].reshape(-1, 2)[:, 1].tolist() == list(range(2, last + 1))
 
 
 def test_wide_rows_merge_duplicates():
     command = "[go] true -> 0.5:(x{0}'=true) + 0.5:(x{0}'=true&!x{1});"
-    modules = "\n".join(f"module m{i}\n x{i} : bool;\n {command.format(i, (i + 1) % 7)}\nendmodule" for i in range(7))
+    modules = "\n".join(
+        f"module m{i}\n x{i} : bool;\n {command.format(i, (i + 1) % 7)}\nendmodule"
+        for i in range(7)
+    )
     result = _explore("dtmc\n" + modules)
     model = bind(parse_model("dtmc\n" + modules))
     initial, rows = _scalar(model)
@@ -260,9 +279,14 @@ def test_wide_rows_merge_duplicates():
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.lists(st.tuples(st.integers(-(2**40), 2**40), st.integers(0, 62)), min_size=1, max_size=6))
+@given(
+    st.lists(st.tuples(st.integers(-(2**40), 2**40), st.integers(0, 62)), min_size=1, max_size=6)
+)
 def test_layout_is_lossless_and_ordered(ranges):
-    variables = tuple(Variable(f"x{i}", Type.INT, low, low + (1 << bits) - 1, low, "m") for i, (low, bits) in enumerate(ranges))
+    variables = tuple(
+        Variable(f"x{i}", Type.INT, low, low + (1 << bits) - 1, low, "m")
+        for i, (low, bits) in enumerate(ranges)
+    )
     layout = Layout.of(variables)
     rng = np.random.default_rng(0)
     columns = [rng.integers(v.low, v.high, 50, endpoint=True) for v in variables]

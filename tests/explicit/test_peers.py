@@ -10,7 +10,7 @@ import pytest
 
 from symcheck.check.options import Options
 from symcheck.explicit.build import explore
-from symcheck.semantics.bind import bind
+from symcheck.semantics.binding.bind import bind
 from symcheck.syntax.parse import parse_model_file
 
 PEERS = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set")) / "prism-benchmarks"
@@ -22,7 +22,12 @@ def _instances():
         for row in csv.DictReader(table.read_text().splitlines()):
             path = table.parent / row["model_file"]
             if path.exists() and row["states"].isdigit() and int(row["states"]) <= LIMIT:
-                yield pytest.param(path, row["model_consts"], int(row["states"]), id=f"{path.stem}-{row['model_consts']}")
+                yield pytest.param(
+                    path,
+                    row["model_consts"],
+                    int(row["states"]),
+                    id=f"{path.stem}-{row['model_consts']}",
+                )
 
 
 @pytest.mark.skipif(not PEERS.exists(), reason="needs the peers' models: set SYMCHECK_PEERS")

@@ -40,7 +40,9 @@ class Builder:
         if not levels:
             return self.leaf(values[0])
         half = len(values) // 2
-        return self.node(levels[0], self.dense(levels[1:], values[:half]), self.dense(levels[1:], values[half:]))
+        return self.node(
+            levels[0], self.dense(levels[1:], values[:half]), self.dense(levels[1:], values[half:])
+        )
 
     def apply(self, op: Callable[[float, float], float], a: int, b: int) -> int:
         memo: dict[tuple[int, int], int] = {}
@@ -63,15 +65,25 @@ class Builder:
             node = self.high[node] if bits[self.level[node]] else self.low[node]
         return self.value[node]
 
-    def arrays(self, *roots: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def arrays(
+        self, *roots: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(level, low, high, value, roots) with the leaves first and their own children, as the kernels take them."""
         order = sorted(range(len(self.level)), key=lambda i: self.low[i] >= 0)
         place = {node: i for i, node in enumerate(order)}
         place[-1] = -1
-        low, high = (np.array([place[x[i]] for i in order], np.int32) for x in (self.low, self.high))
+        low, high = (
+            np.array([place[x[i]] for i in order], np.int32) for x in (self.low, self.high)
+        )
         values = np.array([self.value[i] for i in order if self.low[i] < 0])
         low[: len(values)] = high[: len(values)] = np.arange(len(values))
-        return np.array([self.level[i] for i in order], np.int32), low, high, values, np.array([place[r] for r in roots], np.int32)
+        return (
+            np.array([self.level[i] for i in order], np.int32),
+            low,
+            high,
+            values,
+            np.array([place[r] for r in roots], np.int32),
+        )
 
 
 def points(k: int) -> np.ndarray:

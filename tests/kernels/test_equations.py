@@ -10,16 +10,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from numerics.oracle import Row, System, problem_of
-from symcheck.kernels import solve
-from symcheck.numerics.accelerate import accelerated
-from symcheck.numerics.problem import LinearProblem
+from symcheck.kernels.solve import component_bounds
+from symcheck.numerics.linear.extrapolation import accelerated
+from symcheck.numerics.linear.problem import LinearProblem
 
 HALF, QUARTER = Fraction(1, 2), Fraction(1, 4)
 
 
-def block_of(problem: LinearProblem, states: list[int], wide: bool = False, x: float = 0.0) -> solve.Block:
+def block_of(
+    problem: LinearProblem, states: list[int], wide: bool = False, x: float = 0.0
+) -> component_bounds.Block:
     m = problem.rows
-    system = solve.System(m.indptr, m.indices, m.data, m.groups, problem.constant, problem.high, problem.leaving, problem.mode)
+    system = component_bounds.System(
+        m.indptr,
+        m.indices,
+        m.data,
+        m.groups,
+        problem.constant,
+        problem.high,
+        problem.leaving,
+        problem.mode,
+    )
     return system.block(np.array(states, dtype=np.int32), np.full((problem.n, 2), x), wide)
 
 
@@ -56,7 +67,10 @@ def test_the_width_of_numbers_changes_no_digit(direction: str | None, system: Sy
 
 def test_rows_that_only_loop_are_left_out_and_choices_still_name_the_rows_there_were() -> None:
     loop: Row = ({0: Fraction(1)}, Fraction(0), Fraction(0))
-    system: System = [[loop, ({1: HALF}, QUARTER, HALF), loop, ({1: QUARTER}, QUARTER, 1 - QUARTER)], [({0: HALF}, QUARTER, HALF)]]
+    system: System = [
+        [loop, ({1: HALF}, QUARTER, HALF), loop, ({1: QUARTER}, QUARTER, 1 - QUARTER)],
+        [({0: HALF}, QUARTER, HALF)],
+    ]
     block = block_of(problem_of(system, "max"), [1, 0])
     assert block.rows == 3
     assert block.group.tolist() == [0, 1, 3]

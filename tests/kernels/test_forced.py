@@ -8,11 +8,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symcheck.kernels import forced
+from symcheck.kernels.graph import deterministic_states
 
 N = 12
 places = st.lists(st.integers(-N, 3), min_size=N, max_size=N)
-matrices = st.lists(st.lists(st.sampled_from([0.0, 0.0, 0.25, 0.5]), min_size=5, max_size=5), min_size=4, max_size=4)
+matrices = st.lists(
+    st.lists(st.sampled_from([0.0, 0.0, 0.25, 0.5]), min_size=5, max_size=5), min_size=4, max_size=4
+)
 
 
 def rows_of(dense: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -40,14 +42,14 @@ def end(place: Sequence[int], state: int) -> int:
 @given(places)
 def test_following_forced_states(place: list[int]) -> None:
     found = np.array(place, np.int32)
-    forced.follow(found, 99)
+    deterministic_states.follow(found, 99)
     assert found.tolist() == [end(place, s) for s in range(N)]
 
 
 def test_long_ways_are_followed() -> None:
     place = -2 - np.arange(5000, dtype=np.int32)
     place[-1] = 7
-    forced.follow(place, 99)
+    deterministic_states.follow(place, 99)
     assert set(place.tolist()) == {7}
 
 
@@ -55,7 +57,7 @@ def test_long_ways_are_followed() -> None:
 def test_merging_columns(matrix: list[list[float]], place: list[int]) -> None:
     dense = np.array(matrix)
     indptr, indices, data = rows_of(dense)
-    entries = forced.merge(indptr, indices, data, np.array(place, np.int32), 3)
+    entries = deterministic_states.merge(indptr, indices, data, np.array(place, np.int32), 3)
     expected = np.zeros((4, 3))
     for column, to in enumerate(place):
         expected[:, to] += dense[:, column]
@@ -66,7 +68,7 @@ def test_merging_columns(matrix: list[list[float]], place: list[int]) -> None:
 @given(places, st.lists(st.integers(0, 5), min_size=N, max_size=N))
 def test_adding_up_along_forced_ways(place: list[int], earned: list[int]) -> None:
     found, along = np.array(place, np.int32), np.where(np.array(place) < 0, earned, 0).astype(float)
-    forced.follow(found, 99, along)
+    deterministic_states.follow(found, 99, along)
     for start in range(N):
         total, state = 0, start
         while found[start] != 99 and place[state] < 0:
@@ -74,7 +76,11 @@ def test_adding_up_along_forced_ways(place: list[int], earned: list[int]) -> Non
         assert found[start] == 99 or along[start] == total
 
 
-@given(matrices, st.lists(st.sampled_from("oyn"), min_size=5, max_size=5), st.sets(st.integers(0, 4), max_size=2))
+@given(
+    matrices,
+    st.lists(st.sampled_from("oyn"), min_size=5, max_size=5),
+    st.sets(st.integers(0, 4), max_size=2),
+)
 def test_rows_of_unknowns(matrix: list[list[float]], kinds: list[str], cuts: set[int]) -> None:
     """Three states with rows of their own, of which some have none, and two without."""
     groups = np.array([0, *sorted([*cuts, 4, 4][:2]), 4, 4, 4], np.int64)
@@ -83,7 +89,9 @@ def test_rows_of_unknowns(matrix: list[list[float]], kinds: list[str], cuts: set
     place = np.where(unknown, np.cumsum(unknown) - 1, -1).astype(np.int32)
     indptr, indices, data = rows_of(dense)
     yes = (kind == "y").astype(np.uint8)
-    new, into, leave, entries = forced.unknowns(indptr, indices, data, groups, yes, place, int(unknown.sum()))
+    new, into, leave, entries = deterministic_states.unknowns(
+        indptr, indices, data, groups, yes, place, int(unknown.sum())
+    )
     rows = [r for s in range(5) if unknown[s] for r in range(groups[s], groups[s + 1])]
     assert np.diff(new).tolist() == np.diff(groups)[unknown].tolist()
     assert np.array_equal(into, dense[rows][:, kind == "y"].sum(axis=1))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.diagrams import Builder, points
-from symcheck.kernels import odd, vectors
+from symcheck.kernels.diagrams import odd, vectors
 
 
 @st.composite
@@ -24,7 +24,9 @@ def sets(draw: st.DrawFn, k: int | None = None) -> tuple[int, np.ndarray]:
 
 
 def levels_of(k: int) -> np.ndarray:
-    return (3 * np.arange(k) + 1).astype(np.int32)  # with gaps: rows seldom have all levels to themselves
+    return (3 * np.arange(k) + 1).astype(
+        np.int32
+    )  # with gaps: rows seldom have all levels to themselves
 
 
 def odd_of(builder: Builder, root: int, levels: np.ndarray) -> tuple:
@@ -47,7 +49,9 @@ def test_counts_and_numbers(case: tuple[int, np.ndarray]) -> None:
     for node in range(2, len(depth)):
         assert count[node] == count[low[node]] + count[high[node]] > 0
         assert max(low[node], high[node]) < node
-        assert all(child == 0 or depth[child] == depth[node] + 1 for child in (low[node], high[node]))
+        assert all(
+            child == 0 or depth[child] == depth[node] + 1 for child in (low[node], high[node])
+        )
     bits = points(k)
     expected = np.where(member, np.cumsum(member) - 1, -1)
     ranks = np.empty(2**k, np.int64)
@@ -70,7 +74,9 @@ def test_emit_adds_weights_of_set_bits(case: tuple[int, np.ndarray], seed: int) 
 
 
 @given(sets(), st.data())
-def test_embed_gives_numbers_in_the_superset(case: tuple[int, np.ndarray], data: st.DataObject) -> None:
+def test_embed_gives_numbers_in_the_superset(
+    case: tuple[int, np.ndarray], data: st.DataObject
+) -> None:
     k, member = case
     _, sub = data.draw(sets(k))
     sub = sub & member
@@ -126,7 +132,9 @@ def test_vectors_there_and_back(case: tuple[int, np.ndarray], seed: int, distinc
     out = np.zeros(len(values))
     vectors.expand(*o, level, low, high, leaves, root, levels, out)
     np.testing.assert_array_equal(out, values)
-    assert len(set(zip(level[len(leaves) :], low[len(leaves) :], high[len(leaves) :], strict=True))) == len(level) - len(leaves)
+    assert len(
+        set(zip(level[len(leaves) :], low[len(leaves) :], high[len(leaves) :], strict=True))
+    ) == len(level) - len(leaves)
     assert (low[len(leaves) :] != high[len(leaves) :]).all()
 
 
@@ -186,7 +194,9 @@ def test_a_small_subset_of_a_huge_set_needs_its_own_odd_only() -> None:
 def test_long_blocks_collapse(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k = 14
-    member = np.kron(rng.random(2**7) < 0.7, np.ones(2**7)).astype(bool) & (rng.random(2**14) < 0.999)
+    member = np.kron(rng.random(2**7) < 0.7, np.ones(2**7)).astype(bool) & (
+        rng.random(2**14) < 0.999
+    )
     o, _, levels = build(k, member)
     n = member.sum()
     flags = np.zeros(n, np.uint8)

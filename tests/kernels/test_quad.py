@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.diagrams import Builder
-from symcheck.kernels import odd
-from symcheck.kernels.blocks import Blocks
-from symcheck.kernels.quad import Quad
+from symcheck.kernels.blocks.block_matrix import Blocks
+from symcheck.kernels.diagrams import odd
+from symcheck.kernels.diagrams.quad_dag import Quad
 
 
 @dataclass
@@ -30,7 +30,10 @@ def interleave(dense: np.ndarray, k: int) -> np.ndarray:
 
 def make(k: int, matrices: list[np.ndarray], rows: np.ndarray, columns: np.ndarray) -> Case:
     builder = Builder()
-    row_levels, col_levels = np.arange(1, 3 * k, 3, dtype=np.int32), np.arange(2, 3 * k + 1, 3, dtype=np.int32)
+    row_levels, col_levels = (
+        np.arange(1, 3 * k, 3, dtype=np.int32),
+        np.arange(2, 3 * k + 1, 3, dtype=np.int32),
+    )
     levels = [int(x) for pair in zip(row_levels, col_levels, strict=True) for x in pair]
     row_root = builder.dense(row_levels.tolist(), rows.astype(float))
     col_root = builder.dense(col_levels.tolist(), columns.astype(float))
@@ -52,9 +55,15 @@ def cases(draw: st.DrawFn) -> Case:
     for _ in range(draw(st.integers(1, 3))):
         kind = draw(st.sampled_from(["random", "band", "kronecker", "identity", "zero"]))
         if kind == "random":
-            m = rng.choice(values, (n, n)) * (rng.random((n, n)) < draw(st.sampled_from([0.02, 0.3, 0.9])))
+            m = rng.choice(values, (n, n)) * (
+                rng.random((n, n)) < draw(st.sampled_from([0.02, 0.3, 0.9]))
+            )
         elif kind == "band":
-            m = sum(np.diag(np.full(n - abs(d), v), d) for d, v in zip((-1, 0, 1, 5), values, strict=True) if abs(d) < n)
+            m = sum(
+                np.diag(np.full(n - abs(d), v), d)
+                for d, v in zip((-1, 0, 1, 5), values, strict=True)
+                if abs(d) < n
+            )
         elif kind == "kronecker":
             half = k // 2
             a, b = rng.choice(values, (2 ** (k - half),) * 2), rng.choice(values, (2**half,) * 2)
@@ -67,7 +76,9 @@ def cases(draw: st.DrawFn) -> Case:
             m = np.zeros((n, n))
         matrices.append(m)
     rows = rng.random(n) < draw(st.sampled_from([0.3, 0.8, 1.0]))
-    columns = rows if draw(st.booleans()) else rng.random(n) < draw(st.sampled_from([0.3, 0.8, 1.0]))
+    columns = (
+        rows if draw(st.booleans()) else rng.random(n) < draw(st.sampled_from([0.3, 0.8, 1.0]))
+    )
     return make(k, matrices, rows, columns)
 
 
@@ -96,7 +107,12 @@ def test_flattened_rows_are_the_matrix(case: Case, budget: int) -> None:
 
 
 @settings(deadline=None)
-@given(cases(), st.sampled_from([1, 3, 10, 10**6]), st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 5, 32768]))
+@given(
+    cases(),
+    st.sampled_from([1, 3, 10, 10**6]),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([1, 2, 5, 32768]),
+)
 def test_products(case: Case, budget: int, seed: int, range_rows: int) -> None:
     blocks = Blocks(case.quad, budget, range_rows=range_rows)
     assert blocks.part_rows[0] == 0
@@ -126,7 +142,14 @@ def test_choices(case: Case, seed: int, range_rows: int) -> None:
     groups = np.concatenate([[0], np.cumsum(present.sum(axis=0))]).astype(np.int64)
     packed = np.packbits(present, axis=1, bitorder="little")
     x, b = rng.random(blocks.columns), rng.random(groups[-1])
-    expected = np.array([m[s] @ x for s in range(blocks.rows) for m, here in zip(case.dense, present, strict=True) if here[s]])
+    expected = np.array(
+        [
+            m[s] @ x
+            for s in range(blocks.rows)
+            for m, here in zip(case.dense, present, strict=True)
+            if here[s]
+        ]
+    )
     out = np.empty(groups[-1])
     blocks.multiply_choices(x, groups, packed, out)
     np.testing.assert_allclose(out, expected, rtol=1e-13, atol=1e-15)
@@ -135,13 +158,17 @@ def test_choices(case: Case, seed: int, range_rows: int) -> None:
             value = out + constant if len(constant) else out
             best = np.empty(blocks.rows)
             blocks.optimum(x, constant, groups, packed, greatest, best)
-            assert best.tolist() == [pick(value[a:e], default=empty) for a, e in pairwise(groups.tolist())]
+            assert best.tolist() == [
+                pick(value[a:e], default=empty) for a, e in pairwise(groups.tolist())
+            ]
 
 
 def test_parts_do_not_change_a_digit() -> None:
     rng = np.random.default_rng(4)
     k = 8
-    m = np.kron(rng.random((16, 16)) < 0.5, np.eye(16)) * 0.3 + np.diag(rng.random(255), 1) * (rng.random((256, 256)) < 0.5)
+    m = np.kron(rng.random((16, 16)) < 0.5, np.eye(16)) * 0.3 + np.diag(rng.random(255), 1) * (
+        rng.random((256, 256)) < 0.5
+    )
     case = make(k, [m], rng.random(2**k) < 0.9, rng.random(2**k) < 0.9)
     x = rng.random(case.dense[0].shape[1])
     results = []
@@ -149,7 +176,9 @@ def test_parts_do_not_change_a_digit() -> None:
         blocks = Blocks(case.quad, 50, range_rows=20)
         assert blocks.parts > 5
         y = np.empty(blocks.rows)
-        parts = [(0, blocks.parts)] if first else [(p, p + 1) for p in reversed(range(blocks.parts))]
+        parts = (
+            [(0, blocks.parts)] if first else [(p, p + 1) for p in reversed(range(blocks.parts))]
+        )
         for a, b in parts:
             blocks.multiply(0, x, y, a, b)
         results.append(y)
@@ -169,7 +198,9 @@ def test_repeated_blocks_are_stored_once() -> None:
     k = 8
     rng = np.random.default_rng(1)
     small = rng.random((16, 16)) * (rng.random((16, 16)) < 0.5)
-    case = make(k, [np.kron(rng.random((16, 16)) < 0.7, small)], np.ones(2**k, bool), np.ones(2**k, bool))
+    case = make(
+        k, [np.kron(rng.random((16, 16)) < 0.7, small)], np.ones(2**k, bool), np.ones(2**k, bool)
+    )
     blocks = Blocks(case.quad, 200)
     assert blocks.statistics["runs"] <= np.count_nonzero(small)
     assert blocks.nbytes < 0.1 * 12 * blocks.statistics["entries"]

@@ -5,15 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from symcheck.kernels.rows import groups_among, select_states, sum_among, take_rows
-from symcheck.numerics.matrix import Bools, Floats, Int64s
+from symcheck.kernels.rows.submatrix import groups_among, select_states, sum_among, take_rows
+from symcheck.matrices.rows import Bools, Floats, Int64s
 
 N = 40
 
 
 def sparse(dense: Floats) -> tuple[Int64s, np.ndarray[tuple[int], np.dtype[np.int32]], Floats]:
     row, column = np.nonzero(dense)
-    return np.searchsorted(row, np.arange(len(dense) + 1)).astype(np.int64), column.astype(np.int32), dense[row, column]
+    return (
+        np.searchsorted(row, np.arange(len(dense) + 1)).astype(np.int64),
+        column.astype(np.int32),
+        dense[row, column],
+    )
 
 
 def example(grouped: bool, seed: int) -> tuple[Floats, Int64s | None, Bools, Bools]:
@@ -51,7 +55,9 @@ def test_sums_over_chosen_columns(grouped: bool) -> None:
 def test_columns_left_out_may_have_infinite_values() -> None:
     dense = np.array([[0.5, 0.5], [0.0, 1.0]])
     chosen, columns = np.array([1, 0], np.uint8), np.array([1, 0], np.uint8)
-    assert sum_among(*sparse(dense), None, chosen, columns, np.array([3.0, np.inf])).tolist() == [1.5]
+    assert sum_among(*sparse(dense), None, chosen, columns, np.array([3.0, np.inf])).tolist() == [
+        1.5
+    ]
 
 
 def test_what_belongs_to_rows_of_chosen_states() -> None:

@@ -12,5 +12,13 @@ KERNELS = Path(__file__).parents[2] / "src" / "symcheck" / "kernels"
 
 @pytest.mark.parametrize("stub", sorted(KERNELS.glob("*.pyi")), ids=lambda path: path.stem)
 def test_stubs_import_from_kernels_only(stub: Path) -> None:
-    found = [node.module or "" for node in ast.walk(ast.parse(stub.read_text())) if isinstance(node, ast.ImportFrom)]
-    assert [name for name in found if name.startswith("symcheck") and not name.startswith("symcheck.kernels.")] == []
+    found = [
+        node.module or ""
+        for node in ast.walk(ast.parse(stub.read_text()))
+        if isinstance(node, ast.ImportFrom)
+    ]
+    assert [
+        name
+        for name in found
+        if name.startswith("symcheck") and not name.startswith("symcheck.kernels.")
+    ] == []

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from symcheck.errors import ModelFault
 from symcheck.explicit.compile import compile_expression
-from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 
@@ -29,10 +29,12 @@ ints = st.one_of(
     st.sampled_from([Name("x"), Name("y"), Name("z")]),
     st.sampled_from([2**31, 2**62, -(2**62)]).map(lambda v: Literal(v, Type.INT)),
 )
-doubles = st.sampled_from([Fraction(0), Fraction(1, 3), Fraction(-5, 2), Fraction(10) ** 30, Fraction(1, 10)]).map(
-    lambda v: Literal(v, Type.DOUBLE)
+doubles = st.sampled_from(
+    [Fraction(0), Fraction(1, 3), Fraction(-5, 2), Fraction(10) ** 30, Fraction(1, 10)]
+).map(lambda v: Literal(v, Type.DOUBLE))
+bools = st.one_of(
+    st.booleans().map(lambda v: Literal(v, Type.BOOL)), st.sampled_from([Name("b"), Name("c")])
 )
-bools = st.one_of(st.booleans().map(lambda v: Literal(v, Type.BOOL)), st.sampled_from([Name("b"), Name("c")]))
 
 
 def _numbers(i, d):
@@ -73,12 +75,20 @@ def _grow(depth: int):
 
 _I, _D, _B = _grow(4)
 EXPRESSIONS = st.one_of(_I, _D, _B)
-STATES = st.tuples(st.integers(-3, 4), st.integers(0, 7), st.booleans(), st.sampled_from([-(2**31), -1, 0, 5, 2**31 - 1]), st.booleans())
+STATES = st.tuples(
+    st.integers(-3, 4),
+    st.integers(0, 7),
+    st.booleans(),
+    st.sampled_from([-(2**31), -1, 0, 5, 2**31 - 1]),
+    st.booleans(),
+)
 
 
 def _same(a, b) -> bool:
     if isinstance(b, float):
-        return (math.isnan(a) and math.isnan(b)) or (a == b and math.copysign(1, a) == math.copysign(1, b))
+        return (math.isnan(a) and math.isnan(b)) or (
+            a == b and math.copysign(1, a) == math.copysign(1, b)
+        )
     return type(a) is type(b) and a == b
 
 
@@ -109,18 +119,29 @@ def test_a_lane_without_value_raises_the_scalar_fault():
 
 
 def test_support_and_type():
-    code = compile_expression(Conditional(Name("b"), Name("x"), Literal(Fraction(1, 2), Type.DOUBLE)), VARIABLES)
+    code = compile_expression(
+        Conditional(Name("b"), Name("x"), Literal(Fraction(1, 2), Type.DOUBLE)), VARIABLES
+    )
     assert code.support == (0, 2)
     assert code.type is Type.DOUBLE
     assert code.run([np.array([3, 3]), np.array([True, False])]).tolist() == [3.0, 0.5]
-    assert compile_expression(Binary("+", Literal(1, Type.INT), Literal(2, Type.INT)), VARIABLES).support == ()
+    assert (
+        compile_expression(
+            Binary("+", Literal(1, Type.INT), Literal(2, Type.INT)), VARIABLES
+        ).support
+        == ()
+    )
 
 
 def test_what_protects_an_operand_is_kept():
     divides = Binary("=", Call("mod", (Name("x"), Name("y"))), Literal(0, Type.INT))
     guarded = Binary("&", Binary(">", Name("y"), Literal(0, Type.INT)), divides)
     code = compile_expression(guarded, VARIABLES)
-    assert code.run({0: np.array([4, 4, 3]), 1: np.array([0, 2, 2])}).tolist() == [False, True, False]
+    assert code.run({0: np.array([4, 4, 3]), 1: np.array([0, 2, 2])}).tolist() == [
+        False,
+        True,
+        False,
+    ]
 
 
 def test_shared_parts_are_computed_once():

@@ -9,7 +9,10 @@ import pytest
 from symcheck.machine import memory
 
 
-@pytest.mark.parametrize(("text", "bounded"), [("1000000\n", True), ("max\n", False), ("", False), (f"{2**63 - 4096}\n", False)])
+@pytest.mark.parametrize(
+    ("text", "bounded"),
+    [("1000000\n", True), ("max\n", False), ("", False), (f"{2**63 - 4096}\n", False)],
+)
 def test_a_limit_counts_where_it_is_one(text: str, bounded: bool, tmp_path: Path) -> None:
     limit = tmp_path / "limit"
     limit.write_text(text)

@@ -7,8 +7,8 @@ from itertools import product
 
 import numpy as np
 
-from symcheck.numerics.matrix import SparseMatrix
-from symcheck.numerics.problem import LinearProblem
+from symcheck.matrices.rows import SparseMatrix
+from symcheck.numerics.linear.problem import LinearProblem
 
 Row = tuple[dict[int, Fraction], Fraction, Fraction]  # entries, constant, exit
 System = list[list[Row]]  # per state, per choice
@@ -17,7 +17,10 @@ System = list[list[Row]]  # per state, per choice
 def solve_chain(rows: list[Row]) -> list[Fraction] | None:
     """Gauss-Jordan elimination of x = A x + b; None where singular."""
     n = len(rows)
-    m = [[Fraction(int(i == j)) - rows[i][0].get(j, Fraction(0)) for j in range(n)] + [rows[i][1]] for i in range(n)]
+    m = [
+        [Fraction(int(i == j)) - rows[i][0].get(j, Fraction(0)) for j in range(n)] + [rows[i][1]]
+        for i in range(n)
+    ]
     for c in range(n):
         pivot = next((r for r in range(c, n) if m[r][c] != 0), None)
         if pivot is None:

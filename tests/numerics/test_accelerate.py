@@ -10,15 +10,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from numerics.oracle import Row, System, brute_force, problem_of, solve_chain
-from symcheck.kernels import solve
-from symcheck.numerics.accelerate import accelerated
-from symcheck.numerics.block import Bounds
-from symcheck.numerics.problem import LinearProblem
+from symcheck.kernels.solve import component_bounds
+from symcheck.numerics.linear.extrapolation import accelerated
+from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.numerics.linear.subsystem import Bounds
 
 
-def block_of(problem: LinearProblem) -> solve.Block:
+def block_of(problem: LinearProblem) -> component_bounds.Block:
     m = problem.rows
-    system = solve.System(m.indptr, m.indices, m.data, m.groups, problem.constant, problem.high, problem.leaving, problem.mode)
+    system = component_bounds.System(
+        m.indptr,
+        m.indices,
+        m.data,
+        m.groups,
+        problem.constant,
+        problem.high,
+        problem.leaving,
+        problem.mode,
+    )
     return system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2)))
 
 
@@ -32,7 +41,11 @@ def leaking(draw: st.DrawFn, least: int = 1) -> Row:
         weight = draw(st.integers(1, left - (len(targets) - place)))
         entries[target] = Fraction(weight, whole)
         left -= weight
-    return entries, draw(st.sampled_from([Fraction(1, 64), Fraction(1), Fraction(0)])), 1 - sum(entries.values())
+    return (
+        entries,
+        draw(st.sampled_from([Fraction(1, 64), Fraction(1), Fraction(0)])),
+        1 - sum(entries.values()),
+    )
 
 
 systems = st.lists(st.lists(leaking(), min_size=1, max_size=3), min_size=4, max_size=4)
@@ -42,12 +55,16 @@ systems = st.lists(st.lists(leaking(), min_size=1, max_size=3), min_size=4, max_
 @pytest.mark.parametrize("direction", ["min", "max"])
 @settings(max_examples=100, deadline=None)
 @given(system=systems)
-def test_bounds_hold_and_policies_attain_them(direction: str, relative: bool, system: System) -> None:
+def test_bounds_hold_and_policies_attain_them(
+    direction: str, relative: bool, system: System
+) -> None:
     exact = brute_force(system, direction, proper_only=False)
     block = block_of(problem_of(system, direction, probability=False))
     found, _ = accelerated(block, 1e-6, relative)
     if not isinstance(found, Bounds):
-        assert min(exact) == 0  # a value of 0 has no relative width, and is found by graph analysis before
+        assert (
+            min(exact) == 0
+        )  # a value of 0 has no relative width, and is found by graph analysis before
         return
     for low, value, high in zip(found.lower, exact, found.upper, strict=True):
         assert Fraction(float(low)) <= value <= Fraction(float(high)) + Fraction(1, 10**300)
@@ -58,7 +75,11 @@ def test_bounds_hold_and_policies_attain_them(direction: str, relative: bool, sy
     values = solve_chain([flat[r] for r in block.chosen(found.policy)])
     assert values is not None
     for low, value, high in zip(found.lower, values, found.upper, strict=True):
-        assert Fraction(float(low)) <= value if direction == "max" else value <= Fraction(float(high)) + Fraction(1, 10**300)
+        assert (
+            Fraction(float(low)) <= value
+            if direction == "max"
+            else value <= Fraction(float(high)) + Fraction(1, 10**300)
+        )
 
 
 @st.composite
@@ -66,10 +87,16 @@ def staying(draw: st.DrawFn) -> Row:
     """A row over 4 unknowns that never leaves, and costs something: whoever takes it for ever pays without end."""
     entries, _, rest = draw(leaking(least=2))
     place = draw(st.sampled_from(sorted(entries)))
-    return entries | {place: entries[place] + rest}, draw(st.sampled_from([Fraction(1, 64), Fraction(1)])), Fraction(0)
+    return (
+        entries | {place: entries[place] + rest},
+        draw(st.sampled_from([Fraction(1, 64), Fraction(1)])),
+        Fraction(0),
+    )
 
 
-tempting = st.tuples(leaking(), st.lists(st.one_of(leaking(), staying()), max_size=2)).map(lambda rows: [rows[0], *rows[1]])
+tempting = st.tuples(leaking(), st.lists(st.one_of(leaking(), staying()), max_size=2)).map(
+    lambda rows: [rows[0], *rows[1]]
+)
 
 
 @pytest.mark.parametrize("relative", [True, False])
@@ -87,7 +114,10 @@ def test_the_least_cost_where_some_policies_never_leave(relative: bool, system: 
 
 def test_rows_that_lead_to_infinity_do_no_harm_to_the_least_cost() -> None:
     half = Fraction(1, 2)
-    system: System = [[({1: half}, Fraction(1), half), ({0: half}, Fraction(1), half)], [({0: half}, Fraction(1), half)]]
+    system: System = [
+        [({1: half}, Fraction(1), half), ({0: half}, Fraction(1), half)],
+        [({0: half}, Fraction(1), half)],
+    ]
     problem = problem_of(system, "min", probability=False)
     problem.constant[0] = np.inf
     found, _ = accelerated(block_of(problem), 1e-6, relative=True)
@@ -101,7 +131,10 @@ def test_policies_that_stay_for_ever_and_seem_cheap(relative: bool) -> None:
     # The second row of state 0 costs 1/64 a round, and never leaves: extrapolated, its value runs away below 0.
     part = Fraction(1, 64)
     system: System = [
-        [({2: 63 * part}, Fraction(1), part), ({0: 62 * part, 3: part, 1: part}, Fraction(0), Fraction(0))],
+        [
+            ({2: 63 * part}, Fraction(1), part),
+            ({0: 62 * part, 3: part, 1: part}, Fraction(0), Fraction(0)),
+        ],
         [({0: Fraction(1)}, Fraction(0), Fraction(0))],
         [({0: Fraction(1)}, Fraction(0), Fraction(0))],
         [({0: Fraction(1)}, Fraction(1), Fraction(0))],
@@ -120,7 +153,12 @@ def walk(n: int, reward: bool) -> LinearProblem:
     for s in range(n - 1):
         near = {t: half for t in (s - 1, s + 1) if 0 <= t < n - 1}
         won = half if s == n - 2 and not reward else gain
-        system.append([(near, won, 1 - sum(near.values(), Fraction(0))), ({n - 1 + s: Fraction(1)}, gain, Fraction(0))])
+        system.append(
+            [
+                (near, won, 1 - sum(near.values(), Fraction(0))),
+                ({n - 1 + s: Fraction(1)}, gain, Fraction(0)),
+            ]
+        )
     system += [[({s: Fraction(1)}, gain, Fraction(0))] for s in range(n - 1)]
     return problem_of(system, "min", probability=not reward)
 
@@ -137,7 +175,9 @@ def test_a_long_walk_takes_few_sweeps() -> None:
 
 
 def test_a_chain_is_a_policy() -> None:
-    block = block_of(problem_of([[r[0]] for r in _rows_of(walk(50, reward=True))], None, probability=False))
+    block = block_of(
+        problem_of([[r[0]] for r in _rows_of(walk(50, reward=True))], None, probability=False)
+    )
     found, _ = accelerated(block, 1e-9, relative=True)
     assert found is not None
     assert found.policy is None
@@ -152,7 +192,9 @@ def _rows_of(problem: LinearProblem) -> System:
     for s in range(49):
         r = int(m.groups[s])
         span = slice(int(m.indptr[r]), int(m.indptr[r + 1]))
-        entries = {int(t): Fraction(float(p)) for t, p in zip(m.indices[span], m.data[span], strict=True)}
+        entries = {
+            int(t): Fraction(float(p)) for t, p in zip(m.indices[span], m.data[span], strict=True)
+        }
         out.append([(entries, Fraction(1), 1 - sum(entries.values(), Fraction(0)))])
     return out
 
@@ -160,7 +202,11 @@ def _rows_of(problem: LinearProblem) -> System:
 def test_infinite_constants_are_left_to_others() -> None:
     problem = walk(10, reward=True)
     problem.constant[0] = np.inf
-    block = block_of(LinearProblem(problem.constant, problem.matrix, exit=problem.exit, direction="max", probability=False))
+    block = block_of(
+        LinearProblem(
+            problem.constant, problem.matrix, exit=problem.exit, direction="max", probability=False
+        )
+    )
     assert accelerated(block, 1e-6, relative=True) == (None, 0)
 
 
@@ -173,7 +219,15 @@ def test_rounding_decides_how_near_proved_bounds_can_be() -> None:
         rows.append([(away | back, Fraction(1), Fraction(0) if s else Fraction(1, 4))] * 2)
     exact = solve_chain([choices[0] for choices in rows])
     assert exact is not None
-    assert accelerated(block_of(problem_of(rows, "max", probability=False)), 1e-9, relative=True)[0] is None
-    found, _ = accelerated(block_of(problem_of(rows, "max", probability=False)), 1e-3, relative=True)
+    assert (
+        accelerated(block_of(problem_of(rows, "max", probability=False)), 1e-9, relative=True)[0]
+        is None
+    )
+    found, _ = accelerated(
+        block_of(problem_of(rows, "max", probability=False)), 1e-3, relative=True
+    )
     assert found is not None
-    assert all(Fraction(float(low)) <= v <= Fraction(float(high)) for low, v, high in zip(found.lower, exact, found.upper, strict=True))
+    assert all(
+        Fraction(float(low)) <= v <= Fraction(float(high))
+        for low, v, high in zip(found.lower, exact, found.upper, strict=True)
+    )

@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from symcheck.kernels.uniform import nearest_first
-from symcheck.numerics.chain import Chain, Visits, uniformise
-from symcheck.numerics.matrix import Floats, SparseMatrix
-from symcheck.numerics.poisson import poisson
+from symcheck.kernels.chains.uniformization import nearest_first
+from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics.transient.poisson import poisson
+from symcheck.numerics.transient.uniformized_chain import Chain, Visits, uniformise
 
 
 def chain_of(rates: Floats, leave: Floats) -> tuple[Chain, Floats]:
     """The chain, and its matrix in full."""
     nonzero = rates > 0
     indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
-    matrix = SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), rates[nonzero], len(rates))
+    matrix = SparseMatrix(
+        indptr, np.nonzero(nonzero)[1].astype(np.int32), rates[nonzero], len(rates)
+    )
     chain = uniformise(matrix, leave)
     return chain, rates / chain.q + np.diag(chain.diagonal)
 
@@ -70,5 +72,15 @@ def test_bounds_close_in_on_a_chain_that_decays():
 def test_nearest_first_lists_all_states_by_distance() -> None:
     """0 -> 1 -> 2, and 3 that nobody reaches."""
     indptr, indices = np.array([0, 1, 2, 2, 3], dtype=np.int64), np.array([1, 2, 0], dtype=np.int32)
-    assert nearest_first(indptr, indices, np.array([1, 0, 0, 0], dtype=np.uint8)).tolist() == [0, 1, 2, 3]
-    assert nearest_first(indptr, indices, np.array([0, 0, 1, 0], dtype=np.uint8)).tolist() == [2, 0, 1, 3]
+    assert nearest_first(indptr, indices, np.array([1, 0, 0, 0], dtype=np.uint8)).tolist() == [
+        0,
+        1,
+        2,
+        3,
+    ]
+    assert nearest_first(indptr, indices, np.array([0, 0, 1, 0], dtype=np.uint8)).tolist() == [
+        2,
+        0,
+        1,
+        3,
+    ]

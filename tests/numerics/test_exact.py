@@ -12,15 +12,17 @@ from hypothesis import strategies as st
 from numerics.oracle import System, brute_force, solve_chain
 from numerics.test_methods import attained, chains, mdps, restrict, split
 from symcheck.errors import NumericalError
-from symcheck.numerics import exact
-from symcheck.numerics.matrix import SparseMatrix
-from symcheck.numerics.problem import Solution
+from symcheck.matrices.rows import SparseMatrix
+from symcheck.numerics.linear import rational
+from symcheck.numerics.linear.problem import Solution
 
 
-def problem_of(system: System, direction: str | None, probability: bool = True) -> exact.ExactProblem:
+def problem_of(
+    system: System, direction: str | None, probability: bool = True
+) -> rational.ExactProblem:
     flat = [row for choices in system for row in choices]
     table = sorted({p for r in flat for p in r[0].values()})
-    matrix = exact.ExactMatrix(
+    matrix = rational.ExactMatrix(
         np.cumsum([0] + [len(r[0]) for r in flat]).astype(np.int64),
         np.array([t for r in flat for t in r[0]], dtype=np.int32),
         np.array([table.index(p) for r in flat for p in r[0].values()], dtype=np.int32),
@@ -28,21 +30,23 @@ def problem_of(system: System, direction: str | None, probability: bool = True) 
         len(system),
         np.cumsum([0] + [len(c) for c in system]).astype(np.int64) if direction else None,
     )
-    return exact.ExactProblem(matrix, [r[1] for r in flat], direction, probability)
+    return rational.ExactProblem(matrix, [r[1] for r in flat], direction, probability)
 
 
 @settings(max_examples=150, deadline=None)
 @given(chains(reward=True))
 def test_chains(chain: list) -> None:  # type: ignore[type-arg]
-    assert exact.solve_exact(problem_of([[r] for r in chain], None, False)).values == solve_chain(chain)
+    assert rational.solve_exact(
+        problem_of([[r] for r in chain], None, False)
+    ).values == solve_chain(chain)
 
 
 @settings(max_examples=100, deadline=None)
 @given(chains(reward=True))
 def test_sparse_elimination_agrees(chain: list) -> None:  # type: ignore[type-arg]
-    rows = [{t: exact._number(p) for t, p in r[0].items()} for r in chain]
-    found = exact._sparse(rows, [exact._number(r[1]) for r in chain])
-    assert [exact._fraction(v) for v in found] == solve_chain(chain)
+    rows = [{t: rational._number(p) for t, p in r[0].items()} for r in chain]
+    found = rational._sparse(rows, [rational._number(r[1]) for r in chain])
+    assert [rational._fraction(v) for v in found] == solve_chain(chain)
 
 
 @settings(max_examples=150, deadline=None)
@@ -54,20 +58,31 @@ def test_probabilities_of_mdps(system: System, direction: str) -> None:
         return
     values = brute_force(system, direction, proper_only=False)
     part = restrict(system, maybe, one)
-    found = exact.solve_exact(problem_of(part, direction))
+    found = rational.solve_exact(problem_of(part, direction))
     expected = [values[s] for s in sorted(maybe)]
     assert found.values == expected
-    attained(part, Solution(np.zeros(0), np.zeros(0), "exact", strategy=found.strategy), expected, direction)
+    attained(
+        part,
+        Solution(np.zeros(0), np.zeros(0), "exact", strategy=found.strategy),
+        expected,
+        direction,
+    )
 
 
 @settings(max_examples=150, deadline=None)
 @given(mdps(reward=True), st.sampled_from(["min", "max"]))
 def test_rewards_of_mdps(system: System, direction: str) -> None:
-    _, sure = split([[(r[0], r[2], r[2]) for r in c] for c in system], "min" if direction == "max" else "max")
-    part = restrict([[r for r in c if direction == "max" or set(r[0]) <= sure] for c in system], sure)
+    _, sure = split(
+        [[(r[0], r[2], r[2]) for r in c] for c in system], "min" if direction == "max" else "max"
+    )
+    part = restrict(
+        [[r for r in c if direction == "max" or set(r[0]) <= sure] for c in system], sure
+    )
     if not sure:
         return
-    assert exact.solve_exact(problem_of(part, direction, False)).values == brute_force(part, direction, direction == "min")
+    assert rational.solve_exact(problem_of(part, direction, False)).values == brute_force(
+        part, direction, direction == "min"
+    )
 
 
 def test_a_long_walk_is_exact() -> None:
@@ -76,29 +91,47 @@ def test_a_long_walk_is_exact() -> None:
     system: System = []
     for i in range(n):
         entries = {j: half for j in (i - 1, i + 1) if 0 <= j < n}
-        system.append([(entries, half if i == n - 1 else Fraction(0), 1 - sum(entries.values(), Fraction(0)))])
-    assert exact.solve_exact(problem_of(system, None)).values == [Fraction(i + 1, n + 1) for i in range(n)]
+        system.append(
+            [(entries, half if i == n - 1 else Fraction(0), 1 - sum(entries.values(), Fraction(0)))]
+        )
+    assert rational.solve_exact(problem_of(system, None)).values == [
+        Fraction(i + 1, n + 1) for i in range(n)
+    ]
 
 
 def test_what_never_leaves_is_an_error() -> None:
     one = Fraction(1)
     with pytest.raises(NumericalError, match="infinite"):
-        exact.solve_exact(problem_of([[({0: one}, one, Fraction(0))]], None, False))
+        rational.solve_exact(problem_of([[({0: one}, one, Fraction(0))]], None, False))
     with pytest.raises(NumericalError, match="no unique solution"):
-        exact.solve_exact(problem_of([[({1: one}, one, Fraction(0))], [({0: one}, Fraction(0), Fraction(0))]], None, False))
+        rational.solve_exact(
+            problem_of(
+                [[({1: one}, one, Fraction(0))], [({0: one}, Fraction(0), Fraction(0))]],
+                None,
+                False,
+            )
+        )
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.integers(1, 7), st.data())
 def test_stationary_distributions(n: int, data: st.DataObject) -> None:
     """pi Q = 0 and the sum is 1, exactly."""
-    rates = np.array(data.draw(st.lists(st.lists(st.integers(0, 3), min_size=n, max_size=n), min_size=n, max_size=n)), dtype=float)
+    rates = np.array(
+        data.draw(
+            st.lists(st.lists(st.integers(0, 3), min_size=n, max_size=n), min_size=n, max_size=n)
+        ),
+        dtype=float,
+    )
     rates += np.roll(np.eye(n), 1, axis=1)  # irreducible
     nonzero = rates > 0
     matrix = SparseMatrix(
-        np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64), np.nonzero(nonzero)[1].astype(np.int32), rates[nonzero], n
+        np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64),
+        np.nonzero(nonzero)[1].astype(np.int32),
+        rates[nonzero],
+        n,
     )
-    pi = exact.stationary_exact(exact.ExactMatrix.of(matrix))
+    pi = rational.stationary_exact(rational.ExactMatrix.of(matrix))
     assert sum(pi) == 1
     for j in range(n):
         flow = sum((pi[i] * Fraction(rates[i, j]) for i in range(n) if i != j), Fraction(0))
@@ -106,7 +139,7 @@ def test_stationary_distributions(n: int, data: st.DataObject) -> None:
 
 
 def test_bounds_are_neighbouring_doubles() -> None:
-    lower, upper = exact.bounds([Fraction(1, 3), Fraction(1, 2)])
+    lower, upper = rational.bounds([Fraction(1, 3), Fraction(1, 2)])
     assert Fraction(float(lower[0])) < Fraction(1, 3) < Fraction(float(upper[0]))
     assert upper[0] == np.nextafter(lower[0], 1)
     assert lower[1] == upper[1] == 0.5

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from symcheck.matrices.rows import Bools, SparseMatrix
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Bools, SparseMatrix
 
 Rows = list[list[tuple[int, ...]]]  # per state, per choice: successors
 
@@ -17,7 +17,9 @@ def matrix_of(rows: Rows, grouped: bool = True) -> SparseMatrix:
     indptr = np.cumsum([0] + [len(r) for r in flat]).astype(np.int64)
     indices = np.array([c for r in flat for c in r], dtype=np.int32)
     groups = np.cumsum([0] + [len(c) for c in rows]).astype(np.int64)
-    return SparseMatrix(indptr, indices, np.ones(len(indices)), len(rows), groups if grouped else None)
+    return SparseMatrix(
+        indptr, indices, np.ones(len(indices)), len(rows), groups if grouped else None
+    )
 
 
 @st.composite
@@ -40,16 +42,25 @@ def as_set(mask: Bools) -> set[int]:
 
 
 def exists_reach(rows: Rows, left: set[int], right: set[int]) -> set[int]:
-    return fixpoint(lambda y: y | right | {s for s in left if any(set(r) & y for r in rows[s])}, set())
+    return fixpoint(
+        lambda y: y | right | {s for s in left if any(set(r) & y for r in rows[s])}, set()
+    )
 
 
 def forced_reach(rows: Rows, left: set[int], right: set[int]) -> set[int]:
-    return fixpoint(lambda y: y | right | {s for s in left if all(set(r) & y for r in rows[s])}, set())
+    return fixpoint(
+        lambda y: y | right | {s for s in left if all(set(r) & y for r in rows[s])}, set()
+    )
 
 
 def almost_sure_reach(rows: Rows, left: set[int], right: set[int]) -> set[int]:
     def inner(x: set[int]) -> set[int]:
-        return fixpoint(lambda y: y | right | {s for s in left if any(set(r) <= x and set(r) & y for r in rows[s])}, set())
+        return fixpoint(
+            lambda y: (
+                y | right | {s for s in left if any(set(r) <= x and set(r) & y for r in rows[s])}
+            ),
+            set(),
+        )
 
     return fixpoint(inner, set(range(len(rows))))
 
@@ -64,13 +75,18 @@ def test_probability_zero_and_one_of_an_mdp(case: tuple[Rows, list[bool], list[b
     assert as_set(graph.prob0a(source, left, right)) == everything - exists_reach(rows, ls, rs)
     never = everything - forced_reach(rows, ls, rs)
     assert as_set(graph.prob0e(source, left, right)) == never
-    assert as_set(graph.prob1a(source, left, right)) == everything - exists_reach(rows, ls - rs, never)
+    assert as_set(graph.prob1a(source, left, right)) == everything - exists_reach(
+        rows, ls - rs, never
+    )
     sure, witness = graph.prob1e_strategy(source, left, right)
     assert as_set(sure) == almost_sure_reach(rows, ls, rs)
     flat = [row for choices in rows for row in choices]
     for s in as_set(sure) - rs:
         assert set(flat[witness[s]]) <= as_set(sure)
-        assert s in np.repeat(np.arange(len(rows)), [len(c) for c in rows])[witness[s] : witness[s] + 1]
+        assert (
+            s
+            in np.repeat(np.arange(len(rows)), [len(c) for c in rows])[witness[s] : witness[s] + 1]
+        )
     # The witness rows alone reach almost surely.
     chosen: Rows = [[flat[witness[s]]] if witness[s] >= 0 else [(s,)] for s in range(len(rows))]
     assert as_set(sure) <= almost_sure_reach(chosen, ls, rs)
@@ -84,7 +100,9 @@ def test_probability_zero_and_one_of_a_chain(case: tuple[Rows, list[bool], list[
     source = matrix_of(rows, grouped=False)
     never = everything - exists_reach(rows, as_set(left), as_set(right))
     assert as_set(graph.prob0(source, left, right)) == never
-    assert as_set(graph.prob1(source, left, right)) == everything - exists_reach(rows, as_set(left & ~right), never)
+    assert as_set(graph.prob1(source, left, right)) == everything - exists_reach(
+        rows, as_set(left & ~right), never
+    )
 
 
 @settings(max_examples=300, deadline=None)
@@ -92,7 +110,12 @@ def test_probability_zero_and_one_of_a_chain(case: tuple[Rows, list[bool], list[
 def test_components_come_successors_first(case: tuple[Rows, list[bool], list[bool]]) -> None:
     rows, w, _ = case
     inside = as_set(np.array(w))
-    reach = {s: exists_reach([[tuple(t for t in r if t in inside) for r in c] for c in rows], inside, {s}) for s in inside}
+    reach = {
+        s: exists_reach(
+            [[tuple(t for t in r if t in inside) for r in c] for c in rows], inside, {s}
+        )
+        for s in inside
+    }
     parts = graph.sccs(matrix_of(rows, grouped=False), np.array(w))
     assert sorted(int(s) for s in parts.order) == sorted(inside)
     for s in inside:
@@ -128,7 +151,9 @@ def test_maximal_end_components(case: tuple[Rows, list[bool], list[bool]]) -> No
         if is_end_component(part):
             expected.append(part)
     maximal = [p for p in expected if not any(p < q for q in expected)]
-    assert sorted(map(sorted, maximal)) == sorted(sorted(as_set(found.of == c)) for c in range(found.count))
+    assert sorted(map(sorted, maximal)) == sorted(
+        sorted(as_set(found.of == c)) for c in range(found.count)
+    )
     flat = [(s, row) for s, choices in enumerate(rows) for row in choices]
     for r, (s, row) in enumerate(flat):
         part = as_set(found.of == found.of[s]) if found.of[s] >= 0 else set()

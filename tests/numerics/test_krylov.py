@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from numerics.oracle import Row, leaves, problem_of, solve_chain
-from symcheck.numerics import block
-from symcheck.numerics.block import LocalSystem, solve_krylov
-from symcheck.numerics.krylov import bicgstab
-from symcheck.numerics.matrix import Floats
+from symcheck.matrices.rows import Floats
+from symcheck.numerics.linear import subsystem
+from symcheck.numerics.linear.krylov import bicgstab
+from symcheck.numerics.linear.subsystem import LocalSystem, solve_krylov
 
 
 @st.composite
@@ -23,7 +23,14 @@ def chains(draw: st.DrawFn) -> list[Row]:
     n = draw(st.integers(2, 9))
     rows: list[Row] = []
     for s in range(n):
-        others = draw(st.lists(st.sampled_from([t for t in range(n) if t != s]), min_size=1, max_size=3, unique=True))
+        others = draw(
+            st.lists(
+                st.sampled_from([t for t in range(n) if t != s]),
+                min_size=1,
+                max_size=3,
+                unique=True,
+            )
+        )
         weights = draw(st.lists(st.integers(1, 20), min_size=len(others), max_size=len(others)))
         entries = {t: Fraction(w, 64) for t, w in zip(others, weights, strict=True)}
         exit_ = 1 - sum(entries.values(), Fraction(0))
@@ -37,7 +44,9 @@ def test_the_bounds_hold_the_solution(rows: list[Row]) -> None:
     exact = solve_chain(rows)
     assert exact is not None
     assert len(leaves(rows)) == len(rows)
-    found = solve_krylov(LocalSystem.whole(problem_of([[r] for r in rows], None)), 1e-6, np.ones(len(rows)))
+    found = solve_krylov(
+        LocalSystem.whole(problem_of([[r] for r in rows], None)), 1e-6, np.ones(len(rows))
+    )
     if found is None:  # a breakdown is allowed, a wrong bound is not
         return
     for s, value in enumerate(exact):
@@ -46,16 +55,21 @@ def test_the_bounds_hold_the_solution(rows: list[Row]) -> None:
 
 
 @pytest.mark.parametrize("wrong", [0.9, 1.1, 2.0])
-def test_a_wrong_candidate_is_never_certified(wrong: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    rows: list[Row] = [({(s + 1) % 5: Fraction(1, 2), (s + 2) % 5: Fraction(1, 4)}, Fraction(1, 4), Fraction(1, 4)) for s in range(5)]
+def test_a_wrong_candidate_is_never_certified(
+    wrong: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows: list[Row] = [
+        ({(s + 1) % 5: Fraction(1, 2), (s + 2) % 5: Fraction(1, 4)}, Fraction(1, 4), Fraction(1, 4))
+        for s in range(5)
+    ]
     local = LocalSystem.whole(problem_of([[r] for r in rows], None))
-    right = block._Krylov.solve
+    right = subsystem._Krylov.solve
 
-    def off(self: block._Krylov, b: Floats, scale: Floats, goal: float) -> Floats | None:
+    def off(self: subsystem._Krylov, b: Floats, scale: Floats, goal: float) -> Floats | None:
         x = right(self, b, scale, goal)
         return None if x is None else x * wrong
 
-    monkeypatch.setattr(block._Krylov, "solve", off)
+    monkeypatch.setattr(subsystem._Krylov, "solve", off)
     found = solve_krylov(local, 1e-6, np.ones(5))
     assert found is None or np.all((found.lower <= 1.0) & (found.upper >= 1.0))
 
@@ -73,5 +87,9 @@ def test_a_walk_is_solved() -> None:
 @pytest.mark.parametrize("scale", [1e-200, 1e200])
 def test_sizes_that_cannot_be_measured_end_the_search(scale):
     """Squares that overflow or vanish: nothing is found, and nothing is looked for without end."""
-    steps = list(itertools.islice(bicgstab(lambda v: v, lambda v: v, np.array([0.0, 1.0]), np.full(2, scale)), 3))
+    steps = list(
+        itertools.islice(
+            bicgstab(lambda v: v, lambda v: v, np.array([0.0, 1.0]), np.full(2, scale)), 3
+        )
+    )
     assert len(steps) < 3

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from checking import engine_of
 from generate import random_model
 from symcheck.errors import InputError
-from symcheck.numerics.lump import lump
+from symcheck.numerics.bisimulation import lump
 
 SLOW = settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from numerics.oracle import Row, System, brute_force, leaves, problem_of, solve_chain
 from symcheck.numerics import graph
-from symcheck.numerics.methods import METHODS, solve_linear
-from symcheck.numerics.problem import LinearProblem, Solution
+from symcheck.numerics.linear.methods import METHODS, solve_linear
+from symcheck.numerics.linear.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy
 
 SOUND = [m.name for m in METHODS.values() if m.sound]
@@ -29,7 +29,9 @@ def rows(draw: st.DrawFn, n: int, reward: bool = False) -> Row:
     share[0] += 1 - sum(share)
     entries = {p: w for p, w in zip(picks, share, strict=True) if p < n}
     into_target = dict(zip(picks, share, strict=True)).get(n, Fraction(0))
-    gain = draw(st.sampled_from([Fraction(0), Fraction(1), Fraction(3, 8)])) if reward else into_target
+    gain = (
+        draw(st.sampled_from([Fraction(0), Fraction(1), Fraction(3, 8)])) if reward else into_target
+    )
     return entries, gain, 1 - sum(entries.values(), Fraction(0))
 
 
@@ -46,7 +48,10 @@ def chains(draw: st.DrawFn, reward: bool = False) -> list[Row]:
     chain = [draw(rows(n, reward)) for _ in range(n)]
     free = leaves(chain)
     # What never leaves has been removed by graph analysis: cut it off (it is then an exit that pays nothing).
-    return [(r[0], r[1], r[2]) if i in free else ({}, Fraction(0), Fraction(1)) for i, r in enumerate(chain)]
+    return [
+        (r[0], r[1], r[2]) if i in free else ({}, Fraction(0), Fraction(1))
+        for i, r in enumerate(chain)
+    ]
 
 
 @pytest.mark.parametrize("method", SOUND)
@@ -56,7 +61,9 @@ def test_probabilities_of_chains(method: str, chain: list[Row]) -> None:
     exact = solve_chain(chain)
     assert exact is not None
     keep = {s for s, v in enumerate(exact) if v > 0}
-    solution = solve_linear(problem_of(restrict([[r] for r in chain], keep), None), Accuracy(method=method))
+    solution = solve_linear(
+        problem_of(restrict([[r] for r in chain], keep), None), Accuracy(method=method)
+    )
     inside(solution, [v for v in exact if v > 0], TINY)
     assert solution.certified
     assert solution.width() <= 1e-6
@@ -71,7 +78,9 @@ def test_rewards_of_chains(method: str, chain: list[Row]) -> None:
     solution = solve_linear(problem_of([[r] for r in chain], None, False), Accuracy(method=method))
     inside(solution, exact, TINY)
     # Where leaving takes some ten thousand steps, bounds of values alone run out of iterations, and say so.
-    assert solution.width() <= 1e-6 or (method == "optimistic" and "not as near as wanted" in solution.explanation)
+    assert solution.width() <= 1e-6 or (
+        method == "optimistic" and "not as near as wanted" in solution.explanation
+    )
 
 
 @st.composite
@@ -89,17 +98,26 @@ def restrict(system: System, keep: set[int], ones: Set[int] = frozenset()) -> Sy
         for entries, gain, leave in system[s]:
             kept = {place[t]: p for t, p in entries.items() if t in keep}
             gone = sum((p for t, p in entries.items() if t not in keep), Fraction(0))
-            out[-1].append((kept, gain + sum((p for t, p in entries.items() if t in ones), Fraction(0)), leave + gone))
+            out[-1].append(
+                (
+                    kept,
+                    gain + sum((p for t, p in entries.items() if t in ones), Fraction(0)),
+                    leave + gone,
+                )
+            )
     return out
 
 
 def split(system: System, direction: str) -> tuple[set[int], set[int]]:
     """States whose probability is 0 and 1, by the graph algorithms (tested on their own)."""
     n = len(system)
-    full = [[sorted(r[0]) + ([n] if r[1] > 0 else []) + ([n + 1] if r[2] > r[1] else []) for r in c] for c in system]
+    full = [
+        [sorted(r[0]) + ([n] if r[1] > 0 else []) + ([n + 1] if r[2] > r[1] else []) for r in c]
+        for c in system
+    ]
     full += [[[n]], [[n + 1]]]
     flat = [r for c in full for r in c]
-    from symcheck.numerics.matrix import SparseMatrix
+    from symcheck.matrices.rows import SparseMatrix
 
     matrix = SparseMatrix(
         np.cumsum([0] + [len(r) for r in flat]).astype(np.int64), np.array([t for r in flat for t in r], dtype=np.int32),
@@ -115,10 +133,14 @@ def split(system: System, direction: str) -> tuple[set[int], set[int]]:
 @pytest.mark.parametrize("method", SOUND)
 @settings(max_examples=120, deadline=None)
 @given(system=mdps())
-def test_probabilities_of_mdps_and_their_strategies(method: str, direction: str, system: System) -> None:
+def test_probabilities_of_mdps_and_their_strategies(
+    method: str, direction: str, system: System
+) -> None:
     zero, one = split(system, direction)
     exact = brute_force(system, direction, proper_only=False)
-    assert all((exact[s] == 0) == (s in zero) and (exact[s] == 1) == (s in one) for s in range(len(system)))
+    assert all(
+        (exact[s] == 0) == (s in zero) and (exact[s] == 1) == (s in one) for s in range(len(system))
+    )
     maybe = set(range(len(system))) - zero - one
     if not maybe:
         return
@@ -166,14 +188,20 @@ def test_rewards_of_mdps(method: str, direction: str, system: System) -> None:
 
 
 @settings(max_examples=100, deadline=None)
-@given(system=mdps(reward=True), signs=st.lists(st.booleans(), min_size=20, max_size=20), direction=st.sampled_from(["min", "max"]))
+@given(
+    system=mdps(reward=True),
+    signs=st.lists(st.booleans(), min_size=20, max_size=20),
+    direction=st.sampled_from(["min", "max"]),
+)
 def test_negative_rewards(system: System, signs: list[bool], direction: str) -> None:
     """With some gains negated, where every strategy leaves almost surely."""
     _, sure = split([[(r[0], r[2], r[2]) for r in c] for c in system], "min")
     if not sure:
         return
     flip = iter(signs)
-    part = restrict([[(r[0], -r[1] if next(flip) else r[1], r[2]) for r in c] for c in system], sure)
+    part = restrict(
+        [[(r[0], -r[1] if next(flip) else r[1], r[2]) for r in c] for c in system], sure
+    )
     exact = brute_force(part, direction, proper_only=False)
     solution = solve_linear(problem_of(part, direction, False), Accuracy())
     inside(solution, exact, TINY)
@@ -185,11 +213,21 @@ def walk(n: int, up: float) -> LinearProblem:
     chain: System = []
     for i in range(n):
         entries = {j: Fraction(p) for j, p in ((i - 1, 1 - up), (i + 1, up)) if 0 <= j < n}
-        chain.append([(entries, Fraction(up) if i == n - 1 else Fraction(0), 1 - sum(entries.values(), Fraction(0)))])
+        chain.append(
+            [
+                (
+                    entries,
+                    Fraction(up) if i == n - 1 else Fraction(0),
+                    1 - sum(entries.values(), Fraction(0)),
+                )
+            ]
+        )
     return problem_of(chain, None)
 
 
-@pytest.mark.parametrize(("n", "up"), [(20, 0.5), (50, 0.25), (200, 0.25), (1000, 0.5), (1000, 0.375), (3000, 0.5)])
+@pytest.mark.parametrize(
+    ("n", "up"), [(20, 0.5), (50, 0.25), (200, 0.25), (1000, 0.5), (1000, 0.375), (3000, 0.5)]
+)
 def test_gamblers_ruin_has_the_right_digits(n: int, up: float) -> None:
     """Down to 1e-222, and with 3 000 states, where sweeps would need millions of rounds."""
     q = (1 - Fraction(up)) / Fraction(up)
@@ -241,9 +279,15 @@ def test_numbers_below_the_smallest_double_are_not_taken_for_0(n: int, choices: 
 
 def test_a_value_below_the_smallest_double_is_not_exact() -> None:
     steps: System = [[({i + 1: Fraction(1, 8)}, Fraction(0), Fraction(7, 8))] for i in range(399)]
-    solution = solve_linear(problem_of([*steps, [({}, Fraction(1, 8), Fraction(7, 8))]], None), Accuracy())
+    solution = solve_linear(
+        problem_of([*steps, [({}, Fraction(1, 8), Fraction(7, 8))]], None), Accuracy()
+    )
     assert not solution.exact
-    assert Fraction(float(solution.lower[0])) <= Fraction(1, 8) ** 400 <= Fraction(float(solution.upper[0]))
+    assert (
+        Fraction(float(solution.lower[0]))
+        <= Fraction(1, 8) ** 400
+        <= Fraction(float(solution.upper[0]))
+    )
 
 
 def test_plain_methods_are_estimates() -> None:
@@ -284,7 +328,12 @@ def test_bounds_that_stay_wide_for_thousands_of_steps_are_not_given_up(method: s
     for s in range(n):
         near = {t: half for t in (s - 1, s + 1) if 0 <= t < n}
         won = half if s == n - 1 else Fraction(0)
-        rows.append([(near, won, 1 - sum(near.values(), Fraction(0))), (near, won, 1 - sum(near.values(), Fraction(0)))])
+        rows.append(
+            [
+                (near, won, 1 - sum(near.values(), Fraction(0))),
+                (near, won, 1 - sum(near.values(), Fraction(0))),
+            ]
+        )
     solution = solve_linear(problem_of(rows, "max"), Accuracy(method=method))
     assert solution.width() <= 1e-6
     assert solution.iterations > 1000

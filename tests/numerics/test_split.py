@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from symcheck.numerics.matrix import Floats, SparseMatrix
-from symcheck.numerics.split import ANGLE, Split, _steady
+from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics.linear.preconditioned_bicgstab import ANGLE, Split, _steady
 
 
 def chain(n: int, seed: int, values: int | None) -> tuple[Floats, SparseMatrix, Floats]:
@@ -36,7 +36,7 @@ def test_it_solves_what_elimination_solves(values: int | None, bits: int, seed: 
 
 
 def test_more_values_than_codes_are_kept_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("symcheck.numerics.split.MANY", 100)
+    monkeypatch.setattr("symcheck.numerics.linear.preconditioned_bicgstab.MANY", 100)
     dense, matrix, scale = chain(120, 3, None)
     split = Split.of(matrix, scale)
     assert split.low[2].dtype == np.float64

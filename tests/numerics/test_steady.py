@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symcheck.kernels.eliminate import Elimination
-from symcheck.numerics import steady
-from symcheck.numerics.exact import ExactMatrix, stationary_exact
-from symcheck.numerics.matrix import Floats, SparseMatrix
+from symcheck.kernels.chains.gth_elimination import Elimination
+from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics.linear.rational import ExactMatrix, stationary_exact
+from symcheck.numerics.long_run import stationary
 from symcheck.numerics.settings import Accuracy
 
 
@@ -27,16 +27,18 @@ def sparse_of(dense: Floats) -> SparseMatrix:
 def test_small_chains(n: int, data: st.DataObject) -> None:
     """Rates that differ by twelve orders of magnitude: every entry keeps its digits."""
     rate = st.sampled_from([0.0, 0.0, 1e-9, 1.0, 1e3])
-    rates = np.array(data.draw(st.lists(st.lists(rate, min_size=n, max_size=n), min_size=n, max_size=n)))
+    rates = np.array(
+        data.draw(st.lists(st.lists(rate, min_size=n, max_size=n), min_size=n, max_size=n))
+    )
     rates += 1e-6 * np.roll(np.eye(n), 1, axis=1)
     matrix = sparse_of(rates)
     exact = stationary_exact(ExactMatrix.of(matrix))
-    found = steady.stationary_distribution(matrix, Accuracy())
+    found = stationary.stationary_distribution(matrix, Accuracy())
     for s in range(n):
         assert Fraction(float(found.lower[s])) <= exact[s] <= Fraction(float(found.upper[s]))
     assert np.all(found.upper - found.lower <= 1e-10 * found.upper)
     rewards = np.arange(n) - 2.0
-    average = steady.long_run_average(matrix, rewards, Accuracy())
+    average = stationary.long_run_average(matrix, rewards, Accuracy())
     value = sum((Fraction(float(r)) * p for r, p in zip(rewards, exact, strict=True)), Fraction(0))
     assert Fraction(average.lower) <= value <= Fraction(average.upper)
 
@@ -50,14 +52,16 @@ def queue(n: int, arrive: float, serve: float) -> SparseMatrix:
 
 def test_a_queue_keeps_the_digits_of_rare_states() -> None:
     n, arrive, serve = 400, 1.0, 4.0
-    found = steady.stationary_distribution(queue(n, arrive, serve), Accuracy())
+    found = stationary.stationary_distribution(queue(n, arrive, serve), Accuracy())
     exact = 0.75 * 0.25 ** np.arange(n)
     assert np.all(np.abs(found.middle - exact) <= 1e-9 * exact)
     assert found.certified
 
 
 @pytest.mark.parametrize(("arrive", "serve"), [(1.0, 4.0), (4.0, 5.0)])
-def test_averages_by_the_poisson_equation(monkeypatch: pytest.MonkeyPatch, arrive: float, serve: float) -> None:
+def test_averages_by_the_poisson_equation(
+    monkeypatch: pytest.MonkeyPatch, arrive: float, serve: float
+) -> None:
     """More states than elimination is asked for at once; two queues side by side, one reward each."""
     m = 60
     one = queue(m, arrive, serve)
@@ -66,8 +70,8 @@ def test_averages_by_the_poisson_equation(monkeypatch: pytest.MonkeyPatch, arriv
     identity = np.eye(m)
     both = sparse_of(np.kron(dense, identity) + np.kron(identity, dense))
     length = np.add.outer(np.arange(m), np.arange(m)).ravel().astype(float)
-    monkeypatch.setattr(steady, "QUICK", 0)
-    average = steady.long_run_average(both, length, Accuracy())
+    monkeypatch.setattr(stationary, "QUICK", 0)
+    average = stationary.long_run_average(both, length, Accuracy())
     weights = (arrive / serve) ** np.arange(m)
     exact = 2 * float(weights @ np.arange(m)) / float(weights.sum())
     assert "Poisson" in average.explanation
@@ -75,9 +79,11 @@ def test_averages_by_the_poisson_equation(monkeypatch: pytest.MonkeyPatch, arriv
     assert average.upper - average.lower <= 1e-6 * average.upper
 
 
-def test_large_chains_give_an_estimate_when_elimination_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(steady, "OPERATIONS", 10)
-    found = steady.stationary_distribution(queue(50, 1.0, 2.0), Accuracy())
+def test_large_chains_give_an_estimate_when_elimination_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(stationary, "OPERATIONS", 10)
+    found = stationary.stationary_distribution(queue(50, 1.0, 2.0), Accuracy())
     assert not found.certified
     assert found.middle[0] == pytest.approx(0.5, rel=1e-4)
 
@@ -108,7 +114,9 @@ def test_elimination_has_the_relative_accuracy_that_it_claims(n: int, seed: int)
         augmented[c] = [v / augmented[c][c] for v in augmented[c]]
         for r in range(n):
             if r != c and augmented[r][c]:
-                augmented[r] = [a - augmented[r][c] * b for a, b in zip(augmented[r], augmented[c], strict=True)]
+                augmented[r] = [
+                    a - augmented[r][c] * b for a, b in zip(augmented[r], augmented[c], strict=True)
+                ]
     for s in range(n):
         exact = augmented[s][n]
         assert abs(Fraction(float(found[s])) - exact) <= Fraction(factors.error) * exact
@@ -117,13 +125,15 @@ def test_elimination_has_the_relative_accuracy_that_it_claims(n: int, seed: int)
 @pytest.mark.parametrize("n", [50, 300])
 def test_a_queue_that_no_elimination_is_tried_on(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A chain that drifts to one end mixes slowly from the other: the Poisson equation is solved all the same."""
-    monkeypatch.setattr(steady, "QUICK", 0)
-    monkeypatch.setattr(steady, "OPERATIONS", 0)
+    monkeypatch.setattr(stationary, "QUICK", 0)
+    monkeypatch.setattr(stationary, "OPERATIONS", 0)
     k = np.arange(n)
     indptr = np.concatenate(([0], np.cumsum(2 - ((k == 0) | (k == n - 1))))).astype(np.int64)
     pairs = [(a, r) for s in range(n) for a, r in ((s - 1, 1.0), (s + 1, 1.5)) if 0 <= a < n]
-    matrix = SparseMatrix(indptr, np.array([a for a, _ in pairs], np.int32), np.array([r for _, r in pairs]), n)
-    found = steady.long_run_average(matrix, (n - 1.0) - k, Accuracy())
+    matrix = SparseMatrix(
+        indptr, np.array([a for a, _ in pairs], np.int32), np.array([r for _, r in pairs]), n
+    )
+    found = stationary.long_run_average(matrix, (n - 1.0) - k, Accuracy())
     assert "BiCGStab" in found.explanation
     weights = (1.0 / 1.5) ** np.arange(n)  # of the queue with arrivals at rate 1 and service at 1.5
     assert found.lower <= weights @ np.arange(n) / weights.sum() <= found.upper

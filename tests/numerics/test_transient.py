@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from symcheck.errors import NumericalError
-from symcheck.numerics import transient
-from symcheck.numerics.matrix import Floats, SparseMatrix
-from symcheck.numerics.poisson import poisson
+from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics.settings import Accuracy
-from symcheck.numerics.transient import transient_distribution, transient_values
+from symcheck.numerics.transient import uniformization
+from symcheck.numerics.transient.poisson import poisson
+from symcheck.numerics.transient.uniformization import transient_distribution, transient_values
 
 
 def sparse_of(dense: Floats) -> SparseMatrix:
@@ -24,7 +24,9 @@ def sparse_of(dense: Floats) -> SparseMatrix:
     return SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), dense[nonzero], len(dense))
 
 
-def integrate(rates: Floats, leave: Floats, terminal: list[Fraction], gain: list[Fraction], time: Fraction) -> list[Fraction]:
+def integrate(
+    rates: Floats, leave: Floats, terminal: list[Fraction], gain: list[Fraction], time: Fraction
+) -> list[Fraction]:
     """x(time) for x' = Q x + gain by its Taylor series in fractions; the rest is below 1e-30."""
     n = len(leave)
     q = [[Fraction(rates[i, j]) for j in range(n)] for i in range(n)]
@@ -34,7 +36,9 @@ def integrate(rates: Floats, leave: Floats, terminal: list[Fraction], gain: list
     term = list(terminal)
     size = float(leave.max()) * 2 * float(time)
     for k in range(1, int(3 * size) + 120):
-        product = [sum((q[i][j] * term[j] for j in range(n) if q[i][j]), Fraction(0)) for i in range(n)]
+        product = [
+            sum((q[i][j] * term[j] for j in range(n) if q[i][j]), Fraction(0)) for i in range(n)
+        ]
         source = gain if k == 1 else [Fraction(0)] * n
         term = [(p + g) * time / k for p, g in zip(product, source, strict=True)]
         total = [a + b for a, b in zip(total, term, strict=True)]
@@ -47,21 +51,35 @@ def cases(draw: st.DrawFn) -> tuple[Floats, Floats, list[float], list[float], fl
     weights = st.lists(st.sampled_from([0.0, 0.0, 0.25, 1.0, 3.0]), min_size=n, max_size=n)
     rates = np.array([draw(weights) for _ in range(n)])
     outside = np.array(draw(weights))
-    return rates, rates.sum(1) + outside, draw(weights), draw(weights), draw(st.sampled_from([0.125, 1.0, 4.0]))
+    return (
+        rates,
+        rates.sum(1) + outside,
+        draw(weights),
+        draw(weights),
+        draw(st.sampled_from([0.125, 1.0, 4.0])),
+    )
 
 
 @settings(max_examples=60, deadline=None)
 @given(cases())
-def test_values_and_distributions(case: tuple[Floats, Floats, list[float], list[float], float]) -> None:
+def test_values_and_distributions(
+    case: tuple[Floats, Floats, list[float], list[float], float],
+) -> None:
     rates, leave, terminal, gain, time = case
     n = len(leave)
-    exact = integrate(rates, leave, [Fraction(v) for v in terminal], [Fraction(v) for v in gain], Fraction(time))
-    found = transient_values(sparse_of(rates), leave, time, Accuracy(), terminal=np.array(terminal), gain=np.array(gain))
+    exact = integrate(
+        rates, leave, [Fraction(v) for v in terminal], [Fraction(v) for v in gain], Fraction(time)
+    )
+    found = transient_values(
+        sparse_of(rates), leave, time, Accuracy(), terminal=np.array(terminal), gain=np.array(gain)
+    )
     slack = Fraction(1, 10**28)
     for s in range(n):
         assert Fraction(float(found.lower[s])) <= exact[s] + slack
         assert Fraction(float(found.upper[s])) >= exact[s] - slack
-    assert np.all(found.upper - found.lower <= np.maximum(1e-6 * found.upper, 1e-300))  # 0 is not told from what is below doubles
+    assert np.all(
+        found.upper - found.lower <= np.maximum(1e-6 * found.upper, 1e-300)
+    )  # 0 is not told from what is below doubles
     initial = np.zeros(n)
     initial[0] = 1.0
     distribution = transient_distribution(sparse_of(rates), leave, initial, time, Accuracy())
@@ -116,8 +134,17 @@ def test_only_the_states_of_interest_decide_when_to_stop() -> None:
     n = 150
     rates = np.zeros((n, n))
     rates[np.arange(n - 1), np.arange(1, n)] = 1.0
-    everywhere = transient_values(sparse_of(rates), np.ones(n), 1.0, Accuracy(), gain=np.eye(n)[n - 1])
-    last = transient_values(sparse_of(rates), np.ones(n), 1.0, Accuracy(), gain=np.eye(n)[n - 1], interest=np.array([n - 1]))
+    everywhere = transient_values(
+        sparse_of(rates), np.ones(n), 1.0, Accuracy(), gain=np.eye(n)[n - 1]
+    )
+    last = transient_values(
+        sparse_of(rates),
+        np.ones(n),
+        1.0,
+        Accuracy(),
+        gain=np.eye(n)[n - 1],
+        interest=np.array([n - 1]),
+    )
     assert last.iterations < everywhere.iterations
     assert last.upper[n - 1] == pytest.approx(1 - math.exp(-1))
     assert everywhere.lower[0] == pytest.approx(math.exp(-1 - math.lgamma(n + 1)), rel=0.02)
@@ -130,8 +157,12 @@ def test_products_are_enough() -> None:
         def multiply(self, x: Floats) -> Floats:
             return np.asarray(rates @ x)
 
-    whole = transient_values(sparse_of(rates), np.array([1.5, 2.0]), 2.0, Accuracy(), terminal=np.ones(2))
-    product = transient_values(Product(), np.array([1.5, 2.0]), 2.0, Accuracy(), terminal=np.ones(2))
+    whole = transient_values(
+        sparse_of(rates), np.array([1.5, 2.0]), 2.0, Accuracy(), terminal=np.ones(2)
+    )
+    product = transient_values(
+        Product(), np.array([1.5, 2.0]), 2.0, Accuracy(), terminal=np.ones(2)
+    )
     assert np.all(product.lower <= whole.upper)
     assert np.all(product.upper >= whole.lower)
     assert np.all(product.upper - product.lower <= 1e-6 * product.upper)
@@ -139,7 +170,9 @@ def test_products_are_enough() -> None:
 
 def test_negative_rewards_are_refused() -> None:
     with pytest.raises(NumericalError, match="non-negative"):
-        transient_values(sparse_of(np.zeros((1, 1))), np.ones(1), 1.0, Accuracy(), terminal=-np.ones(1))
+        transient_values(
+            sparse_of(np.zeros((1, 1))), np.ones(1), 1.0, Accuracy(), terminal=-np.ones(1)
+        )
 
 
 def queue(n: int, arrive: float, serve: float) -> tuple[SparseMatrix, Floats, Floats]:
@@ -152,7 +185,9 @@ def queue(n: int, arrive: float, serve: float) -> tuple[SparseMatrix, Floats, Fl
     return sparse_of(rates), rates.sum(1) + overflow, overflow
 
 
-def beside(slow: SparseMatrix, leave: Floats, m: int, arrive: float, serve: float) -> tuple[SparseMatrix, Floats]:
+def beside(
+    slow: SparseMatrix, leave: Floats, m: int, arrive: float, serve: float
+) -> tuple[SparseMatrix, Floats]:
     """A model and, independent of it, a queue of m states that turns away who finds it full: state (s, q) is s m + q."""
     fast = np.zeros((m, m))
     fast[np.arange(m - 1), np.arange(1, m)] = arrive
@@ -165,7 +200,9 @@ def beside(slow: SparseMatrix, leave: Floats, m: int, arrive: float, serve: floa
 
 
 @pytest.mark.parametrize("interest", [[0], [0, 3]])
-def test_cutting_states_off_keeps_rare_events_right(monkeypatch: pytest.MonkeyPatch, interest: list[int]) -> None:
+def test_cutting_states_off_keeps_rare_events_right(
+    monkeypatch: pytest.MonkeyPatch, interest: list[int]
+) -> None:
     """Two queues, of which one is fast and never overflows in effect: most of its states do not matter, by 1e-60 or so."""
     slow, leave, overflow = queue(40, 1.0, 4.0)
     both, exits = beside(slow, leave, m := 30, 1.0, 200.0)
@@ -173,7 +210,7 @@ def test_cutting_states_off_keeps_rare_events_right(monkeypatch: pytest.MonkeyPa
     starts = np.array(interest) * m
     alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-9), gain=overflow)
     whole = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
-    monkeypatch.setattr(transient, "BUDGET", 1.0)
+    monkeypatch.setattr(uniformization, "BUDGET", 1.0)
     cut = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
     assert cut.statistics["kept"] < 0.5 * len(exits)
     for s, t in zip(interest, starts.tolist(), strict=True):
@@ -193,7 +230,9 @@ def test_what_is_too_small_for_a_double_is_not_called_0(length: int) -> None:
     rates = SparseMatrix(indptr, np.arange(1, length, dtype=np.int32), np.ones(length - 1), length)
     gain = np.zeros(length)
     gain[-1] = 1.0
-    found = transient_values(rates, np.ones(length), 0.01, Accuracy(), gain=gain, interest=np.zeros(1, np.int64))
+    found = transient_values(
+        rates, np.ones(length), 0.01, Accuracy(), gain=gain, interest=np.zeros(1, np.int64)
+    )
     log10 = (length * math.log(0.01) - math.lgamma(length + 1.0)) / math.log(10.0)
     assert log10 < -500.0
     assert found.lower[0] == 0.0
@@ -206,8 +245,14 @@ def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyP
     both, exits = beside(slow, leave, m := 30, 1.0, 200.0)
     gain, starts = np.repeat(overflow, m), np.zeros(1, np.int64)
     alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-10), gain=overflow)
-    for name, value in (("LONG", 0.0), ("STIFF", 0.0), ("BUDGET", 1.0), ("SELDOM", 1.0), ("LAYER", 50.0)):
-        monkeypatch.setattr(transient, name, value)
+    for name, value in (
+        ("LONG", 0.0),
+        ("STIFF", 0.0),
+        ("BUDGET", 1.0),
+        ("SELDOM", 1.0),
+        ("LAYER", 50.0),
+    ):
+        monkeypatch.setattr(uniformization, name, value)
     found = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
     assert "implicitly" in found.explanation
     assert found.lower[0] <= alone.upper[0]
@@ -220,9 +265,11 @@ def test_states_of_the_beginning_are_not_kept_for_the_rest(monkeypatch: pytest.M
     slow, leave, overflow = queue(30, 1.0, 3.0)
     both, exits = beside(slow, leave, m := 60, 200.0, 1.0)
     alone = transient_values(slow, leave, 100.0, Accuracy(epsilon=1e-9), gain=overflow)
-    monkeypatch.setattr(transient, "BUDGET", 1.0)
-    monkeypatch.setattr(transient, "EARLY", 200.0)
-    found = transient_values(both, exits, 100.0, Accuracy(), gain=np.repeat(overflow, m), interest=np.zeros(1, np.int64))
+    monkeypatch.setattr(uniformization, "BUDGET", 1.0)
+    monkeypatch.setattr(uniformization, "EARLY", 200.0)
+    found = transient_values(
+        both, exits, 100.0, Accuracy(), gain=np.repeat(overflow, m), interest=np.zeros(1, np.int64)
+    )
     assert found.statistics["kept_later"] < 0.5 * found.statistics["kept"]
     assert found.lower[0] <= alone.upper[0]
     assert found.upper[0] >= alone.lower[0]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from symcheck.numerics import truncate
-from symcheck.numerics.matrix import Floats, SparseMatrix
+from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics.transient import state_space_truncation
 
 REST = 0.05
 
@@ -32,7 +32,7 @@ def test_a_solution_with_less_rest_is_a_bound_and_not_far_away(seed: int, off: f
     full, matrix, leave, right = slow(50, seed)
     truth = np.linalg.solve(full, right)
     guess = truth * off ** np.random.default_rng(seed).uniform(-1.0, 0.0, 50)
-    found = truncate._supersolution(matrix, leave, REST, right, guess)
+    found = state_space_truncation._supersolution(matrix, leave, REST, right, guess)
     assert found is not None
     assert np.all(found >= truth)
     assert np.all(found <= 2.0 * truth)
@@ -41,18 +41,20 @@ def test_a_solution_with_less_rest_is_a_bound_and_not_far_away(seed: int, off: f
 def test_what_is_below_the_truth_is_not_taken_for_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     full, matrix, leave, right = slow(50, 4)
     truth = np.linalg.solve(full, right)
-    monkeypatch.setattr(truncate, "relative_solution", lambda *_: 0.99 * truth)
-    assert truncate._supersolution(matrix, leave, REST, right, truth) is None
+    monkeypatch.setattr(state_space_truncation, "relative_solution", lambda *_: 0.99 * truth)
+    assert state_space_truncation._supersolution(matrix, leave, REST, right, truth) is None
 
 
 @pytest.mark.parametrize("transposed", [False, True])
 @pytest.mark.parametrize("first", [1, 600])
-def test_the_resolvent_is_bounded_after_few_sweeps_as_after_many(transposed: bool, first: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(truncate, "FIRST", first)
+def test_the_resolvent_is_bounded_after_few_sweeps_as_after_many(
+    transposed: bool, first: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(state_space_truncation, "FIRST", first)
     haste, time = 2.0, 2.0 / REST
     full, matrix, leave, right = slow(50, 5)
     truth = np.exp(haste) * np.linalg.solve(full.T if transposed else full, right)
-    found = truncate._resolvent(matrix, leave, time, right, haste, transposed)
+    found = state_space_truncation._resolvent(matrix, leave, time, right, haste, transposed)
     assert found is not None
     assert np.all(found >= truth)
     assert np.all(found <= 3.0 * truth)

@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 
 from symcheck.errors import InputError
-from symcheck.semantics.bind import bind, bind_properties
+from symcheck.semantics.binding.bind import bind, bind_properties
+from symcheck.semantics.interpreter import initial_states, state_rewards, transitions
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.step import initial_states, state_rewards, transitions
 from symcheck.syntax.parse import parse_model, parse_properties
 
 FOLDER = Path(__file__).parents[1] / "errors" / "semantics"

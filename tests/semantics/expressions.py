@@ -27,16 +27,38 @@ def _call(functions: str, *arguments: Strategy) -> Strategy:
 
 def typed(depth: int = 3) -> dict[Type, Strategy]:
     """A strategy for each type, of expressions up to this depth."""
-    i: Strategy = st.one_of(st.integers(-3, 9).map(lambda v: Literal(v, Type.INT)), st.sampled_from([Name("x"), Name("y")]))
+    i: Strategy = st.one_of(
+        st.integers(-3, 9).map(lambda v: Literal(v, Type.INT)),
+        st.sampled_from([Name("x"), Name("y")]),
+    )
     rationals = [Fraction(0), Fraction(1, 3), Fraction(-5, 2), Fraction(1, 10), Fraction(10) ** 30]
     d: Strategy = st.sampled_from(rationals).map(lambda v: Literal(v, Type.DOUBLE))
     b: Strategy = st.one_of(st.booleans().map(lambda v: Literal(v, Type.BOOL)), st.just(Name("b")))
     for _ in range(depth):
         n = st.one_of(i, d)
-        more_i = [_binary("+ - * ^", i, i), _call("min max mod pow", i, i), _call("floor ceil round", n), st.builds(Unary, st.just("-"), i)]
-        more_d = [_binary("/", n, n), _binary("+ - * ^", n, d), _binary("+ - *", d, n), _call("min max pow log", d, n)]
-        more_d += [st.builds(Conditional, b, i, d), st.builds(Conditional, b, d, n), st.builds(Unary, st.just("-"), d)]
-        more_b = [_binary("& | => <=>", b, b), _binary("= != < <= > >=", n, n), _binary("= !=", b, b), st.builds(Unary, st.just("!"), b)]
+        more_i = [
+            _binary("+ - * ^", i, i),
+            _call("min max mod pow", i, i),
+            _call("floor ceil round", n),
+            st.builds(Unary, st.just("-"), i),
+        ]
+        more_d = [
+            _binary("/", n, n),
+            _binary("+ - * ^", n, d),
+            _binary("+ - *", d, n),
+            _call("min max pow log", d, n),
+        ]
+        more_d += [
+            st.builds(Conditional, b, i, d),
+            st.builds(Conditional, b, d, n),
+            st.builds(Unary, st.just("-"), d),
+        ]
+        more_b = [
+            _binary("& | => <=>", b, b),
+            _binary("= != < <= > >=", n, n),
+            _binary("= !=", b, b),
+            st.builds(Unary, st.just("!"), b),
+        ]
         new_i = st.one_of(i, *more_i, st.builds(Conditional, b, i, i))
         new_d = st.one_of(d, *more_d)
         i, d, b = new_i, new_d, st.one_of(b, *more_b, st.builds(Conditional, b, b, b))

@@ -8,17 +8,19 @@ import pytest
 
 from semantics.test_evaluate import same
 from symcheck.errors import InputError, NameFault, TypeFault
-from symcheck.semantics.bind import bind, undefined_constants
-from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.binding.bind import bind, undefined_constants
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import ModelType, Name, Type
 from symcheck.syntax.parse import parse_expression, parse_model
-from symcheck.syntax.walk import nodes
+from symcheck.syntax.traversal import nodes
 
 MODULE = "module m s : [0..2] init 0; [] s=0 -> (s'=1); endmodule\n"
 
 
-def model(text: str, constants: dict[str, Value | str] | None = None, **options: object) -> BoundModel:
+def model(
+    text: str, constants: dict[str, Value | str] | None = None, **options: object
+) -> BoundModel:
     return bind(parse_model(text), constants, **options)
 
 
@@ -57,7 +59,8 @@ def test_given_constants(declared: str, given: Value | str, real: Value, exact: 
 
 
 @pytest.mark.parametrize(
-    ("declared", "given"), [("int", 0.5), ("int", "1/2"), ("int", True), ("int", 5.0), ("bool", 1), ("double", "true")]
+    ("declared", "given"),
+    [("int", 0.5), ("int", "1/2"), ("int", True), ("int", 5.0), ("bool", 1), ("double", "true")],
 )
 def test_given_constants_of_the_wrong_type(declared: str, given: Value | str) -> None:
     with pytest.raises(TypeFault) as caught:
@@ -66,7 +69,10 @@ def test_given_constants_of_the_wrong_type(declared: str, given: Value | str) ->
 
 
 def test_constants_in_any_order_and_through_formulas() -> None:
-    bound = model(f"dtmc const double c = f/b; const int b = 2*a; formula f = a+b; const int a; {MODULE}", {"a": 2})
+    bound = model(
+        f"dtmc const double c = f/b; const int b = 2*a; formula f = a+b; const int a; {MODULE}",
+        {"a": 2},
+    )
     assert dict(bound.constants) == {"c": 1.5, "b": 4, "a": 2}
     assert list(bound.constants) == ["c", "b", "a"]
 
@@ -79,11 +85,19 @@ def test_a_given_constant_may_repeat_what_the_model_says() -> None:
 
 
 def test_undefined_constants() -> None:
-    assert [c.name for c in undefined_constants(parse_model(f"dtmc const int a; const b = 1; const bool c; {MODULE}"))] == ["a", "c"]
+    assert [
+        c.name
+        for c in undefined_constants(
+            parse_model(f"dtmc const int a; const b = 1; const bool c; {MODULE}")
+        )
+    ] == ["a", "c"]
 
 
 def test_an_infinite_constant_can_be_used() -> None:
-    bound = model('dtmc const double big = 1/0; const double nan = big-big; label "l" = s<big; label "n" = nan=nan;' + MODULE)
+    bound = model(
+        'dtmc const double big = 1/0; const double nan = big-big; label "l" = s<big; label "n" = nan=nan;'
+        + MODULE
+    )
     assert evaluate(bound.labels["l"], {"s": 1}) is True
     assert evaluate(bound.labels["n"], {}) is False
 
@@ -142,8 +156,14 @@ def test_everything_is_over_variables_and_literals() -> None:
     )
     command = bound.modules[0].commands[0]
     assert command.guard == parse_expression("s<4 & !(s=0)")
-    assert [u.probability for u in command.updates] == [parse_expression("0.25"), parse_expression("0.75")]
-    assert [u.assignments for u in command.updates] == [((0, parse_expression("s-1")),), ((0, parse_expression("min(s+1,3)")),)]
+    assert [u.probability for u in command.updates] == [
+        parse_expression("0.25"),
+        parse_expression("0.75"),
+    ]
+    assert [u.assignments for u in command.updates] == [
+        ((0, parse_expression("s-1")),),
+        ((0, parse_expression("min(s+1,3)")),),
+    ]
     assert bound.labels == {"f": parse_expression("s<4")}
     items = bound.rewards[0].items
     assert [(i.on_states, i.action, i.guard, i.value) for i in items] == [
@@ -168,7 +188,9 @@ def test_formulas_are_expanded_before_renaming() -> None:
         const int k = 1; const int l = 2;"""
     )
     guards = [m.commands[0].guard for m in bound.modules]
-    assert guards == [parse_expression(t) for t in ("x>0 & y=0 & x<1", "y>0 & x=0 & y<2", "z>0 & x=0 & z<2")]
+    assert guards == [
+        parse_expression(t) for t in ("x>0 & y=0 & x<1", "y>0 & x=0 & y<2", "z>0 & x=0 & z<2")
+    ]
     assert [m.commands[0].action for m in bound.modules] == ["go", "stop", "go"]
     assert [m.commands[0].updates[0].assignments for m in bound.modules] == [
         ((0, parse_expression("x+1")),),
@@ -184,11 +206,16 @@ def test_a_renaming_may_put_one_formula_in_the_place_of_another() -> None:
         module m x : [0..3]; [] left -> (x'=0); endmodule
         module n = m [ x=y, left=right ] endmodule"""
     )
-    assert [m.commands[0].guard for m in bound.modules] == [parse_expression("y>0"), parse_expression("x>1")]
+    assert [m.commands[0].guard for m in bound.modules] == [
+        parse_expression("y>0"),
+        parse_expression("x>1"),
+    ]
 
 
 def test_bounds_of_a_copy_use_its_constants() -> None:
-    bound = model("mdp const int N = 1; const int M = 5; module m x : [0..N] init N; endmodule module n = m [ x=y, N=M ] endmodule")
+    bound = model(
+        "mdp const int N = 1; const int M = 5; module m x : [0..N] init N; endmodule module n = m [ x=y, N=M ] endmodule"
+    )
     assert [(v.low, v.high, v.initial) for v in bound.variables] == [(0, 1, 1), (0, 5, 5)]
 
 
@@ -203,7 +230,10 @@ def test_nested_formulas_are_expanded_once() -> None:
 
 
 def test_long_expressions() -> None:
-    parts = " ".join(f"formula g{i} = {' | '.join(['g' + str(i - 1)] + ['s=1'] * 1000) if i else 's=0'};" for i in range(5))
+    parts = " ".join(
+        f"formula g{i} = {' | '.join(['g' + str(i - 1)] + ['s=1'] * 1000) if i else 's=0'};"
+        for i in range(5)
+    )
     bound = model(f'dtmc {parts} {MODULE} label "l" = g4;')
     assert evaluate(bound.labels["l"], {"s": 2}) is False
     assert evaluate(bound.labels["l"], {"s": 0}) is True
@@ -213,9 +243,19 @@ def test_all_faults_are_told_at_once() -> None:
     with pytest.raises(InputError) as caught:
         model("dtmc const int N; module m s : [0..2]; [] t=0 -> (s'=0.5); [a] s -> true; endmodule")
     assert not isinstance(caught.value, NameFault | TypeFault)
-    assert [d.code for d in caught.value.diagnostics] == ["undefined-constant", "unknown-name", "type", "type"]
+    assert [d.code for d in caught.value.diagnostics] == [
+        "undefined-constant",
+        "unknown-name",
+        "type",
+        "type",
+    ]
 
 
 def test_globals() -> None:
-    bound = model("mdp global g : bool; module m s : bool; [] g -> (g'=false)&(s'=g); [a] g -> (s'=true); endmodule")
-    assert bound.modules[0].commands[0].updates[0].assignments == ((0, parse_expression("false")), (1, Name("g")))
+    bound = model(
+        "mdp global g : bool; module m s : bool; [] g -> (g'=false)&(s'=g); [a] g -> (s'=true); endmodule"
+    )
+    assert bound.modules[0].commands[0].updates[0].assignments == (
+        (0, parse_expression("false")),
+        (1, Name("g")),
+    )

@@ -9,13 +9,13 @@ import pytest
 from semantics.test_reduce import _value, count, phased
 from symcheck.check.checker import check
 from symcheck.check.options import Options
-from symcheck.check.question import Question, reduced
+from symcheck.check.property_instance import Question, reduced
 from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError
-from symcheck.semantics.bind import bind, bind_properties
-from symcheck.semantics.chains import counts_steps
+from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.reduce import Reduction, observe, reduce
+from symcheck.semantics.reduction.reset_dead_variables import Reduction, observe, reduce
+from symcheck.semantics.reduction.stutter_reduction import counts_steps
 from symcheck.syntax.parse import parse_model, parse_properties
 
 LOOP = """dtmc
@@ -43,7 +43,9 @@ def reduction(text: str, asked: str) -> tuple[BoundModel, Reduction]:
 
 def answer(model: BoundModel, asked: str) -> object:
     bound = bind_properties(parse_properties(asked), model)
-    return check(build(model, EXPLICIT), bound.properties[0].formula, EXPLICIT, labels=bound.labels).value
+    return check(
+        build(model, EXPLICIT), bound.properties[0].formula, EXPLICIT, labels=bound.labels
+    ).value
 
 
 @pytest.mark.parametrize(
@@ -76,8 +78,22 @@ def test_which_formulas_count_steps() -> None:
     def counting(asked: str) -> bool:
         return counts_steps(bind_properties(parse_properties(asked), model).properties[0].formula)
 
-    assert not any(map(counting, ('P>0.5 [ F "high" ]', 'P=? [ ("high" W x=2) & !(x=1 R "high") ]', "A [ G (E [ F x=1 ]) ]")))
-    assert all(map(counting, ("P=? [ F>=2 x=1 ]", "P=? [ F P>=1 [ X x=1 ] ]", "P=? [ G (x=1 => (F<=3 x=2)) ]")))
+    assert not any(
+        map(
+            counting,
+            (
+                'P>0.5 [ F "high" ]',
+                'P=? [ ("high" W x=2) & !(x=1 R "high") ]',
+                "A [ G (E [ F x=1 ]) ]",
+            ),
+        )
+    )
+    assert all(
+        map(
+            counting,
+            ("P=? [ F>=2 x=1 ]", "P=? [ F P>=1 [ X x=1 ] ]", "P=? [ G (x=1 => (F<=3 x=2)) ]"),
+        )
+    )
 
 
 def test_runs_keep_their_length_where_it_is_asked_for() -> None:
@@ -114,7 +130,9 @@ def test_a_step_before_a_deadlock_is_seen_where_deadlocks_are_asked_for() -> Non
     assert reduction(text, "P=? [ F x=3 ]")[1].passed == 1
     model, found = reduction(text, 'P=? [ x<3 U "deadlock" ]')
     assert found.passed == 0
-    assert answer(found.model, 'P=? [ x<3 U "deadlock" ]') == answer(model, 'P=? [ x<3 U "deadlock" ]')
+    assert answer(found.model, 'P=? [ x<3 U "deadlock" ]') == answer(
+        model, 'P=? [ x<3 U "deadlock" ]'
+    )
 
 
 def test_what_another_module_takes_part_in_stays() -> None:
@@ -127,17 +145,38 @@ def test_what_another_module_takes_part_in_stays() -> None:
 def chained(rng: Random, kind: str) -> str:
     """A loop of phases most of which do one thing for certain."""
     phases, data = rng.randint(3, 6), ["x", "y", "z"]
-    lines = [kind, "module m", f"  s : [0..{phases}];", *(f"  {n} : [0..3] init {rng.randint(0, 3)};" for n in data)]
+    lines = [
+        kind,
+        "module m",
+        f"  s : [0..{phases}];",
+        *(f"  {n} : [0..3] init {rng.randint(0, 3)};" for n in data),
+    ]
     for s in range(phases + 1):
         split = rng.random() < 0.35
-        for condition in (f" & {rng.choice(data)}>1", f" & {rng.choice(data)}<=1") if split else ("",):
+        for condition in (
+            (f" & {rng.choice(data)}>1", f" & {rng.choice(data)}<=1") if split else ("",)
+        ):
             parts = []
             for _ in range(rng.choice((1, 1, 1, 2))):
-                new = [f"({n}'={_value(rng, data, 3)})" for n in rng.sample(data, rng.choice((0, 1, 2)))]
+                new = [
+                    f"({n}'={_value(rng, data, 3)})"
+                    for n in rng.sample(data, rng.choice((0, 1, 2)))
+                ]
                 to = rng.choice((s, s + 1, s + 1, s + 1, rng.randint(0, phases)))
                 parts.append("&".join([*new, f"(s'={to if to <= phases else 0})"]))
-            lines.append(f"  [] s={s}{condition} -> " + " + ".join(f"{1 / len(parts)}:{p}" for p in parts) + ";")
-    return "\n".join([*lines, "endmodule", f'label "a" = x>{rng.randint(0, 2)};', f'label "b" = s={rng.randint(0, phases)} & y=z;'])
+            lines.append(
+                f"  [] s={s}{condition} -> "
+                + " + ".join(f"{1 / len(parts)}:{p}" for p in parts)
+                + ";"
+            )
+    return "\n".join(
+        [
+            *lines,
+            "endmodule",
+            f'label "a" = x>{rng.randint(0, 2)};',
+            f'label "b" = s={rng.randint(0, phases)} & y=z;',
+        ]
+    )
 
 
 ASKED = (

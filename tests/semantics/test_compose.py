@@ -6,10 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symcheck.semantics.compose import events
+from symcheck.semantics.binding.composition import events
 from symcheck.semantics.model import BoundCommand, BoundModule, Event
 from symcheck.syntax.ast import Literal, Type
-from symcheck.syntax.declarations import Composition, Hiding, Interleaving, ModuleReference, Parallel, Renaming, Synchronised
+from symcheck.syntax.declarations import (
+    Composition,
+    Hiding,
+    Interleaving,
+    ModuleReference,
+    Parallel,
+    Renaming,
+    Synchronised,
+)
 from symcheck.syntax.parse import parse_model
 
 TRUE = Literal(True, Type.BOOL)
@@ -17,17 +25,28 @@ TRUE = Literal(True, Type.BOOL)
 
 def module(number: int, actions: str) -> BoundModule:
     """A module M1, M2 … with a command per letter; `.` is an unlabelled one. Commands are told apart by their guards."""
-    commands = (BoundCommand(number, None if a == "." else a, Literal(10 * number + i, Type.INT), ()) for i, a in enumerate(actions))
+    commands = (
+        BoundCommand(number, None if a == "." else a, Literal(10 * number + i, Type.INT), ())
+        for i, a in enumerate(actions)
+    )
     return BoundModule(f"M{number}", (), tuple(commands))
 
 
 def shown(found: tuple[Event, ...]) -> list[str]:
     """`a:11,12*21`: action a, commands 1 or 2 of M1 together with command 1 of M2."""
-    return [f"{e.action or ''}:" + "*".join(",".join(str(c.guard.value) for c in p) for p in e.participants) for e in found]
+    return [
+        f"{e.action or ''}:"
+        + "*".join(",".join(str(c.guard.value) for c in p) for p in e.participants)
+        for e in found
+    ]
 
 
 def compose(system: str, *modules: str) -> list[str]:
-    text = "mdp " + " ".join(f"module M{i} endmodule" for i in range(1, len(modules) + 1)) + f" system {system} endsystem"
+    text = (
+        "mdp "
+        + " ".join(f"module M{i} endmodule" for i in range(1, len(modules) + 1))
+        + f" system {system} endsystem"
+    )
     return shown(events([module(i, a) for i, a in enumerate(modules, 1)], parse_model(text).system))
 
 
@@ -77,13 +96,17 @@ systems = st.recursive(
         st.tuples(st.just("|||"), inner, inner),
         st.tuples(st.just("|[]|"), inner, inner, st.frozensets(st.sampled_from("ab"))),
         st.tuples(st.just("/"), inner, st.frozensets(st.sampled_from("ab"))),
-        st.tuples(st.just("{}"), inner, st.dictionaries(st.sampled_from("ab"), st.sampled_from("abc"))),
+        st.tuples(
+            st.just("{}"), inner, st.dictionaries(st.sampled_from("ab"), st.sampled_from("abc"))
+        ),
     ),
     max_leaves=4,
 )
 
 
-def build(tree: tuple, alphabet: list[str], modules: list[BoundModule]) -> tuple[Composition, dict, set[str]]:
+def build(
+    tree: tuple, alphabet: list[str], modules: list[BoundModule]
+) -> tuple[Composition, dict, set[str]]:
     """The composition of a tree with a fresh module at each leaf; and, straight from the definitions of the operators,
     the sets of commands that happen together, with how often, and the alphabet."""
     if not tree:
@@ -97,9 +120,17 @@ def build(tree: tuple, alphabet: list[str], modules: list[BoundModule]) -> tuple
     operator, *rest = tree
     left, a, a_alphabet = build(rest[0], alphabet, modules)
     if operator == "/":
-        return Hiding(left, tuple(rest[1])), relabel(a, dict.fromkeys(rest[1])), a_alphabet - rest[1]
+        return (
+            Hiding(left, tuple(rest[1])),
+            relabel(a, dict.fromkeys(rest[1])),
+            a_alphabet - rest[1],
+        )
     if operator == "{}":
-        return Renaming(left, tuple(rest[1].items())), relabel(a, rest[1]), {rest[1].get(x, x) for x in a_alphabet}
+        return (
+            Renaming(left, tuple(rest[1].items())),
+            relabel(a, rest[1]),
+            {rest[1].get(x, x) for x in a_alphabet},
+        )
     right, b, b_alphabet = build(rest[1], alphabet, modules)
     shared = {"||": a_alphabet & b_alphabet, "|||": set(), "|[]|": rest[-1]}[operator]
     steps = {}
@@ -108,7 +139,11 @@ def build(tree: tuple, alphabet: list[str], modules: list[BoundModule]) -> tuple
             steps[action] = [x | y for x in a.get(action, []) for y in b.get(action, [])]
         else:
             steps[action] = a.get(action, []) + b.get(action, [])
-    node = {"||": Parallel((left, right)), "|||": Interleaving((left, right)), "|[]|": Synchronised(left, right, tuple(rest[-1]))}
+    node = {
+        "||": Parallel((left, right)),
+        "|||": Interleaving((left, right)),
+        "|[]|": Synchronised(left, right, tuple(rest[-1])),
+    }
     return node[operator], steps, a_alphabet | b_alphabet
 
 
@@ -130,4 +165,6 @@ def test_flattening_keeps_the_steps(tree: tuple, alphabet: list[str]) -> None:
             combined = [x | {c.guard.value} for x in combined for c in commands]
         found.setdefault(event.action, []).extend(combined)
     expected = {a: s for a, s in expected.items() if s}
-    assert {a: sorted(map(sorted, s)) for a, s in found.items()} == {a: sorted(map(sorted, s)) for a, s in expected.items()}
+    assert {a: sorted(map(sorted, s)) for a, s in found.items()} == {
+        a: sorted(map(sorted, s)) for a, s in expected.items()
+    }

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from semantics.expressions import TYPES, anything, valuations
 from symcheck.errors import ModelFault, NameFault, UnsupportedError
-from symcheck.semantics.evaluate import evaluate
-from symcheck.semantics.literals import as_expression, type_of_value
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.literals import as_expression, type_of_value
+from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import Value
-from symcheck.semantics.types import type_of
 from symcheck.syntax.ast import Binary, Expression, LabelReference, Literal, Name, Type, Unary
 from symcheck.syntax.parse import parse_expression
 
@@ -20,7 +20,9 @@ from symcheck.syntax.parse import parse_expression
 def same(a: Value, b: Value) -> bool:
     """Equal and of one type, with NaN equal to itself and -0.0 different from 0.0."""
     if isinstance(a, float) and isinstance(b, float):
-        return (math.isnan(a) and math.isnan(b)) or (a == b and math.copysign(1, a) == math.copysign(1, b))
+        return (math.isnan(a) and math.isnan(b)) or (
+            a == b and math.copysign(1, a) == math.copysign(1, b)
+        )
     return type(a) is type(b) and a == b
 
 
@@ -119,7 +121,10 @@ def test_without_value(text: str, code: str, exact: bool) -> None:
     assert [d.code for d in caught.value.diagnostics] == [code]
 
 
-@pytest.mark.parametrize(("text", "code"), [("(1/4)^(1/2)", "exact-power"), ("log(3,2)", "exact-log"), ("2.0^10000000", "exact-power")])
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [("(1/4)^(1/2)", "exact-power"), ("log(3,2)", "exact-log"), ("2.0^10000000", "exact-power")],
+)
 def test_without_exact_value(text: str, code: str) -> None:
     with pytest.raises(ModelFault) as caught:
         evaluate(parse_expression(text), {}, exact=True)

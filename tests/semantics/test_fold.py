@@ -7,17 +7,19 @@ from hypothesis import strategies as st
 from semantics.expressions import TYPES, anything, valuations
 from semantics.test_evaluate import same
 from symcheck.errors import ModelFault
-from symcheck.semantics.evaluate import evaluate
-from symcheck.semantics.fold import fold
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.simplify import fold
+from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import Value
-from symcheck.semantics.types import type_of
 from symcheck.syntax.ast import Expression, Literal
 from symcheck.syntax.parse import parse_expression
-from symcheck.syntax.walk import nodes
+from symcheck.syntax.traversal import nodes
 
 
 @given(anything, valuations, st.booleans(), st.booleans())
-def test_folding_changes_no_value(expression: Expression, state: dict[str, Value], exact: bool, typed: bool) -> None:
+def test_folding_changes_no_value(
+    expression: Expression, state: dict[str, Value], exact: bool, typed: bool
+) -> None:
     folded = fold(expression, exact=exact, types=TYPES if typed else None)
     assert type_of(folded, TYPES) is type_of(expression, TYPES)
     try:

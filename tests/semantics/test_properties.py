@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 
 from symcheck.errors import InputError, NameFault, TypeFault
-from symcheck.semantics.bind import (
+from symcheck.semantics.binding.bind import (
     BoundProperties,
     bind,
     bind_expression,
@@ -24,8 +24,14 @@ rewards true : 1; endrewards
 rewards "steps" true : 2; endrewards"""
 
 
-def bound(text: str, *, kind: str = "dtmc", exact: bool = False, **constants: object) -> BoundProperties:
-    return bind_properties(parse_properties(text), bind(parse_model(f"{kind} {MODEL}"), {"N": 2}, exact=exact), constants)
+def bound(
+    text: str, *, kind: str = "dtmc", exact: bool = False, **constants: object
+) -> BoundProperties:
+    return bind_properties(
+        parse_properties(text),
+        bind(parse_model(f"{kind} {MODEL}"), {"N": 2}, exact=exact),
+        constants,
+    )
 
 
 def test_names_are_resolved() -> None:
@@ -34,10 +40,17 @@ def test_names_are_resolved() -> None:
     P>=p [ "early" U "late" ];
     R{"steps"}=? [ I=N ] + p;"""
     properties = bound(text)
-    expected = ["P=? [ F<=6 !(s>2) & s=3 ]", 'P>=0.5 [ "early" U "late" ]', 'R{"steps"}=? [ I=2 ] + 0.5']
+    expected = [
+        "P=? [ F<=6 !(s>2) & s=3 ]",
+        'P>=0.5 [ "early" U "late" ]',
+        'R{"steps"}=? [ I=2 ] + 0.5',
+    ]
     assert [p.formula for p in properties.properties] == [parse_expression(t) for t in expected]
     assert [p.type for p in properties.properties] == [Type.DOUBLE, Type.BOOL, Type.DOUBLE]
-    assert properties.labels == {"late": parse_expression("s>2"), "early": parse_expression("!(s>2)")}
+    assert properties.labels == {
+        "late": parse_expression("s>2"),
+        "early": parse_expression("!(s>2)"),
+    }
     assert properties.constants == {"N": 2, "p": 0.5, "k": 3}
 
 
@@ -49,7 +62,9 @@ def test_exact() -> None:
 def test_properties_refer_to_each_other() -> None:
     text = '"six": P=? [ F s=4 ] + "x"; const int x = 3; "x": P=? [ F s=x ] + "y"; "y": 1.0; "late": 2.0; "z": "late" & "y">0;'
     properties = bound(text)
-    assert properties.find("six").formula == parse_expression("P=? [ F s=4 ] + (P=? [ F s=3 ] + 1.0)")
+    assert properties.find("six").formula == parse_expression(
+        "P=? [ F s=4 ] + (P=? [ F s=3 ] + 1.0)"
+    )
     # A label comes before a property.
     assert properties.find("z").formula == parse_expression('"late"')
 
@@ -76,7 +91,14 @@ def test_a_missing_constant_stops_only_those_that_need_it() -> None:
     P=? [ F late ]; P=? [ F "k" ]; P=? [ F f ]; "t": P<t [ F late ]; "t" | late; P=? [ F<=N late ];"""
     properties = bound(text)
     assert [p.missing for p in properties.properties] == [(), ("k",), ("k",), ("t",), ("t",), ()]
-    assert [p.undefined for p in properties.properties] == [("N",), ("N", "k"), ("N", "k"), ("N", "t"), ("N", "t"), ("N",)]
+    assert [p.undefined for p in properties.properties] == [
+        ("N",),
+        ("N", "k"),
+        ("N", "k"),
+        ("N", "t"),
+        ("N", "t"),
+        ("N",),
+    ]
     assert properties.properties[0].formula is not None
     assert properties.constants == {"N": 2, "p": 0.5}
     with pytest.raises(NameFault, match="give it with -const k=VALUE"):
@@ -90,7 +112,9 @@ def test_a_missing_constant_stops_only_those_that_need_it() -> None:
 
 def test_needed_constants_without_values() -> None:
     program = parse_model(f"dtmc const bool unused; {MODEL}")
-    file = parse_properties('const int k; const int l = k+N; "a": s=l; s=0; "a" & late; label "l" = s=l; P=? [ F "l" ];')
+    file = parse_properties(
+        'const int k; const int l = k+N; "a": s=l; s=0; "a" & late; label "l" = s=l; P=? [ F "l" ];'
+    )
     model = ("unused", "N")
     assert needed_constants(program, file) == ((*model, "k"), model, (*model, "k"), (*model, "k"))
 
@@ -99,15 +123,22 @@ def test_split_constants() -> None:
     program, file = parse_model(f"dtmc {MODEL}"), parse_properties("const int k; s=k;")
     split = split_constants(program, file, {"N": 1, "k": 2, "kk": 3})
     assert (split.of_model, split.of_properties) == ({"N": 1}, {"k": 2})
-    assert [(d.severity, d.code, d.hint) for d in split.warnings] == [("warning", "unknown-constant", "did you mean k?")]
+    assert [(d.severity, d.code, d.hint) for d in split.warnings] == [
+        ("warning", "unknown-constant", "did you mean k?")
+    ]
     assert split_constants(program, None, {"N": 1}).warnings == ()
 
 
 def test_faults_stay_with_their_property() -> None:
-    properties = bound("P=? [ F sx=0 ]; s=0; P=? [ F s ]; const double c = 2^-1; P>c [ F late ]; P=? [ F<=-1 late ];")
+    properties = bound(
+        "P=? [ F sx=0 ]; s=0; P=? [ F s ]; const double c = 2^-1; P>c [ F late ]; P=? [ F<=-1 late ];"
+    )
     kinds = [None if p.fault is None else type(p.fault) for p in properties.properties]
     assert kinds[:3] == [NameFault, None, TypeFault]
-    assert [p.fault.diagnostics[0].code for p in properties.properties[3:]] == ["pow-negative", "bound-negative"]
+    assert [p.fault.diagnostics[0].code for p in properties.properties[3:]] == [
+        "pow-negative",
+        "bound-negative",
+    ]
     with pytest.raises(InputError) as caught:
         properties.raise_faults()
     assert len(caught.value.diagnostics) == 4
@@ -154,7 +185,12 @@ def test_conditions(kind: str, text: str, code: str | None) -> None:
 
 def test_reward_index() -> None:
     model = bind(parse_model(f"dtmc {MODEL}"), {"N": 2})
-    for text, index in (("R=? [ C ]", 0), ('R{"steps"}=? [ C ]', 1), ("R{2}=? [ C ]", 1), ("R{N-1}=? [ C ]", 0)):
+    for text, index in (
+        ("R=? [ C ]", 0),
+        ('R{"steps"}=? [ C ]', 1),
+        ("R{2}=? [ C ]", 1),
+        ("R{N-1}=? [ C ]", 0),
+    ):
         (p,) = bind_properties(parse_properties(text), model).properties
         assert isinstance(p.formula, RewardOperator)
         assert reward_index(p.formula.structure, model) == index
@@ -164,7 +200,9 @@ def test_bind_expression() -> None:
     model = bind(parse_model(f"dtmc {MODEL}"), {"N": 2})
     text = parse_expression('late & "late" & "own" & s<c & f')
     labels, formulas = {"own": parse_expression("s=N")}, {"f": parse_expression("s>c")}
-    expression, kind = bind_expression(text, model, labels=labels, constants={"c": 3}, formulas=formulas)
+    expression, kind = bind_expression(
+        text, model, labels=labels, constants={"c": 3}, formulas=formulas
+    )
     assert (expression, kind) == (parse_expression("s>2 & s>2 & s=2 & s<3 & s>3"), Type.BOOL)
     assert bind_expression(parse_expression("N/2+s"), model)[1] is Type.DOUBLE
     with pytest.raises(InputError, match="property only"):
@@ -176,6 +214,9 @@ def test_bind_expression() -> None:
 def test_comments_stay() -> None:
     properties = bound('// RESULT: 1\nP=? [ F late ];\n// RESULT (N=2): true\n"n": true;')
     assert [p.comments for p in properties.properties] == [
-        p.comments for p in parse_properties('// RESULT: 1\nP=? [ F late ];\n// RESULT (N=2): true\n"n": true;').properties
+        p.comments
+        for p in parse_properties(
+            '// RESULT: 1\nP=? [ F late ];\n// RESULT (N=2): true\n"n": true;'
+        ).properties
     ]
     assert properties.properties[0].comments

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from generate import random_model, random_property
 from symcheck.check.checker import check
 from symcheck.check.options import Options
-from symcheck.engines.explicit import ExplicitEngine
+from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.registry import build
 from symcheck.errors import InputError, ModelFault, NumericalError, SymcheckError
 from symcheck.explicit.build import explore
-from symcheck.semantics.bind import bind, bind_properties
-from symcheck.semantics.liveness import liveness
+from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.reduce import Reduction, observe, reduce
+from symcheck.semantics.reduction.live_variables import liveness
+from symcheck.semantics.reduction.reset_dead_variables import Reduction, observe, reduce
 from symcheck.syntax.parse import parse_model, parse_properties
 
 EXACT = Options(exact=True)
@@ -47,7 +47,9 @@ def reduced(text: str, properties: str, **constants: str) -> tuple[BoundModel, R
 
 def value(model: BoundModel, properties: str, index: int = 0, options: Options = EXACT) -> object:
     bound = bind_properties(parse_properties(properties), model)
-    return check(build(model, options), bound.properties[index].formula, options, labels=bound.labels).value
+    return check(
+        build(model, options), bound.properties[index].formula, options, labels=bound.labels
+    ).value
 
 
 def count(model: BoundModel) -> int:
@@ -70,11 +72,15 @@ def test_live_sets_by_location() -> None:
     model = bind(parse_model(PHASES), {})
     found = liveness(model, (), rewards=False)
     names = [v.name for v in model.variables]
-    live = {location[0]: {names[i] for i in variables} for location, variables in found.live.items()}
+    live = {
+        location[0]: {names[i] for i in variables} for location, variables in found.live.items()
+    }
     assert live == {0: {"s", "y"}, 1: {"s", "x", "y"}, 2: {"s", "t"}, 3: {"s"}}
 
 
-@pytest.mark.parametrize("asked", ["filter(count, x=1)", 'P=? [ F "init" & x=1 ]', "filter(print, x>0)"])
+@pytest.mark.parametrize(
+    "asked", ["filter(count, x=1)", 'P=? [ F "init" & x=1 ]', "filter(print, x>0)"]
+)
 def test_what_speaks_of_the_states_themselves_is_not_reduced(asked: str) -> None:
     model, reduction = reduced(PHASES, asked)
     assert not reduction.resets
@@ -84,7 +90,11 @@ def test_what_speaks_of_the_states_themselves_is_not_reduced(asked: str) -> None
 
 def test_a_variable_of_many_values_is_no_program_counter() -> None:
     """Its values are not listed to find that out."""
-    wide = PHASES.replace("t : [0..9]", "t : [0..2000000000]").replace("t>=5", "t=5").replace("s=1 ->", "s=1 & t=0 ->")
+    wide = (
+        PHASES.replace("t : [0..9]", "t : [0..2000000000]")
+        .replace("t>=5", "t=5")
+        .replace("s=1 ->", "s=1 & t=0 ->")
+    )
     model, reduction = reduced(wide, 'P=? [ F "seen" ]')
     assert [model.variables[i].name for i in reduction.liveness.locations.control] == ["s"]
 
@@ -145,21 +155,44 @@ def phased(rng: Random, kind: str) -> str:
     phases, high = rng.randint(2, 4), 2
     data = ["x", "y", "z"]
     rewarded = rng.choice(data)
-    text = [kind, "module m", f"  s : [0..{phases}] init 0;", *(f"  {n} : [0..{high}] init {rng.randint(0, high)};" for n in data)]
+    text = [
+        kind,
+        "module m",
+        f"  s : [0..{phases}] init 0;",
+        *(f"  {n} : [0..{high}] init {rng.randint(0, high)};" for n in data),
+    ]
     for s in range(phases):
         for _ in range(rng.choice((1, 1, 2))):
             guard = f"s={s}" + rng.choice(("", "", f" & {rng.choice(data)}>{rng.randint(0, 1)}"))
             parts = []
             for _ in range(rng.choice((1, 2))):
-                new = [f"({n}'={_value(rng, data, high)})" for n in rng.sample(data, rng.choice((0, 1, 2)))]
-                parts.append("&".join([*new, f"(s'={rng.choice((s, s + 1, mod_next(s, phases)))})"]))
+                new = [
+                    f"({n}'={_value(rng, data, high)})"
+                    for n in rng.sample(data, rng.choice((0, 1, 2)))
+                ]
+                parts.append(
+                    "&".join([*new, f"(s'={rng.choice((s, s + 1, mod_next(s, phases)))})"])
+                )
             weight = "1" if len(parts) == 1 else "0.5"
             action = rng.choice(("", "", "a"))
-            text.append(f"  [{action}] {guard} -> " + " + ".join(f"{weight}:{p}" for p in parts) + ";")
-    text += ["endmodule", "module n", "  w : [0..1] init 0; v : [0..2] init 0;", "  [a] w=0 -> (w'=1)&(v'=x);"]
-    text += [f"  [a] w=1 -> 0.5:(w'=0) + 0.5:(w'=1)&(v'={_value(rng, ['v', 'y'], high)});", "endmodule"]
+            text.append(
+                f"  [{action}] {guard} -> " + " + ".join(f"{weight}:{p}" for p in parts) + ";"
+            )
+    text += [
+        "endmodule",
+        "module n",
+        "  w : [0..1] init 0; v : [0..2] init 0;",
+        "  [a] w=0 -> (w'=1)&(v'=x);",
+    ]
+    text += [
+        f"  [a] w=1 -> 0.5:(w'=0) + 0.5:(w'=1)&(v'={_value(rng, ['v', 'y'], high)});",
+        "endmodule",
+    ]
     text += [f'rewards "r" s={rng.randint(0, phases)} : {rewarded}; [a] true : v; endrewards']
-    text += [f'label "a" = s={rng.randint(0, phases)} & {rng.choice(data)}>{rng.randint(0, 1)};', 'label "b" = w=0 & v=1;']
+    text += [
+        f'label "a" = s={rng.randint(0, phases)} & {rng.choice(data)}>{rng.randint(0, 1)};',
+        'label "b" = w=0 & v=1;',
+    ]
     return "\n".join(text)
 
 
@@ -169,7 +202,16 @@ def mod_next(s: int, phases: int) -> int:
 
 def _value(rng: Random, data: Sequence[str], high: int) -> str:
     a, b = rng.choice(data), rng.choice(data)
-    return rng.choice((f"min({a}+{b},{high})", a, str(rng.randint(0, high)), f"mod({a}+1,{high + 1})", f"max({a}-1,0)", f"{a}={b}?1:0"))
+    return rng.choice(
+        (
+            f"min({a}+{b},{high})",
+            a,
+            str(rng.randint(0, high)),
+            f"mod({a}+1,{high + 1})",
+            f"max({a}-1,0)",
+            f"{a}={b}?1:0",
+        )
+    )
 
 
 ASKED = {
@@ -183,11 +225,20 @@ ASKED = {
         'E [ F "deadlock" ]',
     ],
     "ctmc": ['P=? [ F "a" ]', "S=? [ w=1 ]", "P=? [ X s=1 ]"],
-    "mdp": ['Pmax=? [ F "a" ]', 'Pmin=? [ F<=4 "b" ]', "Rmax=? [ C<=4 ]", 'E [ F "deadlock" & v=1 ]'],
+    "mdp": [
+        'Pmax=? [ F "a" ]',
+        'Pmin=? [ F<=4 "b" ]',
+        "Rmax=? [ C<=4 ]",
+        'E [ F "deadlock" & v=1 ]',
+    ],
 }
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
+)
 @given(st.integers(0, 10**9), st.sampled_from(sorted(ASKED)), st.booleans())
 @example(296, "dtmc", True)
 def test_random_models_keep_their_exact_values(seed: int, kind: str, with_phases: bool) -> None:
@@ -211,7 +262,14 @@ def test_random_models_keep_their_exact_values(seed: int, kind: str, with_phases
         return
     assert value(reduction.model, asked) == expected
     plain = bind(parse_model(text), {})
-    again = reduce(plain, observe(plain, [bind_properties(parse_properties(asked), plain).properties[0].formula], plain.labels))
+    again = reduce(
+        plain,
+        observe(
+            plain,
+            [bind_properties(parse_properties(asked), plain).properties[0].formula],
+            plain.labels,
+        ),
+    )
     # Resets that are made while exploring stand in no model that could be explored exactly.
     explicit = explore(again.liveness.locations.model, Options(), canonical=again.canonical)
     assert explicit.matrix.columns <= count(plain)
@@ -221,7 +279,11 @@ def test_random_models_keep_their_exact_values(seed: int, kind: str, with_phases
     except NumericalError:  # a threshold that is met exactly, and no rationals to decide it
         assert isinstance(expected, bool)
         return
-    assert found == expected if isinstance(expected, bool) else found == pytest.approx(float(expected), abs=1e-8, rel=1e-8)  # type: ignore[arg-type]
+    assert (
+        found == expected
+        if isinstance(expected, bool)
+        else found == pytest.approx(float(expected), abs=1e-8, rel=1e-8)
+    )  # type: ignore[arg-type]
 
 
 _STALE = """dtmc
@@ -242,10 +304,14 @@ def test_the_programming_interface_reduces_for_what_is_checked():
     for question in ("P=? [ F pc=2&y=3 ]", "P=? [ F pc=1&x=1 ]", "E [ F pc=2&y=1 ]"):
         assert smaller.check(question).value == whole.check(question).value
     # Each check is on a model for its own question, and the whole one is still there.
-    assert smaller.check("filter(count, true)").value == whole.engine.states == smaller.engine.states
+    assert (
+        smaller.check("filter(count, true)").value == whole.engine.states == smaller.engine.states
+    )
     assert len(smaller.check("P=? [ F pc=2&y=3 ]").values.lower) < whole.engine.states
     both = "P=? [ F pc=2&y=3 ]; P=? [ F pc=1&x=1 ]"
-    assert [r.value for _, r in smaller.check_all(both)] == [r.value for _, r in whole.check_all(both)]
+    assert [r.value for _, r in smaller.check_all(both)] == [
+        r.value for _, r in whole.check_all(both)
+    ]
 
 
 @pytest.mark.parametrize("bisim", [False, True])
@@ -269,6 +335,10 @@ def test_thresholds_that_are_met_exactly_are_decided_on_reduced_models():
       [] s=1 -> 1/3 : (s'=2) + 2/3 : (s'=3) & (x'=mod(x+1,10));
       [] s>=2 -> true;
     endmodule"""
-    for query, expected in (("P>=2/3 [ F s=3 ]", True), ("P>2/3 [ F s=3 ]", False), ("P>=1 [ F P<=2/3 [ F s=3 ] ]", True)):
+    for query, expected in (
+        ("P>=2/3 [ F s=3 ]", True),
+        ("P>2/3 [ F s=3 ]", False),
+        ("P>=1 [ F P<=2/3 [ F s=3 ] ]", True),
+    ):
         result = symcheck.loads(text, engine="explicit", reduce=True).check(query)
         assert result.value is expected

@@ -8,10 +8,10 @@ import pytest
 
 from semantics.cases import explore
 from symcheck.errors import ModelFault
-from symcheck.semantics import faults
-from symcheck.semantics.bind import bind
+from symcheck.semantics import state_faults
+from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.interpreter import Row, choices, initial_states, state_rewards, transitions
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.step import Row, choices, initial_states, state_rewards, transitions
 from symcheck.syntax.parse import parse_model
 
 F = Fraction
@@ -46,7 +46,10 @@ def test_ctmc_races() -> None:
 
 def test_mdp_keeps_choices() -> None:
     rows = transitions(model("mdp " + BODY), (0,))
-    assert [branches(r) for r in rows] == [{(1,): F(1, 2), (2,): F(1, 2)}, {(1,): F(1, 4), (3,): F(3, 4)}]
+    assert [branches(r) for r in rows] == [
+        {(1,): F(1, 2), (2,): F(1, 2)},
+        {(1,): F(1, 4), (3,): F(3, 4)},
+    ]
     assert [r.rewards for r in rows] == [(3,), (3,)]
 
 
@@ -65,13 +68,21 @@ rewards "r" [a] x=0 : 1; [b] true : 10; [] true : 100; endrewards"""
 
 def test_rates_multiply() -> None:
     (row,) = transitions(model("ctmc " + SYNCHRONISED), (0, 0, False))
-    assert branches(row) == {(1, 1, False): 22, (2, 1, False): 33, (0, 1, False): 55, (1, 0, False): 7, (0, 0, True): 1}
+    assert branches(row) == {
+        (1, 1, False): 22,
+        (2, 1, False): 33,
+        (0, 1, False): 55,
+        (1, 0, False): 7,
+        (0, 0, True): 1,
+    }
     assert row.rewards == (110 + 10 + 700,)
     assert row.action is None
 
 
 def test_choices_of_an_mdp_with_actions() -> None:
-    text = "mdp " + SYNCHRONISED.replace("2:(x'=1) + 3:", "0.4:(x'=1) + 0.6:").replace("5:", "").replace("7:", "").replace("11:", "")
+    text = "mdp " + SYNCHRONISED.replace("2:(x'=1) + 3:", "0.4:(x'=1) + 0.6:").replace(
+        "5:", ""
+    ).replace("7:", "").replace("11:", "")
     bound = model(text)
     found = choices(bound, (0, 0, False))
     assert [(c.action, len(c.commands), len(c.branches), c.rewards) for c in found] == [
@@ -85,13 +96,17 @@ def test_choices_of_an_mdp_with_actions() -> None:
 
 
 def test_updates_read_the_old_state() -> None:
-    bound = model("dtmc module m x : [0..3] init 1; y : [0..3] init 2; [] true -> (x'=y) & (y'=x); endmodule")
+    bound = model(
+        "dtmc module m x : [0..3] init 1; y : [0..3] init 2; [] true -> (x'=y) & (y'=x); endmodule"
+    )
     (row,) = transitions(bound, (1, 2))
     assert branches(row) == {(2, 1): 1}
 
 
 def test_branches_to_one_state_are_added() -> None:
-    bound = model("dtmc module m x : [0..1]; [] true -> 1/3:(x'=0) + 1/6:(x'=x) + 1/2:(x'=1); endmodule")
+    bound = model(
+        "dtmc module m x : [0..1]; [] true -> 1/3:(x'=0) + 1/6:(x'=x) + 1/2:(x'=1); endmodule"
+    )
     assert branches(transitions(bound, (0,))[0]) == {(0,): F(1, 2), (1,): F(1, 2)}
 
 
@@ -103,7 +118,9 @@ def test_what_has_probability_zero_does_not_happen() -> None:
 
 
 def test_a_rate_of_zero_is_no_transition() -> None:
-    assert transitions(model("ctmc module m x : [0..1]; [] true -> x:(x'=0); endmodule"), (0,)) == ()
+    assert (
+        transitions(model("ctmc module m x : [0..1]; [] true -> x:(x'=0); endmodule"), (0,)) == ()
+    )
 
 
 def test_sums_can_be_left_unchecked() -> None:
@@ -118,13 +135,15 @@ def test_sums_in_floating_point_have_tolerance() -> None:
     assert len(transitions(bind(parse_model(text)), (0,))) == 1
     with pytest.raises(ModelFault):
         transitions(model(text), (0,))
-    assert faults.sums_to_one(1 + 0.9e-5)
-    assert not faults.sums_to_one(1 + 1.1e-5)
-    assert not faults.sums_to_one(float("nan"))
+    assert state_faults.sums_to_one(1 + 0.9e-5)
+    assert not state_faults.sums_to_one(1 + 1.1e-5)
+    assert not state_faults.sums_to_one(float("nan"))
 
 
 def test_initial_states() -> None:
-    assert initial_states(model("dtmc module m x : [0..2] init 1; b : bool init true; endmodule")) == ((1, True),)
+    assert initial_states(
+        model("dtmc module m x : [0..2] init 1; b : bool init true; endmodule")
+    ) == ((1, True),)
     several = model("dtmc module m x : [0..2]; b : bool; endmodule init x>0 & (b | x=2) endinit")
     assert initial_states(several) == ((1, True), (2, False), (2, True))
 
@@ -152,5 +171,7 @@ def test_known_numbers_of_states() -> None:
 
 
 def test_deadlock_words() -> None:
-    assert str(faults.deadlocks(["(s=1)"], 1)).startswith("error[deadlock]: 1 state has no transition (a deadlock), for example (s=1)")
-    assert "5 states have" in faults.deadlocks(["(s=1)", "(s=2)"], 5).message
+    assert str(state_faults.deadlocks(["(s=1)"], 1)).startswith(
+        "error[deadlock]: 1 state has no transition (a deadlock), for example (s=1)"
+    )
+    assert "5 states have" in state_faults.deadlocks(["(s=1)", "(s=2)"], 5).message

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from symcheck.errors import InputError, NameFault, TypeFault
-from symcheck.semantics.types import type_of
+from symcheck.semantics.expressions.types import type_of
 from symcheck.syntax.ast import Type
 from symcheck.syntax.lalr import MAX_NESTING
 from symcheck.syntax.parse import parse_expression
@@ -103,4 +103,6 @@ def test_names_and_labels_must_be_known() -> None:
 
 def test_deep_expressions() -> None:
     assert type_of(parse_expression(" | ".join(["b"] * 1900)), TYPES) is Type.BOOL
-    assert type_of(parse_expression("b?1:" * (MAX_NESTING - 100) + "2"), TYPES) is Type.INT  # less deep on Python 3.12
+    assert (
+        type_of(parse_expression("b?1:" * (MAX_NESTING - 100) + "2"), TYPES) is Type.INT
+    )  # less deep on Python 3.12

@@ -11,19 +11,34 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from symcheck.errors import InputError
-from symcheck.semantics.evaluate import evaluate
-from symcheck.semantics.vectorised import evaluate_columns
-from symcheck.syntax.ast import Binary, Call, Conditional, LabelReference, Literal, Name, Type, Unary
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.vectorised import evaluate_columns
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    LabelReference,
+    Literal,
+    Name,
+    Type,
+    Unary,
+)
 
 _LEAVES = st.one_of(
     st.integers(-4, 5).map(lambda i: (Literal(i, Type.INT), "int")),
-    st.sampled_from([Fraction(1, 2), Fraction(-3, 4), Fraction(2), Fraction(1, 10)]).map(lambda f: (Literal(f, Type.DOUBLE), "double")),
+    st.sampled_from([Fraction(1, 2), Fraction(-3, 4), Fraction(2), Fraction(1, 10)]).map(
+        lambda f: (Literal(f, Type.DOUBLE), "double")
+    ),
     st.sampled_from([(Name("x"), "int"), (Name("y"), "int"), (Name("b"), "bool")]),
 )
 
 
 def _number(pair):
-    return pair if pair[1] != "bool" else (Conditional(pair[0], Literal(1, Type.INT), Literal(2, Type.INT)), "int")
+    return (
+        pair
+        if pair[1] != "bool"
+        else (Conditional(pair[0], Literal(1, Type.INT), Literal(2, Type.INT)), "int")
+    )
 
 
 def _boolean(pair):
@@ -48,7 +63,28 @@ def _join(operator, left, right):
     return Binary(operator, x, y), "double" if operator == "/" else kind
 
 
-_OPERATORS = ["+", "-", "*", "/", "^", "=", "!=", "<", "<=", ">", ">=", "&", "|", "=>", "<=>", "min", "max", "pow", "mod", "log"]
+_OPERATORS = [
+    "+",
+    "-",
+    "*",
+    "/",
+    "^",
+    "=",
+    "!=",
+    "<",
+    "<=",
+    ">",
+    ">=",
+    "&",
+    "|",
+    "=>",
+    "<=>",
+    "min",
+    "max",
+    "pow",
+    "mod",
+    "log",
+]
 
 
 def _unary(operator, operand):
@@ -122,7 +158,9 @@ def test_only_the_variables_that_occur_give_the_shape():
     columns = {"x": np.arange(4).reshape(4, 1), "y": np.arange(3).reshape(1, 3)}
     assert evaluate_columns(Name("y"), columns).shape == (1, 3)
     assert evaluate_columns(Literal(1, Type.INT), columns).shape == ()
-    assert evaluate_columns(Binary("+", Name("x"), Name("y")), columns).tolist() == [[i + j for j in range(3)] for i in range(4)]
+    assert evaluate_columns(Binary("+", Name("x"), Name("y")), columns).tolist() == [
+        [i + j for j in range(3)] for i in range(4)
+    ]
 
 
 def test_temporal_nodes_are_refused():

@@ -12,7 +12,7 @@ from checking import check_text, engine_of
 from generate import random_model, random_property
 from symcheck.check.result import Exact, Result, Statistical
 from symcheck.errors import NameFault, NumericalError, SymcheckError, UnsupportedError, UsageError
-from symcheck.semantics.bind import bind, bind_properties
+from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.simulate.check import check_by_sampling
 from symcheck.simulate.statistics import Plan
 from symcheck.syntax.parse import parse_model, parse_properties
@@ -23,7 +23,9 @@ DIE = (Path(__file__).parents[2] / "models" / "die" / "die.pm").read_text()
 def sample(text: str, formula: str, **plan: object) -> Result:
     model = bind(parse_model(text), {})
     bound = bind_properties(parse_properties(formula), model, {})
-    return check_by_sampling(model, bound.properties[0].formula, Plan(**{"seed": 1, **plan}), labels=bound.labels)
+    return check_by_sampling(
+        model, bound.properties[0].formula, Plan(**{"seed": 1, **plan}), labels=bound.labels
+    )
 
 
 def fine(text: str) -> bool:
@@ -43,7 +45,9 @@ def cases(count: int) -> list[tuple[str, str, str, int]]:
         kind = rng.choice(("dtmc", "ctmc"))
         model = random_model(rng, kind)
         formula = random_property(rng, model)
-        if fine(model.text) and not any(part in formula for part in ("S=?", "[ S ]", "[ C ]", "(P")):
+        if fine(model.text) and not any(
+            part in formula for part in ("S=?", "[ S ]", "[ C ]", "(P")
+        ):
             found.append((kind, model.text, formula, seed))
         seed += 1
     return found
@@ -115,20 +119,36 @@ def test_rewards_by_apmc_need_a_largest_one() -> None:
         sample(DIE, formula, method="apmc", most=2.0)
     result = sample(DIE, formula, method="apmc", most=5.0, width=0.1, error=1e-6)
     assert isinstance(result.accuracy, Statistical)
-    assert result.accuracy.lower <= check_text(engine_of(DIE), formula).value <= result.accuracy.upper
+    assert (
+        result.accuracy.lower <= check_text(engine_of(DIE), formula).value <= result.accuracy.upper
+    )
 
 
-@pytest.mark.parametrize(("formula", "verdict"), [("P>=0.1", True), ("P>0.3", False), ("P<0.3", True), ("P<=0.05", False)])
+@pytest.mark.parametrize(
+    ("formula", "verdict"),
+    [("P>=0.1", True), ("P>0.3", False), ("P<0.3", True), ("P<=0.05", False)],
+)
 @pytest.mark.parametrize("method", ["ci", "aci", "apmc", "sprt"])
 def test_thresholds(method: str, formula: str, verdict: bool) -> None:
-    result = sample(DIE, f"{formula} [ F d=6 ]", method=method, samples=20000, width=0.03 if method == "sprt" else None)
+    result = sample(
+        DIE,
+        f"{formula} [ F d=6 ]",
+        method=method,
+        samples=20000,
+        width=0.03 if method == "sprt" else None,
+    )
     assert result.value is verdict
 
 
 def test_the_sequential_test_is_wrong_as_rarely_as_it_says() -> None:
     coin = "dtmc module m x:[0..2]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=2); endmodule"
-    verdicts = [sample(coin, "P>=0.45 [ X x=1 ]", method="sprt", width=0.05, error=0.1, seed=s).value for s in range(200)]
-    assert sum(1 for v in verdicts if not v) <= 40  # 20 expected at most; more than 40 has probability below 1e-4
+    verdicts = [
+        sample(coin, "P>=0.45 [ X x=1 ]", method="sprt", width=0.05, error=0.1, seed=s).value
+        for s in range(200)
+    ]
+    assert (
+        sum(1 for v in verdicts if not v) <= 40
+    )  # 20 expected at most; more than 40 has probability below 1e-4
 
 
 def test_an_interval_around_the_threshold_decides_nothing() -> None:
@@ -172,9 +192,15 @@ def test_what_is_unsupported_says_what_would_work(formula: str, advice: str) -> 
 
 def test_thresholds_of_an_mdp_are_refused() -> None:
     with pytest.raises(UnsupportedError, match="all strategies"):
-        sample("mdp module m x:[0..1]; [] true -> (x'=0); [] true -> (x'=1); endmodule", "P>=0.5 [ F x=1 ]")
+        sample(
+            "mdp module m x:[0..1]; [] true -> (x'=0); [] true -> (x'=1); endmodule",
+            "P>=0.5 [ F x=1 ]",
+        )
 
 
 def test_several_initial_states_are_refused() -> None:
     with pytest.raises(UnsupportedError, match="one initial state"):
-        sample("dtmc module m x:[0..1]; [] true -> (x'=x); endmodule\ninit true endinit", "P=? [ F x=1 ]")
+        sample(
+            "dtmc module m x:[0..1]; [] true -> (x'=x); endmodule\ninit true endinit",
+            "P=? [ F x=1 ]",
+        )

@@ -7,12 +7,12 @@ from pathlib import Path as File
 import pytest
 
 from symcheck.api import loads
-from symcheck.cli.entry import run_safely
+from symcheck.cli.entry_point import run_safely
 from symcheck.errors import NameFault, UsageError
-from symcheck.semantics.bind import bind
+from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.simulate.path import Layout, rows, table
-from symcheck.simulate.request import parse_request
+from symcheck.simulate.path_options import parse_request
 from symcheck.simulate.walk import simulate
 from symcheck.syntax.parse import parse_model
 
@@ -33,18 +33,31 @@ def model(text: str = COUNTER) -> BoundModel:
 
 def test_table() -> None:
     text = table(simulate(model(), 10, seed=1))
-    assert text == "action step x b\n- 0 0 false\n[up] 1 1 false\n[up] 2 2 false\n[up] 3 3 false\ncounter 4 3 true\n"
+    assert (
+        text
+        == "action step x b\n- 0 0 false\n[up] 1 1 false\n[up] 2 2 false\n[up] 3 3 false\ncounter 4 3 true\n"
+    )
 
 
 def test_probabilities_and_rewards() -> None:
     found = rows(simulate(model(), 2, seed=1), Layout(probabilities=True, rewards=True))
-    assert found[0] == ["action", "probability", "step", "x", "b", "state_reward1", "transition_reward1"]
+    assert found[0] == [
+        "action",
+        "probability",
+        "step",
+        "x",
+        "b",
+        "state_reward1",
+        "transition_reward1",
+    ]
     assert found[2] == ["[up]", "1.0", "1", "1", "false", "1.0", "2.0"]
 
 
 def test_chosen_variables_show_changes_only() -> None:
     layout = parse_request("10,vars=(b),sep=comma").layout
-    assert table(simulate(model(), 10, seed=1), layout) == "action,step,b\n-,0,false\ncounter,4,true\n"
+    assert (
+        table(simulate(model(), 10, seed=1), layout) == "action,step,b\n-,0,false\ncounter,4,true\n"
+    )
     layout = parse_request("10,vars=(b),changes=false").layout
     assert len(rows(simulate(model(), 10, seed=1), layout)) == 6
 
@@ -67,7 +80,9 @@ def test_ends() -> None:
     timed = simulate(model(CLOCK), time=5, seed=1, loop_check=False)
     assert timed.end == "time"
     assert timed.times[-2] < 5 <= timed.times[-1]
-    circle = model("dtmc module m x:[0..3]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=2); [] x>0 -> (x'=mod(x,3)+1); endmodule")
+    circle = model(
+        "dtmc module m x:[0..3]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=2); [] x>0 -> (x'=mod(x,3)+1); endmodule"
+    )
     path = simulate(circle, 100, seed=1)
     assert path.end == "loop"
     assert len(path) == 4
@@ -82,7 +97,16 @@ def test_values_of_unknown_variables() -> None:
         path.values("y")
 
 
-UNCLEAR = ["", "vars=(x)", "10,time=3", "10,sep=dot", "10,rewards=yes", "time=soon", "10,snapshot=0", "10,colour=red"]
+UNCLEAR = [
+    "",
+    "vars=(x)",
+    "10,time=3",
+    "10,sep=dot",
+    "10,rewards=yes",
+    "time=soon",
+    "10,snapshot=0",
+    "10,colour=red",
+]
 
 
 @pytest.mark.parametrize("text", UNCLEAR)
@@ -104,7 +128,10 @@ def test_command_line(tmp_path: File, capsys: pytest.CaptureFixture[str]) -> Non
     assert out.read_text().startswith("action step x b\n- 0 0 false\n")
     assert run_safely([str(file), "-simpath", "deadlock", "stdout"]) == 0
     assert "counter 4 3 true" in capsys.readouterr().out
-    assert run_safely([str(file), "-pf", "P=? [ F<=4 b ]", "-sim", "-simsamples", "100", "-seed", "7"]) == 0
+    assert (
+        run_safely([str(file), "-pf", "P=? [ F<=4 b ]", "-sim", "-simsamples", "100", "-seed", "7"])
+        == 0
+    )
     shown = capsys.readouterr().out
     assert "Result: 1.0 (in [0.948396, 1]" in shown
     assert "seed 7" in shown

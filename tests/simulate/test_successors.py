@@ -14,11 +14,11 @@ from generate import random_model
 from symcheck.check.options import Options
 from symcheck.errors import ModelFault, NameFault
 from symcheck.explicit.build import explore
-from symcheck.semantics.bind import bind
+from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.interpreter import state_rewards, transitions
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.step import state_rewards, transitions
-from symcheck.simulate.chain import Chain
-from symcheck.simulate.successors import Expander
+from symcheck.simulate.lazy_chain import Chain
+from symcheck.simulate.transition_sampler import Expander
 from symcheck.simulate.walk import simulate
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.parse import parse_model
@@ -53,7 +53,9 @@ def test_successors_are_those_of_the_scalar_semantics(seed: int, kind: str) -> N
                 wanted[after] = wanted.get(after, 0.0) + weight / share
         got: dict[tuple[bool | int, ...], float] = {}
         part = slice(int(found.offsets[i]), int(found.offsets[i + 1]))
-        for weight, after in zip(found.weights[part].tolist(), found.columns[:, part].T.tolist(), strict=True):
+        for weight, after in zip(
+            found.weights[part].tolist(), found.columns[:, part].T.tolist(), strict=True
+        ):
             got[tuple(after)] = got.get(tuple(after), 0.0) + weight
         assert found.deadlock[i] == (not rows)
         assert got == pytest.approx(wanted or {state: 1.0})
@@ -72,7 +74,11 @@ def test_steps_are_transitions_of_the_explored_model(seed: int, kind: str) -> No
     numbers = [explored.states.index(s.state) for s in path]
     assert numbers[0] in explored.initial
     for here, there in pairwise(numbers):
-        rows = range(here, here + 1) if matrix.groups is None else range(matrix.groups[here], matrix.groups[here + 1])
+        rows = (
+            range(here, here + 1)
+            if matrix.groups is None
+            else range(matrix.groups[here], matrix.groups[here + 1])
+        )
         assert any(there in matrix.indices[matrix.indptr[r] : matrix.indptr[r + 1]] for r in rows)
     assert len(path) == 40 or (path.end == "deadlock" and numbers[-1] in explored.deadlocks)
 
@@ -97,7 +103,11 @@ def test_a_chain_that_forgets_goes_on_alike(seed: int, kind: str) -> None:
 
 
 def test_choose_is_the_inverse_of_the_distribution() -> None:
-    text = "dtmc module m x:[0..9]; [] x=0 -> " + "+".join(f"0.1:(x'={i})" for i in range(10)) + "; endmodule"
+    text = (
+        "dtmc module m x:[0..9]; [] x=0 -> "
+        + "+".join(f"0.1:(x'={i})" for i in range(10))
+        + "; endmodule"
+    )
     model = bind(parse_model(text), {})
     chain = Chain(model)
     ids = chain.expand(np.repeat(chain.add(chain._layout.pack([np.array([0])])), 10))
@@ -107,17 +117,28 @@ def test_choose_is_the_inverse_of_the_distribution() -> None:
 
 @pytest.mark.parametrize(
     ("command", "code"),
-    [("x=1 -> 0.5:(x'=0)", "update-sum"), ("x=1 -> (x'=x+5)", "update-range"), ("x=1 -> 1.5:(x'=0) + (-0.5):(x'=1)", "update-negative")],
+    [
+        ("x=1 -> 0.5:(x'=0)", "update-sum"),
+        ("x=1 -> (x'=x+5)", "update-range"),
+        ("x=1 -> 1.5:(x'=0) + (-0.5):(x'=1)", "update-negative"),
+    ],
 )
 def test_faults_are_those_of_the_scalar_semantics(command: str, code: str) -> None:
-    model = bind(parse_model(f"dtmc module m x:[0..2]; [] x=0 -> (x'=1); [] {command}; endmodule"), {})
+    model = bind(
+        parse_model(f"dtmc module m x:[0..2]; [] x=0 -> (x'=1); [] {command}; endmodule"), {}
+    )
     with pytest.raises(ModelFault) as fault:
         Expander(model).successors(np.array([[0, 1, 2]], np.int64))
     assert fault.value.diagnostics[0].code == code
 
 
 def test_sojourn_times_are_exponential() -> None:
-    model = bind(parse_model("ctmc module m x:[0..1]; [] x=0 -> 3:(x'=1); [] x=0 -> 2:(x'=1); [] x=1 -> 0.25:(x'=0); endmodule"), {})
+    model = bind(
+        parse_model(
+            "ctmc module m x:[0..1]; [] x=0 -> 3:(x'=1); [] x=0 -> 2:(x'=1); [] x=1 -> 0.25:(x'=0); endmodule"
+        ),
+        {},
+    )
     assert model.type is ModelType.CTMC
     path = simulate(model, 8000, seed=1)
     stays = np.diff(path.times)

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from checking import check_text, engine_of
 from generate import Generated, random_model, random_property
 from symcheck.check.result import Certified, Result
-from symcheck.engines.explicit import ExplicitEngine
+from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, UnsupportedError
 
 __all__ = ["KINDS", "Comparison", "compare"]
@@ -64,7 +64,11 @@ def compare(seed: int, kind: str, engine: str = "auto") -> Comparison:
 
 def agree(ours: Result, theirs: float) -> bool:
     """Whether Storm's value is ours, within the accuracy that was asked of both."""
-    low, high = (ours.accuracy.lower, ours.accuracy.upper) if isinstance(ours.accuracy, Certified) else (ours.value, ours.value)
+    low, high = (
+        (ours.accuracy.lower, ours.accuracy.upper)
+        if isinstance(ours.accuracy, Certified)
+        else (ours.value, ours.value)
+    )
     low, high = float(low), float(high)
     if isnan(low) or isnan(theirs) or isinf(low) or isinf(theirs):
         return (isnan(low) and isnan(theirs)) or low == high == theirs
@@ -88,22 +92,33 @@ def storm_is_wrong(model: Generated, formula: str, ours: Result) -> bool:
 
 def by_exponentials(engine: ExplicitEngine, formula: str) -> float | None:
     """A timed property of a CTMC by matrix exponentials; None for a form that this does not know."""
-    found = re.fullmatch(r"P=\? \[ (.*) U(=|\[)([\d.]+)(?:,([\d.]+)\])? (.*) \]|R\{.*\}=\? \[ (C<|I)=([\d.]+) \]", formula)
+    found = re.fullmatch(
+        r"P=\? \[ (.*) U(=|\[)([\d.]+)(?:,([\d.]+)\])? (.*) \]|R\{.*\}=\? \[ (C<|I)=([\d.]+) \]",
+        formula,
+    )
     if found is None:
         return None
     left, _, lower, upper, right, kind, time = found.groups()
     rates = np.zeros((engine.states, engine.states))
-    np.add.at(rates, (np.repeat(np.arange(engine.states), np.diff(engine.matrix.indptr)), engine.matrix.indices), engine.matrix.data)
+    np.add.at(
+        rates,
+        (np.repeat(np.arange(engine.states), np.diff(engine.matrix.indptr)), engine.matrix.indices),
+        engine.matrix.data,
+    )
     q = rates - np.diag(rates.sum(axis=1))
     if kind is not None:
         states, rows = engine.rewards(0)
         larger = np.block([[q, (states + rows)[:, None]], [np.zeros((1, engine.states + 1))]])
-        values = expm(q * float(time)) @ states if kind == "I" else expm(larger * float(time))[:-1, -1]
+        values = (
+            expm(q * float(time)) @ states if kind == "I" else expm(larger * float(time))[:-1, -1]
+        )
     else:
         stay, goal = (check_text(engine, text).satisfying.members for text in (left, right))
         low, high = float(lower), float(upper or lower)
         values = expm(np.where((stay & ~goal)[:, None], q, 0) * (high - low)) @ goal.astype(float)
-        values = np.where(stay, expm(np.where(stay[:, None], q, 0) * low) @ np.where(stay, values, 0), 0)
+        values = np.where(
+            stay, expm(np.where(stay[:, None], q, 0) * low) @ np.where(stay, values, 0), 0
+        )
     return float(values[engine.initial.members][0])
 
 
@@ -152,7 +167,10 @@ def main() -> int:
             c = compare(seed, kind)
             counts[c.outcome] = counts.get(c.outcome, 0) + 1
             if c.outcome in ("different", "storm"):
-                print(f"{c.outcome}: {kind} {seed}: {c.formula}: ours {c.ours}, Storm's {c.theirs}", flush=True)
+                print(
+                    f"{c.outcome}: {kind} {seed}: {c.formula}: ours {c.ours}, Storm's {c.theirs}",
+                    flush=True,
+                )
                 if c.outcome == "different":
                     print(c.model.text, flush=True)
     print(counts)

@@ -18,6 +18,10 @@ from differential import KINDS, compare
 @pytest.mark.parametrize("engine", ["auto", "hybrid"])
 def test_values_are_storms(kind, engine):
     outcomes = [compare(seed, kind, engine) for seed in range(1000, 1060)]
-    different = [f"{c.formula}: ours {c.ours}, Storm's {c.theirs}\n{c.model.text}" for c in outcomes if c.outcome == "different"]
+    different = [
+        f"{c.formula}: ours {c.ours}, Storm's {c.theirs}\n{c.model.text}"
+        for c in outcomes
+        if c.outcome == "different"
+    ]
     assert not different, "\n".join(different)
     assert Counter(c.outcome for c in outcomes)["same"] >= 30

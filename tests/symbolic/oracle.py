@@ -8,13 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from symcheck.check.options import Options
-from symcheck.semantics import step
-from symcheck.semantics.bind import bind
+from symcheck.semantics import interpreter
+from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.build import build
+from symcheck.symbolic.matrix.transitions import transitions
 from symcheck.symbolic.model import StateSpace, Transitions
-from symcheck.symbolic.reach import reach
-from symcheck.symbolic.transitions import transitions
+from symcheck.symbolic.reachability.search import reach
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.parse import parse_model
 
@@ -26,14 +26,14 @@ def bound(text: str, constants: Mapping[str, object] | None = None) -> BoundMode
     return bind(parse_model(text), constants or {})
 
 
-def explore(model: BoundModel) -> dict[State, tuple[step.Row, ...]]:
+def explore(model: BoundModel) -> dict[State, tuple[interpreter.Row, ...]]:
     """Every reachable state with its rows (none in a deadlock)."""
-    found: dict[State, tuple[step.Row, ...]] = {}
-    waiting = list(step.initial_states(model))
+    found: dict[State, tuple[interpreter.Row, ...]] = {}
+    waiting = list(interpreter.initial_states(model))
     while waiting:
         state = waiting.pop()
         if state not in found:
-            found[state] = step.transitions(model, state)
+            found[state] = interpreter.transitions(model, state)
             waiting.extend(s for row in found[state] for _, s in row.branches)
     return found
 
@@ -47,7 +47,9 @@ def states_of(space: StateSpace) -> list[State]:
     return list(space.valuations(space.states))
 
 
-def at(space: StateSpace, diagram: object, state: State, after: State | None = None) -> float | bool:
+def at(
+    space: StateSpace, diagram: object, state: State, after: State | None = None
+) -> float | bool:
     """Value of a diagram at a state, or at a pair of states."""
     encoding, manager = space.symbolic.encoding, space.symbolic.manager
     bits = np.zeros(manager.core.size(), dtype=np.uint8)
@@ -75,11 +77,11 @@ def assert_same(model: BoundModel, made: Transitions) -> None:
     check = _assert_choices if model.type is ModelType.MDP else _assert_chain
     for state, rows in expected.items():
         check(made, state, rows)
-        for k, value in enumerate(step.state_rewards(model, state)):
+        for k, value in enumerate(interpreter.state_rewards(model, state)):
             assert abs(at(space, made.state_rewards[k], state) - float(value)) < 1e-12
 
 
-def _assert_chain(made: Transitions, state: State, rows: tuple[step.Row, ...]) -> None:
+def _assert_chain(made: Transitions, state: State, rows: tuple[interpreter.Row, ...]) -> None:
     branches = rows[0].branches if rows else ((1.0, state),)
     for probability, after in branches:
         assert abs(at(made.space, made.matrix, state, after) - probability) < 1e-12
@@ -88,11 +90,15 @@ def _assert_chain(made: Transitions, state: State, rows: tuple[step.Row, ...]) -
         assert abs(at(made.space, rewards[0], state) - expected) < 1e-12
 
 
-def _assert_choices(made: Transitions, state: State, rows: tuple[step.Row, ...]) -> None:
+def _assert_choices(made: Transitions, state: State, rows: tuple[interpreter.Row, ...]) -> None:
     space = made.space
     found: Counter[object] = Counter()
     for number, slot in enumerate(made.choices):
-        actions = [a for (n, a), where in made.action_sets.items() if n == number and at(space, where, state)]
+        actions = [
+            a
+            for (n, a), where in made.action_sets.items()
+            if n == number and at(space, where, state)
+        ]
         if not at(space, slot.guard, state):
             assert actions == []
             continue
@@ -104,7 +110,11 @@ def _assert_choices(made: Transitions, state: State, rows: tuple[step.Row, ...])
     expected: Counter[object] = Counter()
     for row in rows:
         entries = {s: round(float(p), 12) for p, s in row.branches}
-        expected[row.action, tuple(sorted(entries.items())), tuple(round(float(r), 12) for r in row.rewards)] += 1
+        expected[
+            row.action,
+            tuple(sorted(entries.items())),
+            tuple(round(float(r), 12) for r in row.rewards),
+        ] += 1
     if not rows:
         expected[None, ((state, 1.0),), (0.0,) * len(made.transition_rewards)] += 1
     assert found == expected

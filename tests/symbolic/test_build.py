@@ -8,9 +8,9 @@ from symbolic.oracle import assert_same, at, bound, states_of, symbolic
 from symcheck.check.options import Options
 from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.symbolic.build import build, construct
+from symcheck.symbolic.matrix.transitions import transitions
 from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, Transitions
-from symcheck.symbolic.reach import SCHEDULES, reach, search
-from symcheck.symbolic.transitions import transitions
+from symcheck.symbolic.reachability.search import SCHEDULES, reach, search
 
 DIE = """dtmc
 module die
@@ -111,7 +111,12 @@ def test_images_are_steps():
     one = model.translator.state({"s": 0, "d": 0})
     assert list(space.valuations(model.successors(one))) == [(1, 0), (2, 0)]
     seven = space.where(bound(DIE).rewards[1].items[0].guard)
-    assert list(space.valuations(model.predecessors(seven) - seven)) == [(3, 0), (4, 0), (5, 0), (6, 0)]
+    assert list(space.valuations(model.predecessors(seven) - seven)) == [
+        (3, 0),
+        (4, 0),
+        (5, 0),
+        (6, 0),
+    ]
 
 
 def test_breadth_first_search_tells_each_step():
@@ -157,11 +162,26 @@ def test_an_mdp_where_nothing_happens_has_one_choice():
 
 
 FAULTS = {
-    "update-sum": ("dtmc module m x : [0..3]; [] x<3 -> 0.5 : (x'=x+1) + 0.4 : true; endmodule", "0.9"),
-    "update-negative": ("dtmc module m x : [0..3]; [] x<3 -> (x-1)/2 : (x'=x+1) + (3-x)/2 : (x'=x+1); endmodule", "-0.5"),
-    "update-range": ("dtmc module m x : [0..3]; y : bool; [] true -> (x'=x+1) & (y'=true); endmodule", "4"),
-    "update-not-finite": ("ctmc module m x : [0..3]; [] x<3 -> 1/(1-x) : (x'=x+1); endmodule", "x=1"),
-    "no-initial-state": ("dtmc module m x : [0..3]; [] true -> true; endmodule init x>3 endinit", "endinit"),
+    "update-sum": (
+        "dtmc module m x : [0..3]; [] x<3 -> 0.5 : (x'=x+1) + 0.4 : true; endmodule",
+        "0.9",
+    ),
+    "update-negative": (
+        "dtmc module m x : [0..3]; [] x<3 -> (x-1)/2 : (x'=x+1) + (3-x)/2 : (x'=x+1); endmodule",
+        "-0.5",
+    ),
+    "update-range": (
+        "dtmc module m x : [0..3]; y : bool; [] true -> (x'=x+1) & (y'=true); endmodule",
+        "4",
+    ),
+    "update-not-finite": (
+        "ctmc module m x : [0..3]; [] x<3 -> 1/(1-x) : (x'=x+1); endmodule",
+        "x=1",
+    ),
+    "no-initial-state": (
+        "dtmc module m x : [0..3]; [] true -> true; endmodule init x>3 endinit",
+        "endinit",
+    ),
 }
 
 
@@ -193,7 +213,11 @@ def test_deadlocks_are_errors_where_they_are_not_fixed():
 
 
 def test_infinite_rewards_are_reported_when_they_are_asked_for():
-    made = symbolic(bound("dtmc module m x : [0..3]; [] x<3 -> (x'=x+1); endmodule rewards true : 1/(2-x); endrewards"))
+    made = symbolic(
+        bound(
+            "dtmc module m x : [0..3]; [] x<3 -> (x'=x+1); endmodule rewards true : 1/(2-x); endrewards"
+        )
+    )
     with pytest.raises(ModelFault, match="x=2"):
         _ = made.state_rewards[0]
 

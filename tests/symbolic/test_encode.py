@@ -5,9 +5,11 @@ import pytest
 
 from symbolic.oracle import bound
 from symcheck.errors import UnsupportedError
-from symcheck.symbolic.encode import encode
+from symcheck.symbolic.encoding.variables import encode
 
-MODEL = bound("dtmc global g : bool; module m x : [-2..3]; y : [7..7]; z : [0..8]; [] true -> true; endmodule")
+MODEL = bound(
+    "dtmc global g : bool; module m x : [-2..3]; y : [7..7]; z : [0..8]; [] true -> true; endmodule"
+)
 
 
 def test_bits_are_interleaved_and_most_significant_first():
@@ -49,4 +51,8 @@ def test_what_diagrams_cannot_hold_is_refused():
     with pytest.raises(UnsupportedError, match=r"x has no bounds.*explicit"):
         encode(bound("dtmc module m x : int; [] true -> true; endmodule"))
     with pytest.raises(UnsupportedError, match="64 bits"):
-        encode(bound("dtmc module m x : [-4611686018427387904..4611686018427387904]; [] true -> true; endmodule"))
+        encode(
+            bound(
+                "dtmc module m x : [-4611686018427387904..4611686018427387904]; [] true -> true; endmodule"
+            )
+        )

@@ -9,9 +9,9 @@ from symbolic.test_build import MODELS
 from symcheck.check.options import Options
 from symcheck.errors import ModelFault
 from symcheck.symbolic.build import build
-from symcheck.symbolic.reach import reach, search
-from symcheck.symbolic.transitions import transitions
-from symcheck.symbolic.translate import Limits
+from symcheck.symbolic.encoding.translate import Limits
+from symcheck.symbolic.matrix.transitions import transitions
+from symcheck.symbolic.reachability.search import reach, search
 
 NOTHING = Limits(table=0, wide=0, nodes=0, leaves=0)
 
@@ -63,5 +63,7 @@ def test_only_breadth_first_search_learns():
 
 def test_what_stands_behind_a_guard_that_something_else_taught_is_learned_too():
     # The condition b is known from the initial states before the command was ever encoded behind it.
-    model = bound("mdp module m b : bool; x : [0..2]; [] b -> (x'=floor(x/2)); endmodule init b endinit")
+    model = bound(
+        "mdp module m b : bool; x : [0..2]; [] b -> (x'=floor(x/2)); endmodule init b endinit"
+    )
     assert_same(model, transitions(reach(build(model, Options(), limits=NOTHING)), Options()))

@@ -13,15 +13,15 @@ from generate import random_model, random_property
 from symbolic.oracle import bound
 from symbolic.test_learn import NOTHING, WIDE
 from symcheck.check.options import Options
-from symcheck.engines import listed
-from symcheck.engines.listed import ListedEngine
+from symcheck.engines.symbolic import enumerated_rows
+from symcheck.engines.symbolic.enumerated_rows import ListedEngine
 from symcheck.errors import ModelFault, SymcheckError
 from symcheck.explicit.build import explore
-from symcheck.numerics.matrix import SparseMatrix
-from symcheck.symbolic import listed as lister
+from symcheck.matrices.rows import SparseMatrix
 from symcheck.symbolic.build import build, explored
-from symcheck.symbolic.listed import listed_rows
-from symcheck.symbolic.reach import reach
+from symcheck.symbolic.matrix import enumerate_rows as lister
+from symcheck.symbolic.matrix.enumerate_rows import listed_rows
+from symcheck.symbolic.reachability.search import reach
 
 
 def dense(matrix: SparseMatrix):
@@ -53,14 +53,20 @@ def test_choices_and_very_many_joint_updates_are_not_listed(monkeypatch):
 @pytest.mark.parametrize("engine", ["sparse", "hybrid", "mtbdd"])
 @pytest.mark.parametrize("seed", range(12))
 def test_models_that_do_not_compress_have_the_same_values(engine, seed, monkeypatch):
-    monkeypatch.setattr(listed, "_MANY", 0)
-    monkeypatch.setattr(listed, "_NODES", 0.0)
+    monkeypatch.setattr(enumerated_rows, "_MANY", 0)
+    monkeypatch.setattr(enumerated_rows, "_NODES", 0.0)
     rng = random.Random(seed)
     source = random_model(rng, rng.choice(["dtmc", "ctmc"]))
     try:
-        model, oracle = symcheck.loads(source.text, engine=engine), symcheck.loads(source.text, engine="explicit")
+        model, oracle = (
+            symcheck.loads(source.text, engine=engine),
+            symcheck.loads(source.text, engine="explicit"),
+        )
         assert isinstance(model.engine, ListedEngine)
-        assert (model.engine.states, model.engine.transitions) == (oracle.engine.states, oracle.engine.transitions)
+        assert (model.engine.states, model.engine.transitions) == (
+            oracle.engine.states,
+            oracle.engine.transitions,
+        )
     except SymcheckError:
         with pytest.raises(SymcheckError):
             oracle = symcheck.loads(source.text, engine="explicit").engine
@@ -73,13 +79,18 @@ def test_models_that_do_not_compress_have_the_same_values(engine, seed, monkeypa
             with pytest.raises(SymcheckError):
                 model.check(question)
             continue
-        assert model.check(question).value == pytest.approx(expected, rel=3e-6, nan_ok=True), question
+        assert model.check(question).value == pytest.approx(expected, rel=3e-6, nan_ok=True), (
+            question
+        )
 
 
 def test_faults_are_found_before_rows_are_listed(monkeypatch):
-    monkeypatch.setattr(listed, "_MANY", 0)
-    monkeypatch.setattr(listed, "_NODES", 0.0)
-    model = symcheck.loads("dtmc module m x : [0..3]; [] true -> 0.5 : (x'=x+1) + 0.5 : (x'=0); endmodule", engine="sparse")
+    monkeypatch.setattr(enumerated_rows, "_MANY", 0)
+    monkeypatch.setattr(enumerated_rows, "_NODES", 0.0)
+    model = symcheck.loads(
+        "dtmc module m x : [0..3]; [] true -> 0.5 : (x'=x+1) + 0.5 : (x'=0); endmodule",
+        engine="sparse",
+    )
     with pytest.raises(ModelFault, match="x would become 4"):
         _ = model.engine
 

@@ -11,16 +11,22 @@ from symbolic.oracle import assert_same, bound, symbolic
 from symcheck.check.options import Options
 from symcheck.errors import UsageError
 from symcheck.symbolic.build import build
-from symcheck.symbolic.order import force, spans, variable_order
-from symcheck.symbolic.reach import reach
+from symcheck.symbolic.ordering.order import force, spans, variable_order
+from symcheck.symbolic.reachability.search import reach
 
-edges_of = st.lists(st.lists(st.integers(0, 9), min_size=1, max_size=4, unique=True).map(np.array), max_size=12)
+edges_of = st.lists(
+    st.lists(st.integers(0, 9), min_size=1, max_size=4, unique=True).map(np.array), max_size=12
+)
 
 
 def partners(n: int) -> str:
     """Variables x0 … and y0 … declared apart, where xi and yi become 1 together."""
-    first = "\n".join(f"module a{i} x{i} : [0..1]; [m{i}] x{i}=0 -> (x{i}'=1); endmodule" for i in range(n))
-    second = "\n".join(f"module b{i} y{i} : [0..1]; [m{i}] y{i}=0 -> (y{i}'=1); endmodule" for i in range(n))
+    first = "\n".join(
+        f"module a{i} x{i} : [0..1]; [m{i}] x{i}=0 -> (x{i}'=1); endmodule" for i in range(n)
+    )
+    second = "\n".join(
+        f"module b{i} y{i} : [0..1]; [m{i}] y{i}=0 -> (y{i}'=1); endmodule" for i in range(n)
+    )
     return f"mdp\n{first}\n{second}"
 
 
@@ -45,7 +51,12 @@ def test_the_order_of_the_options_is_taken():
     model = bound(partners(2))
     made = symbolic(model, order=["y1", "x0"])
     assert_same(model, made)
-    assert [v.name for v in build(model, Options(order=("y1", "x0"))).encoding.ordered] == ["y1", "x0", "x1", "y0"]
+    assert [v.name for v in build(model, Options(order=("y1", "x0"))).encoding.ordered] == [
+        "y1",
+        "x0",
+        "x1",
+        "y0",
+    ]
 
 
 def test_names_that_no_variable_has_are_refused():

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from symcheck.check.options import Options
-from symcheck.semantics.bind import bind
+from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_model_file
 
@@ -37,7 +37,11 @@ INSTANCES = [
 @pytest.mark.parametrize(("path", "constants"), INSTANCES)
 def test_published_numbers_of_states(path, constants):
     with (PEERS / path).parent.joinpath("models.csv").open() as file:
-        rows = [r for r in csv.DictReader(file) if r["model_file"] == Path(path).name and r["model_consts"] == constants]
+        rows = [
+            r
+            for r in csv.DictReader(file)
+            if r["model_file"] == Path(path).name and r["model_consts"] == constants
+        ]
     given = dict(c.split("=") for c in constants.split(",")) if constants else {}
     made = construct(bind(parse_model_file(PEERS / path), given), Options(time_limit=60))
     assert made.space.count == int(rows[0]["states"])

@@ -9,14 +9,20 @@ from hypothesis import strategies as st
 from explicit.models import models
 from symbolic.oracle import assert_same, bound, explore, symbolic
 from symcheck.errors import InputError, ModelFault
-from symcheck.symbolic.reach import SCHEDULES
-from symcheck.symbolic.translate import Limits
+from symcheck.symbolic.encoding.translate import Limits
+from symcheck.symbolic.reachability.search import SCHEDULES
 
-_LIMITS = {"tabulated": Limits(), "composed": Limits(table=0), "learned": Limits(table=0, wide=0, moves=0, nodes=0, leaves=0)}
+_LIMITS = {
+    "tabulated": Limits(),
+    "composed": Limits(table=0),
+    "learned": Limits(table=0, wide=0, moves=0, nodes=0, leaves=0),
+}
 
 
 @settings(max_examples=60, deadline=None)
-@given(models(), st.sampled_from(sorted(SCHEDULES)), st.sampled_from(sorted(_LIMITS)), st.booleans())
+@given(
+    models(), st.sampled_from(sorted(SCHEDULES)), st.sampled_from(sorted(_LIMITS)), st.booleans()
+)
 def test_agrees_with_the_scalar_semantics(text, schedule, way, backwards):
     try:
         model = bound(text)

@@ -14,16 +14,16 @@ from symbolic.oracle import assert_same, bound, symbolic
 from symbolic.test_order import partners
 from symcheck.check.options import Options
 from symcheck.dd.manager import DiagramManager
-from symcheck.engines import auto, registry
+from symcheck.engines import registry, selection
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError, UsageError
-from symcheck.exchange.snapshot import snapshot
-from symcheck.semantics.bind import bind
-from symcheck.symbolic import sift as module
-from symcheck.symbolic.assemble import assemble
+from symcheck.exchange.explicit_export import snapshot
+from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import build, chosen_order
-from symcheck.symbolic.encode import encode
-from symcheck.symbolic.reach import reach
-from symcheck.symbolic.sift import SiftedOrder, SiftLimits, sift
+from symcheck.symbolic.encoding.variables import encode
+from symcheck.symbolic.events.encode_events import assemble
+from symcheck.symbolic.ordering import sifting as module
+from symcheck.symbolic.ordering.sifting import SiftedOrder, SiftLimits, sift
+from symcheck.symbolic.reachability.search import reach
 from symcheck.syntax.parse import parse_model_file
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -32,7 +32,11 @@ SIFTED = Options(order=("sift",))
 
 def instance(name: str):
     folder = MODELS / name.partition(".")[0].rstrip("0123456789")
-    constants = {"kanban.sm": {"t": 2}, "tandem.sm": {"c": 7}, "crowds.pm": {"TotalRuns": 2, "CrowdSize": 4}}.get(name, {})
+    constants = {
+        "kanban.sm": {"t": 2},
+        "tandem.sm": {"c": 7},
+        "crowds.pm": {"TotalRuns": 2, "CrowdSize": 4},
+    }.get(name, {})
     return bind(parse_model_file(folder / name), {n: str(v) for n, v in constants.items()})
 
 
@@ -55,10 +59,16 @@ def test_it_is_found_where_the_search_as_declared_is_too_long():
 
 
 def test_what_is_found_is_an_order_of_all_variables_and_can_be_given():
-    model = bound("dtmc module m a : [0..3]; one : [5..5]; b : bool; [] true -> (a'=mod(a+1,4))&(b'=!b); endmodule")
+    model = bound(
+        "dtmc module m a : [0..3]; one : [5..5]; b : bool; [] true -> (a'=mod(a+1,4))&(b'=!b); endmodule"
+    )
     found = sift(model, Options())
     assert sorted(found.order) == ["a", "b", "one"]
-    assert chosen_order(model, Options(order=found.order)) == found.order == chosen_order(model, SIFTED)
+    assert (
+        chosen_order(model, Options(order=found.order))
+        == found.order
+        == chosen_order(model, SIFTED)
+    )
     assert encode(model, found.order).ordered[-1].name == "one"  # no bits: below all
     assert ",".join(found.order) in str(found)
 
@@ -68,7 +78,9 @@ def test_the_same_model_gets_the_same_order():
     assert len({sift(model, Options()).order for _ in range(3)}) == 1
 
 
-@pytest.mark.parametrize("name", ["kanban.sm", "polling.sm", "dining.nm", "crowds.pm", "herman7.pm"])
+@pytest.mark.parametrize(
+    "name", ["kanban.sm", "polling.sm", "dining.nm", "crowds.pm", "herman7.pm"]
+)
 def test_states_and_relations_never_take_more_nodes(name):
     found = sift(instance(name), Options())
     assert found.whole
@@ -90,9 +102,13 @@ def test_a_sifted_model_is_the_same_model():
 def test_what_is_exported_does_not_depend_on_the_order(name, engine):
     model = instance(name)
     declared, sifted = (
-        snapshot(registry.build(model, options)) for options in (Options(engine=engine), Options(engine=engine, order=("sift",)))
+        snapshot(registry.build(model, options))
+        for options in (Options(engine=engine), Options(engine=engine, order=("sift",)))
     )
-    assert (sifted.n, sifted.matrix.indptr.tolist()) == (declared.n, declared.matrix.indptr.tolist())
+    assert (sifted.n, sifted.matrix.indptr.tolist()) == (
+        declared.n,
+        declared.matrix.indptr.tolist(),
+    )
     assert all(np.array_equal(a, b) for a, b in zip(sifted.columns, declared.columns, strict=True))
     assert np.array_equal(sifted.matrix.indices, declared.matrix.indices)
     assert np.allclose(sifted.values, declared.values, rtol=1e-15)
@@ -102,8 +118,8 @@ def test_the_default_engine_looks_for_an_order_once_and_tells_it(monkeypatch):
     told: list[object] = []
     registry.build(instance("kanban.sm"), SIFTED, told.append)
     assert not any(isinstance(x, SiftedOrder) for x in told)  # few states: no diagram, no order
-    monkeypatch.setattr(auto, "_SMALL", 10)
-    monkeypatch.setattr(auto, "_MORE", 20)
+    monkeypatch.setattr(selection, "_SMALL", 10)
+    monkeypatch.setattr(selection, "_MORE", 20)
     engine = registry.build(instance("kanban.sm"), SIFTED, told.append)
     assert engine.name.startswith("sparse")
     assert sum(isinstance(x, SiftedOrder) for x in told) == 1
@@ -112,7 +128,10 @@ def test_the_default_engine_looks_for_an_order_once_and_tells_it(monkeypatch):
 def test_learned_relations_stay_as_declared():
     wide = "; ".join(f"x{i} : [0..1000]" for i in range(7))
     total = "+".join(f"x{i}" for i in range(7))
-    found = sift(bound(f"dtmc module m {wide}; [] true -> (x6'=mod(ceil(pow({total},0.5)),7)); endmodule"), Options())
+    found = sift(
+        bound(f"dtmc module m {wide}; [] true -> (x6'=mod(ceil(pow({total},0.5)),7)); endmodule"),
+        Options(),
+    )
     assert found.order == tuple(f"x{i}" for i in range(7))
     assert "learned" in str(found)
 
@@ -154,8 +173,13 @@ def test_diagrams_that_would_be_too_much_work_are_left_as_they_are():
 def test_values_are_the_same(engine):
     folder = MODELS / "kanban"
     properties = (folder / "kanban.csl").read_text()
-    one, other = (symcheck.load(folder / "kanban.sm", {"t": 1}, engine=engine, order=order) for order in (None, ("sift",)))
-    declared, sifted = ([result.value for _, result in model.check_all(properties)] for model in (one, other))
+    one, other = (
+        symcheck.load(folder / "kanban.sm", {"t": 1}, engine=engine, order=order)
+        for order in (None, ("sift",))
+    )
+    declared, sifted = (
+        [result.value for _, result in model.check_all(properties)] for model in (one, other)
+    )
     assert declared
     assert sifted == pytest.approx(declared, rel=2e-6)
 
@@ -200,6 +224,10 @@ def test_nothing_of_the_search_for_an_order_is_kept(monkeypatch):
 @pytest.mark.parametrize("engine", ["auto", "explicit", "sparse", "exact"])
 def test_an_order_of_unknown_variables_is_refused_on_every_engine(engine):
     options = {"exact": True} if engine == "exact" else {"engine": engine}
-    model = symcheck.loads("dtmc module m x:[0..3]; [] x<3 -> (x'=x+1); [] x=3 -> true; endmodule", order=("sfit",), **options)
+    model = symcheck.loads(
+        "dtmc module m x:[0..3]; [] x<3 -> (x'=x+1); [] x=3 -> true; endmodule",
+        order=("sfit",),
+        **options,
+    )
     with pytest.raises(UsageError, match="names sfit"):
         model.check("P=? [ F x=3 ]")

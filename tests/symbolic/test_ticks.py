@@ -6,8 +6,8 @@ import symcheck
 from symcheck.check.options import Options
 from symcheck.symbolic.build import build
 from symcheck.symbolic.model import SymbolicModel
-from symcheck.symbolic.reach import choose_schedule, closure, reach
-from symcheck.symbolic.ticks import Front, advance, begin, clocks, turns
+from symcheck.symbolic.reachability.clock_search import Front, advance, begin, clocks, turns
+from symcheck.symbolic.reachability.search import choose_schedule, closure, reach
 
 _STATION = """
 module station1
@@ -33,7 +33,9 @@ def _timed() -> SymbolicModel:
 
 
 def test_a_clock_is_what_changes_more_than_half_of_the_variables() -> None:
-    model = _model("mdp module a x:[0..3]; y:[0..3]; z:[0..3]; [] x<3 -> (x'=x+1); [] true -> (x'=0)&(y'=1)&(z'=2); endmodule")
+    model = _model(
+        "mdp module a x:[0..3]; y:[0..3]; z:[0..3]; [] x<3 -> (x'=x+1); [] true -> (x'=0)&(y'=1)&(z'=2); endmodule"
+    )
     assert [len(r.touched) for r in clocks(model)] == [3]
     assert choose_schedule(model) == "turns"
 
@@ -67,7 +69,11 @@ def test_what_a_tick_finds_is_closed_under_the_rest() -> None:
 def test_turns_go_on_where_they_stopped_and_say_which_ended() -> None:
     expected = reach(_timed(), schedule="saturation")
     count = expected.count
-    for budgets, winner in [(((1, 1),), {"ticks", "saturation"}), (((1, 10**9),), {"ticks"}), (((10**9, 1),), {"saturation"})]:
+    for budgets, winner in [
+        (((1, 1),), {"ticks", "saturation"}),
+        (((1, 10**9),), {"ticks"}),
+        (((10**9, 1),), {"saturation"}),
+    ]:
         model = _timed()
         found = list(turns(model, closure(model), budgets))
         assert model.manager.count(found[-1].states, model.encoding.rows) == count

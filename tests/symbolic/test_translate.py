@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from symbolic.oracle import at, bound
 from symcheck.check.options import Options
 from symcheck.errors import InputError
-from symcheck.semantics.bind import bind
-from symcheck.semantics.evaluate import evaluate
+from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.symbolic.build import build
+from symcheck.symbolic.encoding.translate import Limits, TooLarge, Translator
 from symcheck.symbolic.model import StateSpace
-from symcheck.symbolic.translate import Limits, TooLarge, Translator
 from symcheck.syntax.parse import parse_model
 
 HEADER = "dtmc module m x : [-1..4]; y : [0..2]; b : bool; [] true -> true; endmodule"
@@ -39,8 +39,15 @@ _number = st.deferred(
 _boolean = st.deferred(
     lambda: st.one_of(
         st.sampled_from(["b", "true", "x=y", "(x>y)"]),
-        st.builds("({} {} {})".format, _number, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), _number),
-        st.builds("({} {} {})".format, _boolean, st.sampled_from(["&", "|", "=>", "<=>"]), _boolean),
+        st.builds(
+            "({} {} {})".format,
+            _number,
+            st.sampled_from(["=", "!=", "<", "<=", ">", ">="]),
+            _number,
+        ),
+        st.builds(
+            "({} {} {})".format, _boolean, st.sampled_from(["&", "|", "=>", "<=>"]), _boolean
+        ),
         st.builds("!{}".format, _boolean),
     )
 )
@@ -50,7 +57,12 @@ def bind_one(text: str, kind: str):
     """A bound expression over the variables: a guard, or a reward."""
     if kind == "bool":
         return bind(parse_model(HEADER + f' label "l" = {text};'), {}).labels["l"]
-    return bind(parse_model(HEADER + f" rewards true : {text}; endrewards"), {}).rewards[0].items[0].value
+    return (
+        bind(parse_model(HEADER + f" rewards true : {text}; endrewards"), {})
+        .rewards[0]
+        .items[0]
+        .value
+    )
 
 
 def all_states():
@@ -81,7 +93,9 @@ def test_booleans(way, text):
     found = space.where(expression)
     for state in all_states():
         expected = value_at(expression, state)
-        if expected is not None and "/" not in text:  # a NaN inside compares differently when diagrams are composed
+        if (
+            expected is not None and "/" not in text
+        ):  # a NaN inside compares differently when diagrams are composed
             assert at(space, found, state) == expected
 
 
@@ -126,7 +140,9 @@ def test_what_is_too_large_is_known_before_it_is_tried():
     names = [f"x{i}" for i in range(6)]
     declared = " ".join(f"{n} : [0..200];" for n in names)
     terms = "+".join(f"{1 + i / 7}*{n}" for i, n in enumerate(names))
-    model = bound(f"dtmc module m {declared} [] true -> true; endmodule rewards true : {terms}; endrewards")
+    model = bound(
+        f"dtmc module m {declared} [] true -> true; endmodule rewards true : {terms}; endrewards"
+    )
     made = build(model, Options())
     translator = Translator(made.manager, made.encoding)
     with pytest.raises(TooLarge, match="different values"):

@@ -35,7 +35,9 @@ def main() -> None:
     for path in sorted(FOLDER.glob("*.case")):
         sections = read(path)
         sections["error"] = outcome(sections)
-        path.write_text("".join(f"=== {name}\n{text}" for name, text in sections.items()), encoding="utf-8")
+        path.write_text(
+            "".join(f"=== {name}\n{text}" for name, text in sections.items()), encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 
 from symcheck.errors import SyntaxFault, UsageError
 from symcheck.syntax.lalr import MAX_NESTING
-from symcheck.syntax.parse import parse_expression, parse_model, parse_model_file, parse_properties, parse_properties_file
+from symcheck.syntax.parse import (
+    parse_expression,
+    parse_model,
+    parse_model_file,
+    parse_properties,
+    parse_properties_file,
+)
 from syntax.cases import FOLDER, outcome, read
 from syntax.samples import MODEL, PROPERTIES
 
@@ -54,9 +60,70 @@ def test_any_bytes(data: bytes) -> None:
 
 
 WORDS = [
-    *("module", "endmodule", "rewards", "endrewards", "init", "endinit", "system", "endsystem", "const", "label", "formula", "global"),
-    *("[", "]", "(", ")", "{", "}", ";", ":", ",", "'", "..", "->", "<-", "=", "==", "<=", "=>", "<=>", "&", "|", "||", "|[", "]|", "!"),
-    *("+", "-", "*", "/", "^", "?", '"', '"a"', "x", "P", "R", "S", "F", "U", "=?", "1", "0.5", "1e9", "filter", "multi", "max", "\n"),
+    *(
+        "module",
+        "endmodule",
+        "rewards",
+        "endrewards",
+        "init",
+        "endinit",
+        "system",
+        "endsystem",
+        "const",
+        "label",
+        "formula",
+        "global",
+    ),
+    *(
+        "[",
+        "]",
+        "(",
+        ")",
+        "{",
+        "}",
+        ";",
+        ":",
+        ",",
+        "'",
+        "..",
+        "->",
+        "<-",
+        "=",
+        "==",
+        "<=",
+        "=>",
+        "<=>",
+        "&",
+        "|",
+        "||",
+        "|[",
+        "]|",
+        "!",
+    ),
+    *(
+        "+",
+        "-",
+        "*",
+        "/",
+        "^",
+        "?",
+        '"',
+        '"a"',
+        "x",
+        "P",
+        "R",
+        "S",
+        "F",
+        "U",
+        "=?",
+        "1",
+        "0.5",
+        "1e9",
+        "filter",
+        "multi",
+        "max",
+        "\n",
+    ),
 ]
 
 
@@ -71,7 +138,11 @@ def test_damaged_texts(seed: int) -> None:
     for text in (MODEL, PROPERTIES):
         for _ in range(chance.randint(1, 4)):
             i = chance.randrange(len(text))
-            text = text[:i] + chance.choice(["", chance.choice(WORDS), text[i : i + 30]]) + text[i + chance.randrange(4) :]
+            text = (
+                text[:i]
+                + chance.choice(["", chance.choice(WORDS), text[i : i + 30]])
+                + text[i + chance.randrange(4) :]
+            )
         reads_or_complains(text)
 
 

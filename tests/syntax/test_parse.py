@@ -10,9 +10,9 @@ from symcheck.errors import SyntaxFault
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Literal, Name, Type
-from symcheck.syntax.build import LONGEST_CHAIN
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
-from symcheck.syntax.walk import nodes
+from symcheck.syntax.traversal import nodes
+from symcheck.syntax.tree_builder import LONGEST_CHAIN
 from syntax.samples import MODEL, PROPERTIES
 
 # Each line: a text, and the same with the parentheses that the language puts in.
@@ -69,14 +69,27 @@ x < -1                         : x < (-1)
 """
 
 
-@pytest.mark.parametrize("line", SAME.strip().splitlines(), ids=lambda line: line.partition("  ")[0])
+@pytest.mark.parametrize(
+    "line", SAME.strip().splitlines(), ids=lambda line: line.partition("  ")[0]
+)
 def test_precedence(line: str) -> None:
     text, _, full = line.partition("  : ")
-    text, full = (text.rstrip(), full) if full else tuple(part.strip() for part in line.split("  :", 1))
+    text, full = (
+        (text.rstrip(), full) if full else tuple(part.strip() for part in line.split("  :", 1))
+    )
     assert parse_expression(text) == parse_expression(full)
 
 
-OUTSIDE = ["a U b", "P=? [ a U b U c ]", "P=? [ a & F b ]", "P=? [ !F b ]", "S=? [ F a ]", "x = !y", "f(x)", "R=? [ C>=3 ]"]
+OUTSIDE = [
+    "a U b",
+    "P=? [ a U b U c ]",
+    "P=? [ a & F b ]",
+    "P=? [ !F b ]",
+    "S=? [ F a ]",
+    "x = !y",
+    "f(x)",
+    "R=? [ C>=3 ]",
+]
 
 
 @pytest.mark.parametrize("text", OUTSIDE)
@@ -160,14 +173,24 @@ def test_composition() -> None:
     def system(text: str) -> object:
         return parse_model(f"system {text} endsystem").system
 
-    assert system("a || b ||| c || d") == decl.Parallel((a("a"), decl.Interleaving((a("b"), a("c"))), a("d")))
-    assert system("a |[x]| b ||| c") == decl.Interleaving((decl.Synchronised(a("a"), a("b"), ("x",)), a("c")))
-    assert system("a |[x]| b |[y,z]| c") == decl.Synchronised(decl.Synchronised(a("a"), a("b"), ("x",)), a("c"), ("y", "z"))
+    assert system("a || b ||| c || d") == decl.Parallel(
+        (a("a"), decl.Interleaving((a("b"), a("c"))), a("d"))
+    )
+    assert system("a |[x]| b ||| c") == decl.Interleaving(
+        (decl.Synchronised(a("a"), a("b"), ("x",)), a("c"))
+    )
+    assert system("a |[x]| b |[y,z]| c") == decl.Synchronised(
+        decl.Synchronised(a("a"), a("b"), ("x",)), a("c"), ("y", "z")
+    )
     assert system("a || b / {x,y}") == decl.Parallel((a("a"), decl.Hiding(a("b"), ("x", "y"))))
-    assert system("(a || b) {x<-y} / {y}") == decl.Hiding(decl.Renaming(decl.Parallel((a("a"), a("b"))), (("x", "y"),)), ("y",))
+    assert system("(a || b) {x<-y} / {y}") == decl.Hiding(
+        decl.Renaming(decl.Parallel((a("a"), a("b"))), (("x", "y"),)), ("y",)
+    )
 
 
-@pytest.mark.parametrize("word", ["dtmc", "probabilistic", "ctmc", "stochastic", "mdp", "nondeterministic", ""])
+@pytest.mark.parametrize(
+    "word", ["dtmc", "probabilistic", "ctmc", "stochastic", "mdp", "nondeterministic", ""]
+)
 def test_model_types(word: str) -> None:
     expected = {"p": "dtmc", "s": "ctmc", "n": "mdp"}.get(word[:1], word)
     kind = parse_model(word).type
@@ -181,9 +204,14 @@ def test_positions() -> None:
     assert first.span.text.startswith("module first")
     assert first.span.text.endswith("endmodule")
     command = first.commands[0]
-    assert command.span.text == "[] a<N & busy -> rate1 : (a'=a+1) & (done'=true) + lambda*2 : true;"
+    assert (
+        command.span.text == "[] a<N & busy -> rate1 : (a'=a+1) & (done'=true) + lambda*2 : true;"
+    )
     assert command.guard.span.text == "a<N & busy"
-    assert [u.span.text for u in command.updates] == ["rate1 : (a'=a+1) & (done'=true)", "lambda*2 : true"]
+    assert [u.span.text for u in command.updates] == [
+        "rate1 : (a'=a+1) & (done'=true)",
+        "lambda*2 : true",
+    ]
     assert command.updates[0].assignments[1].span.text == "(done'=true)"
     assert str(first.variables[1].span) == "<model>:14:3"
     assert program.labels[0].span.text.startswith('label "end"')
@@ -201,7 +229,11 @@ def test_properties() -> None:
     assert [f.name for f in file.formulas] == ["f"]
     assert [label.name for label in file.labels] == ["safe"]
     assert [p.name for p in file.properties] == ["named"] + [None] * 11
-    assert [p.span.text.split(" ")[0] for p in file.properties[1:4]] == ["P>=0.5", 'R{"time"}max=?', "Rmin=?"]
+    assert [p.span.text.split(" ")[0] for p in file.properties[1:4]] == [
+        "P>=0.5",
+        'R{"time"}max=?',
+        "Rmin=?",
+    ]
     old = file.properties[4].formula
     assert isinstance(old, ast.StateFilter)
     assert old.operators == ("min", "max")
@@ -210,7 +242,16 @@ def test_properties() -> None:
 def test_properties_need_no_semicolons() -> None:
     file = parse_properties('x=1 "a" P=? [ F b ] R{"c"}=? [ S ] 3 (y) ;; "n": z E [ X a ]')
     texts = [p.span.text for p in file.properties]
-    assert texts == ["x=1", '"a"', "P=? [ F b ]", 'R{"c"}=? [ S ]', "3", "(y)", '"n": z', "E [ X a ]"]
+    assert texts == [
+        "x=1",
+        '"a"',
+        "P=? [ F b ]",
+        'R{"c"}=? [ S ]',
+        "3",
+        "(y)",
+        '"n": z',
+        "E [ X a ]",
+    ]
     assert len(parse_properties("a\n-b").properties) == 1  # the longest match, as in PRISM
 
 
@@ -218,18 +259,30 @@ def test_comments_above_a_property() -> None:
     file = parse_properties(
         '// far away\n\n// RESULT: 1\n  //RESULT (x=1): 2\nP=? [ F a ]; // RESULT: 3\n"b": x\n// at the end\n\n// one\n\ny; z'
     )
-    assert [p.comments for p in file.properties] == [("RESULT: 1", "RESULT (x=1): 2"), ("RESULT: 3",), (), ()]
+    assert [p.comments for p in file.properties] == [
+        ("RESULT: 1", "RESULT (x=1): 2"),
+        ("RESULT: 3",),
+        (),
+        (),
+    ]
 
 
 @pytest.mark.parametrize("operator", ["&", "|", "+", "*"])
-@pytest.mark.parametrize("length", [LONGEST_CHAIN - 1, LONGEST_CHAIN, LONGEST_CHAIN + 1, LONGEST_CHAIN + 2, 1000, 20_000])
+@pytest.mark.parametrize(
+    "length", [LONGEST_CHAIN - 1, LONGEST_CHAIN, LONGEST_CHAIN + 1, LONGEST_CHAIN + 2, 1000, 20_000]
+)
 def test_long_chains_are_balanced(operator: str, length: int) -> None:
     tree = parse_expression(f" {operator} ".join(f"x{i}" for i in range(length)))
     leaves = [node.name for node in nodes(tree) if isinstance(node, Name)]
     assert leaves == [f"x{i}" for i in range(length)]
     depth, level = 0, [tree]
     while level:
-        level = [child for node in level if isinstance(node, ast.Binary) for child in (node.left, node.right)]
+        level = [
+            child
+            for node in level
+            if isinstance(node, ast.Binary)
+            for child in (node.left, node.right)
+        ]
         depth += 1
     assert depth <= LONGEST_CHAIN + 30
     assert tree.span.text.endswith(f"x{length - 1}")

@@ -14,16 +14,18 @@ from symcheck.errors import SyntaxFault
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, PathFormula, Type
-from symcheck.syntax.build import FILTERS, FUNCTIONS, LONGEST_CHAIN
 from symcheck.syntax.lexer import KEYWORDS
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
-from symcheck.syntax.pretty import pretty, pretty_number
+from symcheck.syntax.printer import pretty, pretty_number
+from symcheck.syntax.tree_builder import FILTERS, FUNCTIONS, LONGEST_CHAIN
 from syntax.samples import MODEL, PROPERTIES
 
 NAMES = st.sampled_from(["x", "y", "_z1", "Fx", "floor", "modx", "rew"])
 OPERATORS = ["+", "-", "*", "/", "^", "=", "!=", "<", "<=", ">", ">=", "&", "|", "=>", "<=>"]
 INTEGERS = st.integers(0, 2**40)
-DOUBLES = st.builds(lambda n, p: Fraction(n) * Fraction(10) ** p, st.integers(0, 10**6), st.integers(-30, 30))
+DOUBLES = st.builds(
+    lambda n, p: Fraction(n) * Fraction(10) ** p, st.integers(0, 10**6), st.integers(-30, 30)
+)
 LITERALS = st.one_of(
     st.booleans().map(lambda v: Literal(v, Type.BOOL)),
     INTEGERS.map(lambda v: Literal(v, Type.INT)),
@@ -38,7 +40,9 @@ def combined(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expressi
         st.builds(Binary, st.sampled_from(OPERATORS), inner, inner),
         st.builds(ast.Unary, st.sampled_from(["-", "!"]), inner),
         st.builds(ast.Conditional, inner, inner, inner),
-        st.builds(ast.Call, st.sampled_from(FUNCTIONS), st.lists(inner, min_size=1, max_size=3).map(tuple)),
+        st.builds(
+            ast.Call, st.sampled_from(FUNCTIONS), st.lists(inner, min_size=1, max_size=3).map(tuple)
+        ),
     )
 
 
@@ -49,10 +53,18 @@ PLAIN_TIMES = st.one_of(
     st.builds(lambda a, b: ast.TimeBound(lower=a, upper=b), EXPRESSIONS, EXPRESSIONS),
 )
 COUNTS = st.builds(
-    lambda s, t: ast.RewardBound(s, t.lower, t.lower_strict, t.upper, t.upper_strict), st.one_of(st.none(), NAMES, LITERALS), PLAIN_TIMES
+    lambda s, t: ast.RewardBound(s, t.lower, t.lower_strict, t.upper, t.upper_strict),
+    st.one_of(st.none(), NAMES, LITERALS),
+    PLAIN_TIMES,
 )
-TIMES = st.one_of(PLAIN_TIMES, COUNTS, st.builds(ast.RewardBounds, st.lists(COUNTS, min_size=2, max_size=3).map(tuple)))
-BOUNDS = st.one_of(st.none(), st.builds(ast.Bound, st.sampled_from(["<", "<=", ">", ">="]), EXPRESSIONS))
+TIMES = st.one_of(
+    PLAIN_TIMES,
+    COUNTS,
+    st.builds(ast.RewardBounds, st.lists(COUNTS, min_size=2, max_size=3).map(tuple)),
+)
+BOUNDS = st.one_of(
+    st.none(), st.builds(ast.Bound, st.sampled_from(["<", "<=", ">", ">="]), EXPRESSIONS)
+)
 DIRECTIONS = st.sampled_from([None, "min", "max", "minmax", "maxmin"])
 
 
@@ -88,7 +100,12 @@ def properties(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expres
         operators,
         st.builds(ast.PathQuantifier, st.sampled_from(["A", "E"]), paths),
         st.builds(ast.Filter, st.sampled_from(FILTERS), inner, st.one_of(st.none(), inner)),
-        st.builds(ast.StateFilter, st.lists(st.sampled_from(["min", "max"]), max_size=2).map(tuple), operators, inner),
+        st.builds(
+            ast.StateFilter,
+            st.lists(st.sampled_from(["min", "max"]), max_size=2).map(tuple),
+            operators,
+            inner,
+        ),
         st.builds(ast.MultiObjective, st.lists(inner, min_size=1, max_size=3).map(tuple)),
     )
 
@@ -110,8 +127,22 @@ def test_properties(tree: Expression) -> None:
 def variables(name: str) -> st.SearchStrategy[decl.VariableDeclaration]:
     initial = st.one_of(st.none(), EXPRESSIONS)
     return st.one_of(
-        st.builds(decl.VariableDeclaration, st.just(name), st.just(Type.INT), EXPRESSIONS, EXPRESSIONS, initial),
-        st.builds(decl.VariableDeclaration, st.just(name), st.sampled_from([Type.INT, Type.BOOL]), st.none(), st.none(), initial),
+        st.builds(
+            decl.VariableDeclaration,
+            st.just(name),
+            st.just(Type.INT),
+            EXPRESSIONS,
+            EXPRESSIONS,
+            initial,
+        ),
+        st.builds(
+            decl.VariableDeclaration,
+            st.just(name),
+            st.sampled_from([Type.INT, Type.BOOL]),
+            st.none(),
+            st.none(),
+            initial,
+        ),
     )
 
 
@@ -133,22 +164,41 @@ COMPOSITIONS: st.SearchStrategy[decl.Composition] = st.recursive(
         st.builds(decl.Interleaving, st.lists(inner, min_size=2, max_size=3).map(tuple)),
         st.builds(decl.Synchronised, inner, inner, ACTIONS),
         st.builds(decl.Hiding, inner, ACTIONS),
-        st.builds(decl.Renaming, inner, st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple)),
+        st.builds(
+            decl.Renaming,
+            inner,
+            st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple),
+        ),
     ),
     max_leaves=6,
 )
-ITEMS = st.builds(decl.RewardItem, st.one_of(st.just(False), st.none(), NAMES), EXPRESSIONS, EXPRESSIONS)
+ITEMS = st.builds(
+    decl.RewardItem, st.one_of(st.just(False), st.none(), NAMES), EXPRESSIONS, EXPRESSIONS
+)
 PROGRAMS = st.builds(
     decl.Program,
     st.one_of(st.none(), st.sampled_from(ast.ModelType)),
-    constants=st.lists(st.builds(decl.Constant, NAMES, st.sampled_from(Type), st.one_of(st.none(), EXPRESSIONS)), max_size=2).map(tuple),
+    constants=st.lists(
+        st.builds(decl.Constant, NAMES, st.sampled_from(Type), st.one_of(st.none(), EXPRESSIONS)),
+        max_size=2,
+    ).map(tuple),
     formulas=st.lists(st.builds(decl.Formula, NAMES, EXPRESSIONS), max_size=1).map(tuple),
     labels=st.lists(st.builds(decl.Label, NAMES, EXPRESSIONS), max_size=1).map(tuple),
     globals=st.lists(variables("g"), max_size=1).map(tuple),
     modules=st.lists(
         st.one_of(
-            st.builds(decl.Module, NAMES, st.lists(variables("v"), max_size=2).map(tuple), st.lists(COMMANDS, max_size=2).map(tuple)),
-            st.builds(decl.RenamedModule, NAMES, NAMES, st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple)),
+            st.builds(
+                decl.Module,
+                NAMES,
+                st.lists(variables("v"), max_size=2).map(tuple),
+                st.lists(COMMANDS, max_size=2).map(tuple),
+            ),
+            st.builds(
+                decl.RenamedModule,
+                NAMES,
+                NAMES,
+                st.lists(st.tuples(NAMES, NAMES), min_size=1, max_size=2).map(tuple),
+            ),
         ),
         max_size=2,
     ).map(tuple),
@@ -195,7 +245,9 @@ def test_long_chains(length: int) -> None:
     assert parse_expression(pretty(leaning)) == leaning
 
 
-@pytest.mark.parametrize("number", ["0.0", "1.0", "0.5", "100.25", "0.0001", "1e-30", "1e30", "25e-31", "123456789.0"])
+@pytest.mark.parametrize(
+    "number", ["0.0", "1.0", "0.5", "100.25", "0.0001", "1e-30", "1e30", "25e-31", "123456789.0"]
+)
 def test_numbers_keep_their_digits(number: str) -> None:
     assert pretty(parse_expression(number)) == number
 

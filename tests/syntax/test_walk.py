@@ -9,13 +9,44 @@ import pytest
 from symcheck.syntax import ast
 from symcheck.syntax.ast import Binary, Literal, Name, Type
 from symcheck.syntax.parse import parse_expression
-from symcheck.syntax.walk import Tree, children, names, nodes, substitute, transform, with_children
+from symcheck.syntax.traversal import (
+    Tree,
+    children,
+    names,
+    nodes,
+    substitute,
+    transform,
+    with_children,
+)
 
 EVERYTHING = [
-    *("1 + x", "!true", "-y", 'x ? "a" : z', "min(x, y, 2)", "multi(P>0 [ F x ], R{i}<=2 [ C ])", "S>p [ x ]", "A [ G x ]", "E [ F x ]"),
-    *("filter(max, x, y)", "filter(min, x)", "P=? [ a U<=k b {c}{min} ]", "P<q [ X[1,m] a ]", "P=? [ a W=j (b R>k c) ]"),
+    *(
+        "1 + x",
+        "!true",
+        "-y",
+        'x ? "a" : z',
+        "min(x, y, 2)",
+        "multi(P>0 [ F x ], R{i}<=2 [ C ])",
+        "S>p [ x ]",
+        "A [ G x ]",
+        "E [ F x ]",
+    ),
+    *(
+        "filter(max, x, y)",
+        "filter(min, x)",
+        "P=? [ a U<=k b {c}{min} ]",
+        "P<q [ X[1,m] a ]",
+        "P=? [ a W=j (b R>k c) ]",
+    ),
     "Pmax=? [ F<n a ]",
-    *('R{"a"}=? [ C<=t ]', "R=? [ I=t ]", "R=? [ S ]", "R{i+1}=? [ G a ]", 'P=? [ F^{rew{"a"}<=t} b ]', "P=? [ F^{rew{s}<=t} b ]"),
+    *(
+        'R{"a"}=? [ C<=t ]',
+        "R=? [ I=t ]",
+        "R=? [ S ]",
+        "R{i+1}=? [ G a ]",
+        'P=? [ F^{rew{"a"}<=t} b ]',
+        "P=? [ F^{rew{s}<=t} b ]",
+    ),
     'P=? [ F^{rew{"a"}[m,n], steps<=k} b ]',
 ]
 
@@ -25,7 +56,9 @@ def test_children_and_back(text: str) -> None:
     for node in nodes(parse_expression(text)):
         parts = children(node)
         assert with_children(node, parts) == node
-        changed = tuple(transform(p, lambda n: Name(n.name + "_") if isinstance(n, Name) else n) for p in parts)
+        changed = tuple(
+            transform(p, lambda n: Name(n.name + "_") if isinstance(n, Name) else n) for p in parts
+        )
         assert children(with_children(node, changed)) == changed
         assert with_children(node, changed).span == node.span
 
@@ -36,7 +69,13 @@ def test_every_kind_of_node_occurs_above() -> None:
 
 
 def test_names() -> None:
-    assert names(parse_expression('P=? [ F<=T x=1 & "l" ] + R{"r"}=? [ I=k ] * min(a, b)')) == {"T", "x", "k", "a", "b"}
+    assert names(parse_expression('P=? [ F<=T x=1 & "l" ] + R{"r"}=? [ I=k ] * min(a, b)')) == {
+        "T",
+        "x",
+        "k",
+        "a",
+        "b",
+    }
 
 
 def test_transform_sees_replaced_children() -> None:
@@ -60,7 +99,9 @@ def test_untouched_parts_are_shared() -> None:
 
 def test_substitute_at_once() -> None:
     tree = parse_expression("P=? [ F<=x y ]")
-    assert substitute(tree, {"x": Name("y"), "y": parse_expression("x+1")}) == parse_expression("P=? [ F<=y x+1 ]".replace("x+1", "(x+1)"))
+    assert substitute(tree, {"x": Name("y"), "y": parse_expression("x+1")}) == parse_expression(
+        "P=? [ F<=y x+1 ]".replace("x+1", "(x+1)")
+    )
 
 
 def test_any_depth() -> None:

@@ -12,7 +12,7 @@ import symcheck
 from symcheck import teach
 from symcheck.check.options import Options
 from symcheck.symbolic.build import construct
-from symcheck.symbolic.reach import SCHEDULES
+from symcheck.symbolic.reachability.search import SCHEDULES
 from symcheck.syntax.parse import parse_expression
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
@@ -42,7 +42,10 @@ def test_construction_of_synchronised_modules_and_slots() -> None:
     module b y : [0..1] init 0; [t] y=0 -> (y'=1); [t] y=1 -> (y'=0); endmodule"""
     made = construct(symcheck.bind(symcheck.parse_model(text)), OPTIONS)
     frames = list(teach.construction(made.space, OPTIONS))
-    assert [f.title for f in frames if f.stage == "module"] == ["[t] module a: sum of 2 commands", "[t] module b: sum of 2 commands"]
+    assert [f.title for f in frames if f.stage == "module"] == [
+        "[t] module a: sum of 2 commands",
+        "[t] module b: sum of 2 commands",
+    ]
     assert any(f.stage == "event" and f.title.startswith("[t] a × b") for f in frames)
     assert tuple(f.diagram for f in frames if f.stage == "model") == made.roots
     assert all(f.nodes == f.diagram.node_count for f in frames)
@@ -95,7 +98,9 @@ def test_fixpoints_end_with_the_answer(name: str, direction: str) -> None:
 
 def test_bounds_close_in_on_the_value() -> None:
     engine = symcheck.load(MODELS / "gambler/gambler.pm").engine
-    seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval"))
+    seen = teach.vectors(
+        engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval")
+    )
     assert (seen.no.count, seen.yes.count, seen.maybe.count) == (1, 1, 19)
     truth = np.array([float(Fraction(i, 20)) for i in range(1, 20)])
     before = np.zeros(19), np.ones(19)

@@ -64,7 +64,12 @@ def test_bits_have_row_and_column_nodes(made: Transitions) -> None:
     assert made.matrix is not None
     picture = view.picture(made.matrix, encoding, bits=True)
     assert len(picture.nodes) == made.matrix.node_count - 1  # the leaf 0 is left out
-    assert {n.label for n in picture.nodes if n.kind == "column"} <= {"x'\n+4", "x'\n+2", "x'\n+1", "b'"}
+    assert {n.label for n in picture.nodes if n.kind == "column"} <= {
+        "x'\n+4",
+        "x'\n+2",
+        "x'\n+1",
+        "b'",
+    }
     assert any(e.dashed for e in picture.edges)
     assert any(not e.dashed for e in picture.edges)
 
@@ -72,7 +77,11 @@ def test_bits_have_row_and_column_nodes(made: Transitions) -> None:
 def test_constants_are_single_leaves(made: Transitions) -> None:
     manager, encoding = made.space.symbolic.manager, made.space.symbolic.encoding
     for bits in (False, True):
-        for diagram, label in ((manager.true, "true"), (manager.false, "false"), (manager.constant(2.5), "2.5")):
+        for diagram, label in (
+            (manager.true, "true"),
+            (manager.false, "false"),
+            (manager.constant(2.5), "2.5"),
+        ):
             picture = view.picture(diagram, encoding, bits=bits)
             assert ([n.label for n in picture.nodes], picture.edges) == ([label], ())
 

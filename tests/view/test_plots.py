@@ -13,7 +13,7 @@ import symcheck
 from symcheck import teach, view
 from symcheck.check.options import Options
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.problem import Step
+from symcheck.numerics.linear.problem import Step
 from symcheck.symbolic.build import construct
 from symcheck.symbolic.model import Iteration
 
@@ -41,7 +41,10 @@ def test_search() -> None:
 
 
 def test_bounds() -> None:
-    steps = [Step("interval", i, 0.0, 2, np.array([0.0, i / 10]), np.array([1.0, 1 - i / 10])) for i in range(1, 4)]
+    steps = [
+        Step("interval", i, 0.0, 2, np.array([0.0, i / 10]), np.array([1.0, 1 - i / 10]))
+        for i in range(1, 4)
+    ]
     axes = view.plot_bounds(steps, 1, truth=0.4)
     lines = {line.get_label(): line for line in axes.lines}
     np.testing.assert_allclose(lines["lower bound"].get_ydata(), [0.1, 0.2, 0.3])
@@ -51,13 +54,17 @@ def test_bounds() -> None:
 
 
 def test_blocks_orders_and_pictures() -> None:
-    made = construct(symcheck.bind(symcheck.parse_model_file(MODELS / "herman/herman7.pm")), Options())
+    made = construct(
+        symcheck.bind(symcheck.parse_model_file(MODELS / "herman/herman7.pm")), Options()
+    )
     seen = teach.anatomy(made, budget=1)
     assert len(view.plot_blocks(seen).patches) == len(seen.places)
     many = dataclasses.replace(seen, places=np.zeros((20_001, 4), np.int64))
     with pytest.raises(UnsupportedError, match="smaller model"):
         view.plot_blocks(many)
-    frames = list(teach.order_lab(symcheck.bind(symcheck.parse_model_file(MODELS / "die/die.pm")), Options()))
+    frames = list(
+        teach.order_lab(symcheck.bind(symcheck.parse_model_file(MODELS / "die/die.pm")), Options())
+    )
     assert [t.get_text() for t in view.plot_orders(frames).get_yticklabels()] == ["s < d", "d < s"]
     picture = view.picture(made.space.states, made.space.symbolic.encoding, title="all")
     axes = view.draw(picture)
@@ -66,7 +73,10 @@ def test_blocks_orders_and_pictures() -> None:
 
 def test_missing_matplotlib_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for plot in (lambda: view.plot_search(ITERATIONS), lambda: view.draw(view.Picture("", (), (), ()))):
+    for plot in (
+        lambda: view.plot_search(ITERATIONS),
+        lambda: view.draw(view.Picture("", (), (), ())),
+    ):
         with pytest.raises(UnsupportedError, match=r"pip install 'symcheck\[plot\]'"):
             plot()
 

@@ -43,7 +43,9 @@ def test_choices_are_points_between_states() -> None:
 
 
 def test_chains_have_an_edge_per_transition() -> None:
-    model = explored("dtmc module m x : [0..3] init 0; [] true -> 0.5 : (x'=0) + 0.5 : (x'=min(x+1,3)); endmodule")
+    model = explored(
+        "dtmc module m x : [0..3] init 0; [] true -> 0.5 : (x'=0) + 0.5 : (x'=min(x+1,3)); endmodule"
+    )
     picture = view.state_graph(model)
     assert len(picture.edges) == model.matrix.entries
     assert [n.layer for n in picture.nodes] == [0, 1, 2, 3]
@@ -52,7 +54,10 @@ def test_chains_have_an_edge_per_transition() -> None:
 
 def test_large_models_are_refused() -> None:
     with pytest.raises(UnsupportedError, match="max_states"):
-        view.state_graph(explored("dtmc module m x : [0..9] init 0; [] true -> (x'=mod(x+1,10)); endmodule"), max_states=9)
+        view.state_graph(
+            explored("dtmc module m x : [0..9] init 0; [] true -> (x'=mod(x+1,10)); endmodule"),
+            max_states=9,
+        )
 
 
 BACK = """mdp
@@ -71,12 +76,17 @@ def test_edges_go_round_the_states_between() -> None:
     picture = view.state_graph(explored(BACK))
     placed = place(picture)
     layer = {n.name: n.layer for n in picture.nodes}
-    back = [(e, way.points) for e, way in routes(picture, placed) if layer[e.source] > layer[e.target]]
+    back = [
+        (e, way.points) for e, way in routes(picture, placed) if layer[e.source] > layer[e.target]
+    ]
     assert len(back) == 5
     for edge, (p0, p1, p2, p3) in back:
         for t in (k / 50 for k in range(1, 50)):
             weights = ((1 - t) ** 3, 3 * (1 - t) ** 2 * t, 3 * (1 - t) * t**2, t**3)
-            x, y = (sum(w * p[i] for w, p in zip(weights, (p0, p1, p2, p3), strict=True)) for i in (0, 1))
+            x, y = (
+                sum(w * p[i] for w, p in zip(weights, (p0, p1, p2, p3), strict=True))
+                for i in (0, 1)
+            )
             assert 0 < x < placed.width
             for name in layer.keys() - {edge.source, edge.target}:
                 (cx, cy), (w, h) = placed.at[name], placed.size[name]

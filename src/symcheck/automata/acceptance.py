@@ -13,7 +13,7 @@ import numpy as np
 
 from symcheck.automata.automaton import Automaton, Pair
 from symcheck.automata.reduce import good_edges, numbered, reduced, strong_components
-from symcheck.numerics.matrix import Bools, Int32s
+from symcheck.matrices.rows import Bools, Int32s
 
 __all__ = ["counted", "simplified"]
 
@@ -27,7 +27,10 @@ class _TooManyError(Exception):
 
 def simplified(automaton: Automaton) -> Automaton:
     """An automaton of the same words with a single set in its acceptance, where that is enough; else the same."""
-    if len(automaton.pairs) == 1 and len(automaton.pairs[0].visits) + bool(automaton.pairs[0].avoid.any()) <= 1:
+    if (
+        len(automaton.pairs) == 1
+        and len(automaton.pairs[0].visits) + bool(automaton.pairs[0].avoid.any()) <= 1
+    ):
         return automaton
     table, pairs = automaton.table, automaton.pairs
     if not pairs:
@@ -89,7 +92,14 @@ def _rejecting(table: Int32s, edges: Bools, pairs: tuple[Pair, ...], depth: int)
     found = np.zeros(table.shape, bool)
     for component in np.flatnonzero(looping):
         here = inside & (of == component)[:, None]
-        accepted = next((p for p in pairs if not (p.avoid & here).any() and all((v & here).any() for v in p.visits)), None)
+        accepted = next(
+            (
+                p
+                for p in pairs
+                if not (p.avoid & here).any() and all((v & here).any() for v in p.visits)
+            ),
+            None,
+        )
         if accepted is None:
             found |= here
             continue

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from symcheck.numerics.matrix import Bools, Int32s
-from symcheck.records import dataclass, field
+from symcheck.matrices.rows import Bools, Int32s
 
 __all__ = ["Automaton", "Pair"]
 
@@ -72,7 +72,9 @@ class Automaton:
             rounds.append(taken)
         cycle = [edge for taken in rounds[seen[state] :] for edge in taken]
         return any(
-            not any(pair.avoid[e] for e in cycle) and all(any(visit[e] for e in cycle) for visit in pair.visits) for pair in self.pairs
+            not any(pair.avoid[e] for e in cycle)
+            and all(any(visit[e] for e in cycle) for visit in pair.visits)
+            for pair in self.pairs
         )
 
     def spread(self, columns: Sequence[int], letters: int) -> Automaton:
@@ -80,5 +82,10 @@ class Automaton:
         source = np.zeros(letters, dtype=np.int64)
         source[np.asarray(columns, dtype=np.int64)] = np.arange(len(columns))
         used = np.isin(np.arange(letters), columns)
-        pairs = tuple(Pair(p.avoid[:, source] & used, tuple(v[:, source] & used for v in p.visits)) for p in self.pairs)
-        return Automaton(np.ascontiguousarray(self.table[:, source]), self.initial, pairs, self.accepting)
+        pairs = tuple(
+            Pair(p.avoid[:, source] & used, tuple(v[:, source] & used for v in p.visits))
+            for p in self.pairs
+        )
+        return Automaton(
+            np.ascontiguousarray(self.table[:, source]), self.initial, pairs, self.accepting
+        )

@@ -78,7 +78,9 @@ class Booleans:
         """The variables that f depends on."""
         return self._supports[f]
 
-    def substitute(self, f: int, by: Callable[[int], int], memo: dict[int, int] | None = None) -> int:
+    def substitute(
+        self, f: int, by: Callable[[int], int], memo: dict[int, int] | None = None
+    ) -> int:
         """The function f with a function in the place of each variable. `memo` may be kept for further calls with the same `by`."""
         memo = {} if memo is None else memo
         if f <= TRUE:
@@ -86,10 +88,14 @@ class Booleans:
         found = memo.get(f)
         if found is None:
             variable, low, high = self._nodes[f]
-            found = self.ite(by(variable), self.substitute(high, by, memo), self.substitute(low, by, memo))
+            found = self.ite(
+                by(variable), self.substitute(high, by, memo), self.substitute(low, by, memo)
+            )
             memo[f] = found
         return found
 
     def assign(self, f: int, variable: int, value: bool) -> int:
         """The function f with a constant in the place of a variable."""
-        return self.substitute(f, lambda v: (TRUE if value else FALSE) if v == variable else self.variable(v))
+        return self.substitute(
+            f, lambda v: (TRUE if value else FALSE) if v == variable else self.variable(v)
+        )

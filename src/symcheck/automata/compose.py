@@ -14,7 +14,7 @@ import numpy as np
 from symcheck.automata.automaton import Automaton, Pair
 from symcheck.automata.reduce import numbered, reduced
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.matrix import Bools
+from symcheck.matrices.rows import Bools
 
 __all__ = ["all_of", "any_of", "size"]
 
@@ -49,7 +49,9 @@ def _beside(a: Automaton, b: Automaton, *, both: bool) -> Automaton:
     left = [Pair(p.avoid[first], tuple(v[first] for v in p.visits)) for p in a.pairs]
     right = [Pair(p.avoid[second], tuple(v[second] for v in p.visits)) for p in b.pairs]
     if both:
-        pairs = [Pair(p.avoid | q.avoid, _distinct([*p.visits, *q.visits])) for p in left for q in right]
+        pairs = [
+            Pair(p.avoid | q.avoid, _distinct([*p.visits, *q.visits])) for p in left for q in right
+        ]
     else:
         pairs = left + right
     of_a, of_b = np.isin(first, list(a.accepting)), np.isin(second, list(b.accepting))
@@ -61,5 +63,9 @@ def _beside(a: Automaton, b: Automaton, *, both: bool) -> Automaton:
 def _distinct(sets: Sequence[Bools]) -> tuple[Bools, ...]:
     """The sets without those that contain another."""
     return tuple(
-        v for i, v in enumerate(sets) if not any(not (w & ~v).any() and (i > j or (v & ~w).any()) for j, w in enumerate(sets) if j != i)
+        v
+        for i, v in enumerate(sets)
+        if not any(
+            not (w & ~v).any() and (i > j or (v & ~w).any()) for j, w in enumerate(sets) if j != i
+        )
     )

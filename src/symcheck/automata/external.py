@@ -17,9 +17,25 @@ __all__ = ["SYNTAXES", "spelled", "translate_by"]
 SYNTAXES = ("lbt", "spin", "spot", "rabinizer")
 
 _INFIX = {
-    "spin": {"AND": "&&", "OR": "||", "UNTIL": "U", "RELEASE": "V", "NEXT": "X", "F": "<>", "G": "[]"},
+    "spin": {
+        "AND": "&&",
+        "OR": "||",
+        "UNTIL": "U",
+        "RELEASE": "V",
+        "NEXT": "X",
+        "F": "<>",
+        "G": "[]",
+    },
     "spot": {"AND": "&", "OR": "|", "UNTIL": "U", "RELEASE": "R", "NEXT": "X", "F": "F", "G": "G"},
-    "rabinizer": {"AND": "&", "OR": "|", "UNTIL": "U", "RELEASE": "R", "NEXT": "X", "F": "F", "G": "G"},
+    "rabinizer": {
+        "AND": "&",
+        "OR": "|",
+        "UNTIL": "U",
+        "RELEASE": "R",
+        "NEXT": "X",
+        "F": "F",
+        "G": "G",
+    },
 }
 _PREFIX = {"AND": "&", "OR": "|", "UNTIL": "U", "RELEASE": "V", "NEXT": "X", "F": "F", "G": "G"}
 
@@ -31,7 +47,9 @@ def spelled(formula: Formula, syntax: str = "lbt") -> str:
     """
     if syntax not in SYNTAXES:
         raise UsageError(f"unknown syntax of formulas '{syntax}': known are {', '.join(SYNTAXES)}")
-    unary, binary = (_prefix_unary, _prefix_binary) if syntax == "lbt" else (_infix_unary, _infix_binary)
+    unary, binary = (
+        (_prefix_unary, _prefix_binary) if syntax == "lbt" else (_infix_unary, _infix_binary)
+    )
     words = _PREFIX if syntax == "lbt" else _INFIX[syntax]
     true, false = ("t", "f") if syntax == "lbt" else ("true", "false")
     texts: dict[int, str] = {}
@@ -55,17 +73,25 @@ def spelled(formula: Formula, syntax: str = "lbt") -> str:
             case _:
                 inner = f.eventually or f.always
                 short = words["F" if f.eventually is not None else "G"]
-                text = binary(words[f.kind.name], *parts) if inner is None else unary(short, parts[1])
+                text = (
+                    binary(words[f.kind.name], *parts) if inner is None else unary(short, parts[1])
+                )
         texts[f.number] = text
     return texts[formula.number]
 
 
 def _unrolled(
-    f: Formula, parts: list[str], words: dict[str, str], unary: Callable[[str, str], str], binary: Callable[[str, str, str], str]
+    f: Formula,
+    parts: list[str],
+    words: dict[str, str],
+    unary: Callable[[str, str], str],
+    binary: Callable[[str, str, str], str],
 ) -> str:
     """`left U<=k right` is right | left & X (left U<=k-1 right); for R with | and & exchanged."""
     left, right = parts
-    outer, inner = (words["OR"], words["AND"]) if f.kind is Kind.UNTIL else (words["AND"], words["OR"])
+    outer, inner = (
+        (words["OR"], words["AND"]) if f.kind is Kind.UNTIL else (words["AND"], words["OR"])
+    )
     text = right
     for _ in range(f.bound or 0):
         text = binary(outer, right, binary(inner, left, unary(words["NEXT"], text)))
@@ -100,14 +126,26 @@ def translate_by(program: str, syntax: str, formula: Formula, letters: Sequence[
         asked, answer = Path(folder, "formula.ltl"), Path(folder, "automaton.hoa")
         asked.write_text(text + "\n")
         try:
-            run = subprocess.run([program, str(asked), str(answer)], capture_output=True, text=True, errors="replace", check=False)
+            run = subprocess.run(
+                [program, str(asked), str(answer)],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                check=False,
+            )
         except OSError as error:
-            raise UsageError(f"the translator '{program}' cannot be run: {error.strerror}") from error
+            raise UsageError(
+                f"the translator '{program}' cannot be run: {error.strerror}"
+            ) from error
         said = " ".join((run.stderr or run.stdout).split())[:300]
         if run.returncode != 0:
-            raise UnsupportedError(f"the translator '{program}' failed (exit status {run.returncode}): {said or 'it says nothing'}")
+            raise UnsupportedError(
+                f"the translator '{program}' failed (exit status {run.returncode}): {said or 'it says nothing'}"
+            )
         if not answer.exists():
-            raise UnsupportedError(f"the translator '{program}' wrote no automaton: {said or 'it says nothing'}")
+            raise UnsupportedError(
+                f"the translator '{program}' wrote no automaton: {said or 'it says nothing'}"
+            )
         written = answer.read_text(errors="replace")
     atoms = {f"p{f.atom}": f.atom for f in formula.below() if f.atom >= 0}
     return read(written, letters, atoms, name=f"<automaton of {Path(program).name}>")

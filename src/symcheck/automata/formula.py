@@ -6,9 +6,8 @@ a W b = b R (a | b). U and R may have a bound on steps: `a U<=k b` asks for b wi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
-
-from symcheck.records import dataclass
 
 __all__ = ["Formula", "Kind"]
 
@@ -60,12 +59,20 @@ class Formula:
     @property
     def eventually(self) -> Formula | None:
         """a, where this is F a."""
-        return self.parts[1] if self.fixpoint and self.kind is Kind.UNTIL and self.parts[0].kind is Kind.TRUE else None
+        return (
+            self.parts[1]
+            if self.fixpoint and self.kind is Kind.UNTIL and self.parts[0].kind is Kind.TRUE
+            else None
+        )
 
     @property
     def always(self) -> Formula | None:
         """a, where this is G a."""
-        return self.parts[1] if self.fixpoint and self.kind is Kind.RELEASE and self.parts[0].kind is Kind.FALSE else None
+        return (
+            self.parts[1]
+            if self.fixpoint and self.kind is Kind.RELEASE and self.parts[0].kind is Kind.FALSE
+            else None
+        )
 
     def __str__(self) -> str:
         match self.kind:
@@ -82,9 +89,16 @@ class Formula:
             case _:
                 bound = "" if self.bound is None else f"<={self.bound}"
                 left, right = self.parts
-                names: dict[tuple[Kind, Kind], str] = {(Kind.UNTIL, Kind.TRUE): "F", (Kind.RELEASE, Kind.FALSE): "G"}
+                names: dict[tuple[Kind, Kind], str] = {
+                    (Kind.UNTIL, Kind.TRUE): "F",
+                    (Kind.RELEASE, Kind.FALSE): "G",
+                }
                 short = names.get((self.kind, left.kind))
-                return f"({left} {self.kind.value}{bound} {right})" if short is None else f"{short}{bound} {right}"
+                return (
+                    f"({left} {self.kind.value}{bound} {right})"
+                    if short is None
+                    else f"{short}{bound} {right}"
+                )
 
     def below(self) -> list[Formula]:
         """All parts of the formula and itself, parts first. Not recursive: bounds make deep formulas."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -15,8 +15,7 @@ import numpy as np
 from symcheck.automata.automaton import Automaton, Pair
 from symcheck.automata.reduce import reduced
 from symcheck.errors import Diagnostic, InputError, Source, Span
-from symcheck.numerics.matrix import Bools
-from symcheck.records import dataclass, field
+from symcheck.matrices.rows import Bools
 
 __all__ = ["read", "write"]
 
@@ -48,7 +47,11 @@ class _Reader:
 
     def fault(self, message: str) -> InputError:
         size = len(self.source.text)
-        span = self.tokens[self.at].span if self.at < len(self.tokens) else Span(self.source, max(0, size - 1), size)
+        span = (
+            self.tokens[self.at].span
+            if self.at < len(self.tokens)
+            else Span(self.source, max(0, size - 1), size)
+        )
         return InputError(Diagnostic(message, span, "hoa"))
 
     def split(self) -> None:
@@ -56,16 +59,24 @@ class _Reader:
         while position < len(text):
             found = _TOKEN.match(text, position)
             if found is None:
-                self.tokens.append(_Token("", text[position], Span(self.source, position, position + 1)))
+                self.tokens.append(
+                    _Token("", text[position], Span(self.source, position, position + 1))
+                )
                 self.at = len(self.tokens) - 1
                 raise self.fault("this is not a word of the HOA format")
             if found.lastgroup is not None:
-                self.tokens.append(_Token(found.lastgroup, found.group(), Span(self.source, *found.span())))
+                self.tokens.append(
+                    _Token(found.lastgroup, found.group(), Span(self.source, *found.span()))
+                )
             position = found.end()
 
     @property
     def next(self) -> _Token:
-        return self.tokens[self.at] if self.at < len(self.tokens) else _Token("end", "", Span(self.source, 0, 0))
+        return (
+            self.tokens[self.at]
+            if self.at < len(self.tokens)
+            else _Token("end", "", Span(self.source, 0, 0))
+        )
 
     def take(self, *wanted: str) -> str | None:
         """The next word if it is one of these, or of one of these kinds."""
@@ -109,7 +120,9 @@ class _Edge:
     sets: frozenset[int]
 
 
-def read(text: str, letters: Sequence[int], atoms: Mapping[str, int], name: str = "<automaton>") -> Automaton:
+def read(
+    text: str, letters: Sequence[int], atoms: Mapping[str, int], name: str = "<automaton>"
+) -> Automaton:
     """A deterministic automaton from HOA text. Letter i is the valuation `letters[i]` of atoms; `atoms` gives their bits.
 
     Missing edges lead to a rejecting state. Raises InputError where the text is wrong, the automaton is not deterministic
@@ -119,7 +132,9 @@ def read(text: str, letters: Sequence[int], atoms: Mapping[str, int], name: str 
     reader.split()
     header = _header(reader, atoms)
     if len(header.start) != 1:
-        raise reader.fault(f"a deterministic automaton has one initial state, not {len(header.start)}")
+        raise reader.fault(
+            f"a deterministic automaton has one initial state, not {len(header.start)}"
+        )
     if header.condition is None:
         raise reader.fault("the acceptance condition is missing")
     edges = _body(reader, header)
@@ -142,7 +157,9 @@ def _header(reader: _Reader, atoms: Mapping[str, int]) -> _Header:
                 if reader.take("&"):
                     raise reader.fault("alternating automata are not read")
             case "AP:":
-                header.bits = tuple(_atom(reader, atoms) for _ in range(reader.number("the number of atoms")))
+                header.bits = tuple(
+                    _atom(reader, atoms) for _ in range(reader.number("the number of atoms"))
+                )
             case "Alias:":
                 alias = reader.need("name", what="the name of the alias")
                 header.aliases[alias] = _label(reader, header)
@@ -214,7 +231,9 @@ def _condition_and(reader: _Reader, header: _Header) -> tuple[_Term, ...]:
 
 
 def _limited(reader: _Reader, terms: Mapping[_Term, None]) -> tuple[_Term, ...]:
-    kept = tuple(t for t in terms if not any(o != t and o[0] <= t[0] and o[1] <= t[1] for o in terms))
+    kept = tuple(
+        t for t in terms if not any(o != t and o[0] <= t[0] and o[1] <= t[1] for o in terms)
+    )
     if len(kept) > _CONJUNCTIONS:
         raise reader.fault(f"this acceptance condition needs more than {_CONJUNCTIONS} Rabin pairs")
     return kept
@@ -260,7 +279,9 @@ def _body(reader: _Reader, header: _Header) -> list[_Edge]:
     return edges
 
 
-def _edges(reader: _Reader, header: _Header, state: int, state_label: _Label | None) -> Iterator[_Edge]:
+def _edges(
+    reader: _Reader, header: _Header, state: int, state_label: _Label | None
+) -> Iterator[_Edge]:
     implicit = 0
     while reader.next.text == "[" or reader.next.kind == "number":
         label = _bracketed(reader, header) or state_label
@@ -294,10 +315,16 @@ def _sets(reader: _Reader, header: _Header) -> frozenset[int]:
     return frozenset(found)
 
 
-def _automaton(reader: _Reader, header: _Header, edges: list[_Edge], letters: Sequence[int]) -> Automaton:
-    states = max((header.states or 0, header.start[0] + 1, *(max(e.source, e.target) + 1 for e in edges)))
+def _automaton(
+    reader: _Reader, header: _Header, edges: list[_Edge], letters: Sequence[int]
+) -> Automaton:
+    states = max(
+        (header.states or 0, header.start[0] + 1, *(max(e.source, e.target) + 1 for e in edges))
+    )
     if (states + 1) * len(letters) * (1 + header.sets) > _LARGEST:
-        raise reader.fault(f"an automaton with {states:,} states and {len(letters):,} letters is too large")
+        raise reader.fault(
+            f"an automaton with {states:,} states and {len(letters):,} letters is too large"
+        )
     sink = states  # takes the edges that are missing
     table = np.full((states + 1, len(letters)), sink, dtype=np.int32)
     seen = np.zeros(table.shape, dtype=bool)
@@ -305,7 +332,9 @@ def _automaton(reader: _Reader, header: _Header, edges: list[_Edge], letters: Se
     for edge in edges:
         here = np.array([edge.label(v) for v in letters], dtype=bool)
         if np.any(seen[edge.source] & here & (table[edge.source] != edge.target)):
-            raise reader.fault(f"the automaton is not deterministic: state {edge.source} has several edges for the same letter")
+            raise reader.fault(
+                f"the automaton is not deterministic: state {edge.source} has several edges for the same letter"
+            )
         seen[edge.source] |= here
         table[edge.source, here] = edge.target
         for number in edge.sets:
@@ -332,10 +361,16 @@ def write(automaton: Automaton, letters: Sequence[int], atoms: Sequence[str]) ->
     sets: list[Bools] = []
     terms = []
     for pair in automaton.pairs:
-        words = [f"Fin({len(sets)})", *(f"Inf({len(sets) + 1 + i})" for i in range(len(pair.visits)))]
+        words = [
+            f"Fin({len(sets)})",
+            *(f"Inf({len(sets) + 1 + i})" for i in range(len(pair.visits))),
+        ]
         sets += [pair.avoid, *pair.visits]
         terms.append("(" + " & ".join(words) + ")")
-    labels = ["&".join(("" if v >> i & 1 else "!") + str(i) for i in range(len(atoms))) or "t" for v in letters]
+    labels = [
+        "&".join(("" if v >> i & 1 else "!") + str(i) for i in range(len(atoms))) or "t"
+        for v in letters
+    ]
     counts = [len(automaton.pairs), *(len(p.visits) for p in automaton.pairs)]
     lines = [
         "HOA: v1",
@@ -351,5 +386,8 @@ def write(automaton: Automaton, letters: Sequence[int], atoms: Sequence[str]) ->
         lines.append(f"State: {q}")
         for a, label in enumerate(labels):
             marks = [str(i) for i, s in enumerate(sets) if s[q, a]]
-            lines.append(f"[{label}] {automaton.table[q, a]}" + (" {" + " ".join(marks) + "}" if marks else ""))
+            lines.append(
+                f"[{label}] {automaton.table[q, a]}"
+                + (" {" + " ".join(marks) + "}" if marks else "")
+            )
     return "\n".join([*lines, "--END--", ""])

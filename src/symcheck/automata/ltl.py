@@ -44,7 +44,14 @@ class Formulas:
         self.false = self._node(Kind.FALSE)
         self._step = None if step is None else self.literal(step)
 
-    def _node(self, kind: Kind, parts: tuple[Formula, ...] = (), *, atom: int = -1, bound: int | None = None) -> Formula:
+    def _node(
+        self,
+        kind: Kind,
+        parts: tuple[Formula, ...] = (),
+        *,
+        atom: int = -1,
+        bound: int | None = None,
+    ) -> Formula:
         key = (kind, tuple(p.number for p in parts), atom, bound)
         found = self._known.get(key)
         if found is None:
@@ -55,7 +62,9 @@ class Formulas:
             co_safe = fixpoint is not Kind.RELEASE and all(p.co_safe for p in parts)
             safe = fixpoint is not Kind.UNTIL and all(p.safe for p in parts)
             eventual, universal = _persistence(kind, parts, bound)
-            found = Formula(len(self._known), kind, parts, atom, bound, now, co_safe, safe, eventual, universal)
+            found = Formula(
+                len(self._known), kind, parts, atom, bound, now, co_safe, safe, eventual, universal
+            )
             self._known[key] = found
         return found
 
@@ -129,7 +138,10 @@ class Formulas:
         """Whether two parts exclude (of alternatives: exhaust) each other."""
         for i, part in enumerate(parts):
             negated = self.negation(part)
-            if any(self.implies(p, negated) if conjunctive else self.implies(negated, p) for p in parts[:i]):
+            if any(
+                self.implies(p, negated) if conjunctive else self.implies(negated, p)
+                for p in parts[:i]
+            ):
                 return True
         return False
 
@@ -138,7 +150,9 @@ class Formulas:
         kept: list[Formula] = []
         for i, part in enumerate(parts):
             others = kept + parts[i + 1 :]
-            if not any(self.implies(o, part) if conjunctive else self.implies(part, o) for o in others):
+            if not any(
+                self.implies(o, part) if conjunctive else self.implies(part, o) for o in others
+            ):
                 kept.append(part)
         return kept
 
@@ -223,7 +237,9 @@ class Formulas:
             case Kind.RELEASE if f.bound is None:
                 return again(f.parts[1])
             case Kind.UNTIL if f.bound is None:
-                return self.conjunction((again(self.disjunction(f.parts)), self.always(self.eventually(f.parts[1]))))
+                return self.conjunction(
+                    (again(self.disjunction(f.parts)), self.always(self.eventually(f.parts[1])))
+                )
             case Kind.AND if any(_changes(p) for p in f.parts):
                 return self.conjunction([again(p) for p in f.parts])
             case Kind.OR if _changes(f):
@@ -298,9 +314,13 @@ def _persistence(kind: Kind, parts: tuple[Formula, ...], bound: int | None) -> t
         case Kind.AND | Kind.OR | Kind.NEXT:
             return all(p.eventual for p in parts), all(p.universal for p in parts)
         case Kind.UNTIL:
-            return parts[1].eventual or (bound is None and parts[0].kind is Kind.TRUE), parts[1].universal
+            return parts[1].eventual or (bound is None and parts[0].kind is Kind.TRUE), parts[
+                1
+            ].universal
         case Kind.RELEASE:
-            return parts[1].eventual, parts[1].universal or (bound is None and parts[0].kind is Kind.FALSE)
+            return parts[1].eventual, parts[1].universal or (
+                bound is None and parts[0].kind is Kind.FALSE
+            )
 
 
 def _flat(kind: Kind, parts: Iterable[Formula], neutral: Formula) -> list[Formula]:
@@ -310,7 +330,9 @@ def _flat(kind: Kind, parts: Iterable[Formula], neutral: Formula) -> list[Formul
     return [flat[number] for number in sorted(flat)]
 
 
-def _split(f: Formula, kind: Kind, test: Callable[[Formula], bool]) -> tuple[list[Formula], list[Formula]]:
+def _split(
+    f: Formula, kind: Kind, test: Callable[[Formula], bool]
+) -> tuple[list[Formula], list[Formula]]:
     """The parts that pass the test, and the others; nothing where f is not of this kind."""
     if f.kind is not kind:
         return [], [f]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from symcheck.automata.automaton import Automaton, Pair
+from symcheck.matrices.rows import Bools, Int32s, SparseMatrix
 from symcheck.numerics.graph import Incidence, backward_reachable, forward_reachable, sccs
-from symcheck.numerics.matrix import Bools, Int32s, SparseMatrix
 
 __all__ = ["good_edges", "numbered", "reduced", "strong_components"]
 
@@ -15,9 +15,14 @@ def _graph(delta: Int32s, edges: Bools | None = None) -> Incidence:
     """The edges as a graph on the states (without some of them)."""
     states, letters = delta.shape
     kept = np.ones(delta.shape, dtype=bool) if edges is None else edges
-    pairs = np.unique(np.repeat(np.arange(states, dtype=np.int64), letters)[kept.ravel()] * states + delta.ravel()[kept.ravel()])
+    pairs = np.unique(
+        np.repeat(np.arange(states, dtype=np.int64), letters)[kept.ravel()] * states
+        + delta.ravel()[kept.ravel()]
+    )
     indptr = np.searchsorted(pairs, np.arange(states + 1, dtype=np.int64) * states).astype(np.int64)
-    return Incidence(SparseMatrix(indptr, (pairs % states).astype(np.int32), np.ones(len(pairs)), states))
+    return Incidence(
+        SparseMatrix(indptr, (pairs % states).astype(np.int32), np.ones(len(pairs)), states)
+    )
 
 
 def strong_components(delta: Int32s, edges: Bools | None = None) -> tuple[Int32s, Bools]:
@@ -38,7 +43,10 @@ def reduced(automaton: Automaton) -> Automaton:
     delta = automaton.table.copy()
     if dead.any():
         delta[dead] = np.flatnonzero(dead)[0]
-        pairs = tuple(Pair(p.avoid | dead[:, None], tuple(v & ~dead[:, None] for v in p.visits)) for p in pairs)
+        pairs = tuple(
+            Pair(p.avoid | dead[:, None], tuple(v & ~dead[:, None] for v in p.visits))
+            for p in pairs
+        )
     return numbered(_merged(Automaton(delta, automaton.initial, pairs, automaton.accepting)))
 
 
@@ -56,7 +64,11 @@ def _normalised(automaton: Automaton) -> tuple[Pair, ...]:
             here = inside & useful[of][:, None]
             visits = tuple(v & here & ~pair.avoid for v in pair.visits)
             kept.append(Pair(np.where(here, pair.avoid, inside), visits))
-    return tuple(p for i, p in enumerate(kept) if not any(_weaker(o, p, strictly=j > i) for j, o in enumerate(kept) if j != i))
+    return tuple(
+        p
+        for i, p in enumerate(kept)
+        if not any(_weaker(o, p, strictly=j > i) for j, o in enumerate(kept) if j != i)
+    )
 
 
 def _weaker(pair: Pair, other: Pair, *, strictly: bool) -> bool:
@@ -107,7 +119,9 @@ def _merged(automaton: Automaton) -> Automaton:
     _, chosen = np.unique(block, return_index=True)
     smaller = tuple(Pair(p.avoid[chosen], tuple(v[chosen] for v in p.visits)) for p in pairs)
     states = frozenset(int(block[q]) for q in automaton.accepting)
-    return Automaton(block[delta[chosen]].astype(np.int32), int(block[automaton.initial]), smaller, states)
+    return Automaton(
+        block[delta[chosen]].astype(np.int32), int(block[automaton.initial]), smaller, states
+    )
 
 
 def numbered(automaton: Automaton) -> Automaton:

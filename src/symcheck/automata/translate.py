@@ -9,21 +9,21 @@ beside the main one while it is in the component. Source: Esparza, Kretinsky & S
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar, assert_never
 
 import numpy as np
 
 from symcheck.automata.acceptance import simplified
-from symcheck.automata.after import After
 from symcheck.automata.automaton import Automaton, Pair
 from symcheck.automata.boolean import FALSE, TRUE
 from symcheck.automata.compose import all_of, any_of, size
+from symcheck.automata.derivatives import After
 from symcheck.automata.formula import Formula, Kind
-from symcheck.automata.guesses import Again, Main, Never, Requirement, guesses, requirements
 from symcheck.automata.ltl import Formulas
+from symcheck.automata.master_theorem import Again, Main, Never, Requirement, guesses, requirements
 from symcheck.automata.reduce import reduced, strong_components
 from symcheck.errors import UnsupportedError
-from symcheck.records import dataclass, field
 
 __all__ = ["translate"]
 
@@ -82,7 +82,9 @@ def translate(formulas: Formulas, formula: Formula, letters: Sequence[int]) -> A
         return made
 
 
-def _parts(formulas: Formulas, formula: Formula) -> tuple[Callable[[Sequence[Automaton]], Automaton], list[Formula]]:
+def _parts(
+    formulas: Formulas, formula: Formula
+) -> tuple[Callable[[Sequence[Automaton]], Automaton], list[Formula]]:
     """The parts that get automata of their own, and how these are put together."""
     conjunction = formula.kind is Kind.AND or formula.always is not None
     inner = formula.always or formula.eventually
@@ -90,32 +92,50 @@ def _parts(formulas: Formulas, formula: Formula) -> tuple[Callable[[Sequence[Aut
     if inner is not None:
         kind, make = (Kind.AND, formulas.always) if conjunction else (Kind.OR, formulas.eventually)
         below = tuple(make(p) for p in inner.parts) if inner.kind is kind else ()
-    if (inner is None and formula.kind not in (Kind.AND, Kind.OR)) or formula.co_safe or formula.safe or len(below) < 2:
+    if (
+        (inner is None and formula.kind not in (Kind.AND, Kind.OR))
+        or formula.co_safe
+        or formula.safe
+        or len(below) < 2
+    ):
         return all_of, [formula]
     unite = formulas.conjunction if conjunction else formulas.disjunction
     co_safe = [p for p in below if p.co_safe]
     safe = [p for p in below if p.safe and not p.co_safe]
     others = [p for p in below if not p.safe and not p.co_safe]
-    return all_of if conjunction else any_of, [unite(group) for group in (co_safe, safe) if group] + others
+    return all_of if conjunction else any_of, [
+        unite(group) for group in (co_safe, safe) if group
+    ] + others
 
 
 def _whole(formulas: Formulas, formula: Formula, letters: Sequence[int]) -> Automaton:
     """The automaton by the master theorem."""
     after = After(formulas)
     start = after.simplified(after.of(formula))
-    main = _explore(start, len(letters), lambda state: [(after.after(state, a), frozenset()) for a in letters])
+    main = _explore(
+        start, len(letters), lambda state: [(after.after(state, a), frozenset()) for a in letters]
+    )
     delta = np.array(main.delta, dtype=np.int32)
     states = main.states
     number = {state: i for i, state in enumerate(states)}
     of, looping = strong_components(delta)
-    parts = [_component(after, [states[q] for q in np.flatnonzero(of == c)]) if looping[c] else Component() for c in range(len(looping))]
+    parts = [
+        _component(after, [states[q] for q in np.flatnonzero(of == c)])
+        if looping[c]
+        else Component()
+        for c in range(len(looping))
+    ]
     where = {state: int(of[number[state]]) for state in states}
     runner = _Runner(after, where, parts)
-    whole = _explore(runner.entered(start), len(letters), lambda state: [runner.step(state, a) for a in letters])
+    whole = _explore(
+        runner.entered(start), len(letters), lambda state: [runner.step(state, a) for a in letters]
+    )
     return reduced(_assembled(whole, [parts[where[s.main]] for s in whole.states]))
 
 
-def _explore(start: S, letters: int, successors: Callable[[S], list[tuple[S, frozenset[int]]]]) -> _Explored[S]:
+def _explore(
+    start: S, letters: int, successors: Callable[[S], list[tuple[S, frozenset[int]]]]
+) -> _Explored[S]:
     found = _Explored([start])
     number = {start: 0}
     for state in found.states:  # the list grows on the way
@@ -143,7 +163,9 @@ def _component(after: After, states: list[int]) -> Component:
         return Component((), (frozenset(),))
     if states == [FALSE] or all(f.co_safe for f in formulas):
         return Component()
-    wanted = {w for g in guesses(after, states) if (w := requirements(after, states, g)) is not None}
+    wanted = {
+        w for g in guesses(after, states) if (w := requirements(after, states, g)) is not None
+    }
     least = [w for w in wanted if not any(v < w for v in wanted)]
     found = sorted({r for w in least for r in w}, key=repr)
     number = {r: i for i, r in enumerate(found)}
@@ -161,7 +183,9 @@ class _Runner:
 
     def entered(self, main: int) -> State:
         """The state on entering a component of the main automaton."""
-        return State(main, tuple(_initial(r, main) for r in self.parts[self.where[main]].requirements))
+        return State(
+            main, tuple(_initial(r, main) for r in self.parts[self.where[main]].requirements)
+        )
 
     def step(self, state: State, letter: int) -> tuple[State, frozenset[int]]:
         """The next state, and the requirements that were satisfied (Again) or violated (others) by the letter."""
@@ -169,7 +193,9 @@ class _Runner:
         if self.where[main] != self.where[state.main]:
             return self.entered(main), frozenset()
         beside, marks = [], []
-        for i, (requirement, left) in enumerate(zip(self.parts[self.where[main]].requirements, state.beside, strict=True)):
+        for i, (requirement, left) in enumerate(
+            zip(self.parts[self.where[main]].requirements, state.beside, strict=True)
+        ):
             left = self.after.after(left, letter)
             if left == (TRUE if isinstance(requirement, Again) else FALSE):
                 marks.append(i)
@@ -194,7 +220,10 @@ def _assembled(whole: _Explored[State], parts: list[Component]) -> Automaton:
     pairs = []
     for i in range(max((len(p.alternatives) for p in parts), default=0)):
         chosen = [p.alternatives[i] if i < len(p.alternatives) else None for p in parts]
-        again = [[r for r in sorted(a or ()) if isinstance(p.requirements[r], Again)] for p, a in zip(parts, chosen, strict=True)]
+        again = [
+            [r for r in sorted(a or ()) if isinstance(p.requirements[r], Again)]
+            for p, a in zip(parts, chosen, strict=True)
+        ]
         avoid = np.zeros(delta.shape, dtype=bool)
         visits = np.ones((max(map(len, again)), *delta.shape), dtype=bool)
         for q, (marks, alternative) in enumerate(zip(whole.marks, chosen, strict=True)):

@@ -9,24 +9,31 @@ from math import isinf, isnan
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from symcheck.check import ctl
 from symcheck.check.context import Context, Notes
 from symcheck.check.filters import Outcome
-from symcheck.check.formulas import filter_outcome, numbers, satisfying, states_of
+from symcheck.check.omega_regular import ctl
 from symcheck.check.options import Options
-from symcheck.check.paths import negated, resolve
+from symcheck.check.path_formulas import negated, resolve
 from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result, Run
+from symcheck.check.state_formulas import filter_outcome, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, UnsupportedError, told_in_memory
-from symcheck.numerics.problem import Observer
+from symcheck.numerics.linear.problem import Observer
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Filter, MultiObjective, PathQuantifier, StateFilter, Type
+from symcheck.syntax.ast import (
+    Expression,
+    Filter,
+    MultiObjective,
+    PathQuantifier,
+    StateFilter,
+    Type,
+)
 from symcheck.syntax.declarations import Property
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation import Common
-    from symcheck.check.lumped import Quotient
-    from symcheck.check.strategy import Strategy
+    from symcheck.check.bisimulation.on_quotient import Common
+    from symcheck.check.bisimulation.quotient import Quotient
+    from symcheck.check.strategies.strategy import Strategy
 
 __all__ = ["check"]
 
@@ -50,7 +57,7 @@ def check(
     `labels` are those of the properties file, `properties` the named ones that the formula may refer to. `rebind` gives
     the formula bound to an exactly bound model, for a comparison that only rational arithmetic decides. `observer` is told
     of each step of a numerical computation, and may raise to end it. `shared`: a quotient for several formulas (see
-    `symcheck.check.bisimulation.common`), used with the option `bisim` where it is good enough for this one.
+    `symcheck.check.bisimulation.on_quotient.common`), used with the option `bisim` where it is good enough for this one.
 
     Raises InputError, UnsupportedError, and NumericalError where the accuracy asked for is missed.
     """
@@ -58,7 +65,15 @@ def check(
     if isinstance(formula, Property):
         formula = formula.formula
     notes = Notes()
-    context = Context(engine, options or Options(), labels or {}, properties or {}, notes, rebind, observer=observer)
+    context = Context(
+        engine,
+        options or Options(),
+        labels or {},
+        properties or {},
+        notes,
+        rebind,
+        observer=observer,
+    )
     kind = context.type(formula)
     lumped = _lumped(context, formula, kind, shared) if context.options.bisim else None
     if lumped is not None:
@@ -66,7 +81,7 @@ def check(
     elif isinstance(formula, Filter | StateFilter):
         result = _filtered(context, formula, kind)
     elif isinstance(formula, MultiObjective):
-        from symcheck.check.multi import check_multi
+        from symcheck.check.multi_objective.query import check_multi
 
         result = check_multi(context, formula, states_of)
     elif kind is Type.BOOL:
@@ -86,14 +101,16 @@ def check(
     )
 
 
-def _lumped(context: Context, formula: Expression, kind: Type, shared: Common | None) -> Result | None:
+def _lumped(
+    context: Context, formula: Expression, kind: Type, shared: Common | None
+) -> Result | None:
     """The result of the quotient, lifted to all states; None, with a warning, where it cannot be had.
 
     A and E search, which costs no more than a partition, and show a path of the model's own states: they do without.
     """
     if isinstance(formula, PathQuantifier):
         return None
-    from symcheck.check.bisimulation import filtered, quotient
+    from symcheck.check.bisimulation.on_quotient import filtered, quotient
 
     try:
         smaller = quotient(context, formula, shared)
@@ -101,14 +118,18 @@ def _lumped(context: Context, formula: Expression, kind: Type, shared: Common | 
         if isinstance(formula, Filter | StateFilter):
             result = _filter_result(context, formula, filtered(context, smaller, formula), kind)
         else:
-            result = _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
+            result = (
+                _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
+            )
             result = _lifted(result, smaller, context.engine.initial)
     except (UnsupportedError, NumericalError) as error:
         context.notes.warn(f"checked without -bisim: {error}")
         return None
     size = f"{context.engine.states} states -> {smaller.engine.states}"
     text = f"bisimulation: {size}, {smaller.cost}"
-    context.notes.runs.insert(0, Run("graph", "bisimulation", context.engine.states, smaller.rounds, 0.0, text))
+    context.notes.runs.insert(
+        0, Run("graph", "bisimulation", context.engine.states, smaller.rounds, 0.0, text)
+    )
     return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
 
 
@@ -129,7 +150,7 @@ def _lifted(result: Result, smaller: Quotient, initial: StateSet) -> Result:
 
 def _strategy(context: Context, formula: Expression) -> Strategy | None:
     """A strategy that attains the value; where none can be given, a warning says why."""
-    from symcheck.check.strategy import strategy_of
+    from symcheck.check.strategies.strategy import strategy_of
 
     try:
         return strategy_of(context, formula, states_of)
@@ -140,11 +161,15 @@ def _strategy(context: Context, formula: Expression) -> Strategy | None:
 
 def _boolean(context: Context, formula: Expression) -> Result:
     initial = context.engine.initial
-    states = satisfying(context, formula, context.engine.all if context.options.everywhere else initial)
+    states = satisfying(
+        context, formula, context.engine.all if context.options.everywhere else initial
+    )
     value = initial <= states
     if isinstance(formula, PathQuantifier):
         _explain(context, formula, value)
-    return Result(value, Exact(), _satisfied((states & initial).count, initial.count), satisfying=states)
+    return Result(
+        value, Exact(), _satisfied((states & initial).count, initial.count), satisfying=states
+    )
 
 
 def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
@@ -164,16 +189,24 @@ def _initially(context: Context, values: Values, type: Type) -> Result:
     if initial.count == 1:
         single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
         return Result(single, accuracy, "value in the initial state", values=values)
-    value, accuracy = _range(context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type)
+    value, accuracy = _range(
+        context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type
+    )
     return Result(value, accuracy, _range_over(initial), values=values)
 
 
 def _filtered(context: Context, formula: Filter | StateFilter, type: Type) -> Result:
-    return _filter_result(context, formula, filter_outcome(context, formula, context.engine.initial), type)
+    return _filter_result(
+        context, formula, filter_outcome(context, formula, context.engine.initial), type
+    )
 
 
-def _filter_result(context: Context, formula: Filter | StateFilter, outcome: Outcome, type: Type) -> Result:
-    everywhere: dict[str, Any] = {"satisfying" if type is Type.BOOL else "values": outcome.everywhere}
+def _filter_result(
+    context: Context, formula: Filter | StateFilter, outcome: Outcome, type: Type
+) -> Result:
+    everywhere: dict[str, Any] = {
+        "satisfying" if type is Type.BOOL else "values": outcome.everywhere
+    }
     about = "+".join(formula.operators) if isinstance(formula, StateFilter) else formula.operator
     if outcome.value is None:
         return _each_state(context, outcome, type)
@@ -187,7 +220,12 @@ def _each_state(context: Context, outcome: Outcome, type: Type) -> Result:
         return _initially(context, outcome.everywhere, type)  # type: ignore[arg-type]
     states: StateSet = outcome.everywhere  # type: ignore[assignment]
     initial = context.engine.initial
-    return Result(initial <= states, Exact(), _satisfied((states & initial).count, initial.count), satisfying=states)
+    return Result(
+        initial <= states,
+        Exact(),
+        _satisfied((states & initial).count, initial.count),
+        satisfying=states,
+    )
 
 
 def _outcome(context: Context, outcome: Outcome, type: Type) -> tuple[Answer, Accuracy]:
@@ -199,7 +237,12 @@ def _outcome(context: Context, outcome: Outcome, type: Type) -> tuple[Answer, Ac
     return _answer(context, value, outcome.rounded, type)
 
 
-def _range(context: Context, bounds: tuple[tuple[float, float], tuple[float, float]], rounded: bool, type: Type) -> tuple[Answer, Accuracy]:
+def _range(
+    context: Context,
+    bounds: tuple[tuple[float, float], tuple[float, float]],
+    rounded: bool,
+    type: Type,
+) -> tuple[Answer, Accuracy]:
     low, accuracy = _answer(context, bounds[0], rounded, type)
     high, other = _answer(context, bounds[1], rounded, type)
     worse = other if _width(other) > _width(accuracy) else accuracy
@@ -210,7 +253,9 @@ def _width(accuracy: Accuracy) -> float:
     return accuracy.epsilon if isinstance(accuracy, Certified) else 0.0
 
 
-def _answer(context: Context, bounds: tuple[float, float], rounded: bool, type: Type) -> tuple[Number, Accuracy]:
+def _answer(
+    context: Context, bounds: tuple[float, float], rounded: bool, type: Type
+) -> tuple[Number, Accuracy]:
     """A number between the bounds, and how accurate it is."""
     low, high = bounds
     if low != high and not (isnan(low) or isnan(high)):
@@ -237,6 +282,8 @@ def _satisfied(count: int, initial: int) -> str:
     """In how many of the initial states a formula holds."""
     match initial:
         case 1:
-            return "satisfied in the initial state" if count else "not satisfied in the initial state"
+            return (
+                "satisfied in the initial state" if count else "not satisfied in the initial state"
+            )
         case _:
             return f"satisfied in {'all' if count == initial else count or 'none'} of {initial} initial states"

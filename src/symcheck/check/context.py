@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from symcheck.check.options import Options
 from symcheck.check.result import Line, Run
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import Diagnostic, NameFault
-from symcheck.numerics.problem import Observer
-from symcheck.records import dataclass, field
-from symcheck.semantics.faults import describe_state
+from symcheck.numerics.linear.problem import Observer
+from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.types import type_of
+from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
 __all__ = ["Context", "Notes"]
@@ -66,11 +65,19 @@ class Context:
         for table in (self.labels, self.engine.model.labels, self.properties):
             if reference.name in table:
                 if reference.name in self.open:
-                    raise NameFault(Diagnostic(f'property "{reference.name}" refers to itself', reference.span, "cyclic-property"))
+                    raise NameFault(
+                        Diagnostic(
+                            f'property "{reference.name}" refers to itself',
+                            reference.span,
+                            "cyclic-property",
+                        )
+                    )
                 return table[reference.name]
         known = [*self.engine.model.labels, *self.labels, *self.properties, "init", "deadlock"]
         hint = "known are " + ", ".join(f'"{k}"' for k in known)
-        raise NameFault(Diagnostic(f'unknown label "{reference.name}"', reference.span, "unknown-label", hint))
+        raise NameFault(
+            Diagnostic(f'unknown label "{reference.name}"', reference.span, "unknown-label", hint)
+        )
 
     def inside(self, reference: LabelReference) -> Context:
         """The context for what a reference stands for."""
@@ -106,7 +113,11 @@ class _LabelTypes(Mapping[str, Type]):
 
     def __getitem__(self, name: str) -> Type:
         context = self.context
-        if name in ("init", "deadlock") or name in context.labels or name in context.engine.model.labels:
+        if (
+            name in ("init", "deadlock")
+            or name in context.labels
+            or name in context.engine.model.labels
+        ):
             return Type.BOOL
         reference = LabelReference(name)
         return context.inside(reference).type(context.referred(reference))
@@ -115,7 +126,18 @@ class _LabelTypes(Mapping[str, Type]):
         return True  # an unknown name is reported, with what is known, when it is looked up
 
     def __iter__(self) -> Iterator[str]:
-        yield from ("init", "deadlock", *self.context.labels, *self.context.engine.model.labels, *self.context.properties)
+        yield from (
+            "init",
+            "deadlock",
+            *self.context.labels,
+            *self.context.engine.model.labels,
+            *self.context.properties,
+        )
 
     def __len__(self) -> int:
-        return len(self.context.labels) + len(self.context.engine.model.labels) + len(self.context.properties) + 2
+        return (
+            len(self.context.labels)
+            + len(self.context.engine.model.labels)
+            + len(self.context.properties)
+            + 2
+        )

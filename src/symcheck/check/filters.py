@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from symcheck.check.context import Context
 from symcheck.check.result import Line
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError
-from symcheck.records import dataclass
 from symcheck.syntax.ast import Filter, Type
 
 __all__ = ["Outcome", "apply_filter", "lines"]
@@ -32,13 +32,17 @@ class Outcome:
     rounded: bool = False
 
 
-def apply_filter(context: Context, node: Filter, formula: Formula, states: StateSet, type: Type) -> Outcome:
+def apply_filter(
+    context: Context, node: Filter, formula: Formula, states: StateSet, type: Type
+) -> Outcome:
     """The outcome of a filter over `states`, whose formula (a set where it is a bool) is of the given type.
 
     Raises InputError where no state is selected, or not exactly one for 'state', or the formula has the wrong type.
     """
     if not states:
-        raise InputError(Diagnostic("no state satisfies the condition of this filter", node.span, "filter-empty"))
+        raise InputError(
+            Diagnostic("no state satisfies the condition of this filter", node.span, "filter-empty")
+        )
     if type is Type.BOOL:
         found = _BOOLEAN.get(node.operator)
         if found is not None:
@@ -48,7 +52,9 @@ def apply_filter(context: Context, node: Filter, formula: Formula, states: State
         if numeric is not None:
             return numeric(context, node, formula, states)  # type: ignore[arg-type]
     kind = "bool" if type is Type.BOOL else "number"
-    raise InputError(Diagnostic(f"the filter '{node.operator}' does not take a {kind}", node.span, "filter-type"))
+    raise InputError(
+        Diagnostic(f"the filter '{node.operator}' does not take a {kind}", node.span, "filter-type")
+    )
 
 
 def _truth(context: Context, value: bool) -> Outcome:
@@ -113,7 +119,9 @@ def _average(context: Context, _: Filter, formula: Values, states: StateSet) -> 
 
 
 def _range(_: Context, __: Filter, formula: Values, states: StateSet) -> Outcome:
-    return Outcome((formula.minimum(states), formula.maximum(states)), formula, formula.rounded(states))
+    return Outcome(
+        (formula.minimum(states), formula.maximum(states)), formula, formula.rounded(states)
+    )
 
 
 def _arguments(context: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
@@ -142,7 +150,9 @@ def lines(context: Context, formula: Formula, states: StateSet, type: Type) -> l
     else:
         low, high = formula.at(states)  # type: ignore[union-attr]
         values = [_middle(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
-    return [Line(i, s, v) for i, s, v in zip(numbers, engine.valuations(states), values, strict=True)]
+    return [
+        Line(i, s, v) for i, s, v in zip(numbers, engine.valuations(states), values, strict=True)
+    ]
 
 
 def _middle(low: float, high: float) -> float:
@@ -152,7 +162,14 @@ def _middle(low: float, high: float) -> float:
 def _single(node: Filter, states: StateSet) -> StateSet:
     if states.count != 1:
         hint = "filter(first, …), filter(min, …) or filter(range, …) take several states"
-        raise InputError(Diagnostic(f"this filter selects {states.count} states, not one", node.span, "filter-state", hint))
+        raise InputError(
+            Diagnostic(
+                f"this filter selects {states.count} states, not one",
+                node.span,
+                "filter-state",
+                hint,
+            )
+        )
     return states
 
 

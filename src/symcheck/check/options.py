@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from symcheck.records import dataclass
+from dataclasses import dataclass
 
 __all__ = ["Options"]
 
@@ -12,7 +12,7 @@ class Options:
     """Settings of a check.
 
     engine: 'auto', 'hybrid', 'mtbdd', 'sparse' or 'explicit'.
-    method: 'auto' or the name of a method in `symcheck.numerics.methods`.
+    method: 'auto' or the name of a method in `symcheck.numerics.linear.methods`.
     epsilon: width of the certified interval that is wanted, relative to the value (absolute below 1e-300).
     relative: False makes epsilon absolute.
     certify: False accepts an estimate (stop when the change is below epsilon).
@@ -23,7 +23,7 @@ class Options:
     fix_deadlocks: give deadlock states a self-loop; False makes a deadlock an error.
     check_sums: False accepts probabilities that do not sum to 1.
     fairness: only fair strategies of an MDP are considered (each choice offered infinitely often is taken so).
-    reduce: reset variables whose values nothing will read again (see `symcheck.semantics.reduce`), before the model is built.
+    reduce: reset variables whose values nothing will read again (see `symcheck.semantics.reduction.reset_dead_variables`), before the model is built.
     strategy: find a strategy that attains the value (MDP): `Result.strategy`.
     bisim: check each formula on the quotient by the coarsest bisimulation that keeps what it speaks of.
     everywhere: find the answer to the accuracy wanted at every state, not only where the result reads it (the initial states, or

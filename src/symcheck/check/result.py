@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
 from symcheck.engines.base import Engine, StateSet, Values
-from symcheck.records import dataclass, field
-from symcheck.semantics.literals import format_state, format_value
+from symcheck.semantics.expressions.literals import format_state, format_value
 
 __all__ = [
     "Accuracy",
@@ -144,7 +144,11 @@ class Result:
 
     def __str__(self) -> str:
         shown = show_value(self.value)
-        return shown if isinstance(self.value, bool) or self.value is None else f"{shown} ({self.accuracy})"
+        return (
+            shown
+            if isinstance(self.value, bool) or self.value is None
+            else f"{shown} ({self.accuracy})"
+        )
 
 
 def show_value(value: Answer) -> str:

@@ -34,7 +34,9 @@ def decide(
     `compute` gives the values at the accuracy of the context that it gets; `exactly` checks the comparison itself in rational
     arithmetic, if need be, and may raise SymcheckError.
     """
-    tighter = [e for e in _REFINEMENTS if e < context.options.epsilon] if context.options.certify else []
+    tighter = (
+        [e for e in _REFINEMENTS if e < context.options.epsilon] if context.options.certify else []
+    )
     failure: SymcheckError | None = None
     sure, undecided = context.engine.none, matter
     for epsilon in (context.options.epsilon, *tighter):
@@ -54,7 +56,9 @@ def decide(
     exact = _by_rationals(context.engine, exactly)
     if isinstance(exact, SymcheckError):
         raise _undecided(context, operator, threshold, undecided & matter, failure or exact)
-    context.notes.warn("a threshold was too close to the value for floating point: decided by rational arithmetic")
+    context.notes.warn(
+        "a threshold was too close to the value for floating point: decided by rational arithmetic"
+    )
     return (sure - undecided) | (exact & undecided)
 
 
@@ -63,14 +67,22 @@ def _by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet |
     if engine.exact:
         return NumericalError("the value is not a number")
     if engine.states > EXACT_LIMIT:
-        return NumericalError(f"rational arithmetic is tried up to {EXACT_LIMIT:,} states, and this model has {engine.states:,}")
+        return NumericalError(
+            f"rational arithmetic is tried up to {EXACT_LIMIT:,} states, and this model has {engine.states:,}"
+        )
     try:
         return exactly()
     except SymcheckError as error:
         return error
 
 
-def _undecided(context: Context, operator: str, threshold: Fraction | float, states: StateSet, reason: SymcheckError) -> NumericalError:
+def _undecided(
+    context: Context,
+    operator: str,
+    threshold: Fraction | float,
+    states: StateSet,
+    reason: SymcheckError,
+) -> NumericalError:
     return NumericalError(
         f"cannot tell whether the value is {operator} {float(threshold)!r}, for example in state {context.example(states)}: "
         f"the two are too close for the accuracy reached ({reason}); a method that is exact (-exact) may decide it"

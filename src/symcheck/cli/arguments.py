@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from copy import copy
 from typing import Any, NoReturn
 
-from symcheck.cli.compatible import adapt
+from symcheck.cli.prism_options import adapt
 from symcheck.errors import UsageError
 
 __all__ = ["HELP_EPILOGUE", "parse_arguments"]
@@ -42,7 +42,9 @@ class _Formatter(argparse.RawDescriptionHelpFormatter):
     def _format_action_invocation(self, action: argparse.Action) -> str:
         """With one dash only: that two are the same is said once."""
         shown = copy(action)
-        shown.option_strings = [name for name in action.option_strings if not name.startswith("--")] or action.option_strings
+        shown.option_strings = [
+            name for name in action.option_strings if not name.startswith("--")
+        ] or action.option_strings
         return super()._format_action_invocation(shown)
 
 
@@ -59,7 +61,11 @@ class _Parser(argparse.ArgumentParser):
     def counts(self) -> dict[str, int]:
         """For each switch, how many words follow it; -1 for one that may be missing."""
         return {
-            name: action.nargs if isinstance(action.nargs, int) else -1 if action.nargs == "?" else 1
+            name: action.nargs
+            if isinstance(action.nargs, int)
+            else -1
+            if action.nargs == "?"
+            else 1
             for action in self._actions
             for name in action.option_strings
         }
@@ -103,7 +109,9 @@ def _seconds(text: str) -> float:
         raise argparse.ArgumentTypeError(f"'{text}' is not a time such as 90, 90s, 5m or 1h")
     seconds = float(match[1]) * {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}[match[2]]
     if seconds == 0:
-        raise argparse.ArgumentTypeError("no time at all is not enough; leave the switch out for no limit")
+        raise argparse.ArgumentTypeError(
+            "no time at all is not enough; leave the switch out for no limit"
+        )
     return seconds
 
 
@@ -128,15 +136,42 @@ def _width(text: str) -> float:
 
 
 def _input(parser: _Parser) -> None:
-    parser.add_argument("model", nargs="?", metavar="MODEL", help="model file (.pm .prism .sm .nm …)")
-    parser.add_argument("properties", nargs="?", metavar="PROPERTIES", help="properties file (.pctl .csl .props …)")
-    parser.add("pf", "pctl", "csl", metavar="TEXT", action="append", default=[], help="properties given as text")
-    parser.add("prop", "property", metavar="N,N-N,NAME", help="only these properties, by number (from 1), range of numbers or name")
+    parser.add_argument(
+        "model", nargs="?", metavar="MODEL", help="model file (.pm .prism .sm .nm …)"
+    )
+    parser.add_argument(
+        "properties", nargs="?", metavar="PROPERTIES", help="properties file (.pctl .csl .props …)"
+    )
     parser.add(
-        "const", metavar="X=V,…", action="append", default=[], help="constants: values, lists {a,b}, ranges low:high or low:step:high"
+        "pf",
+        "pctl",
+        "csl",
+        metavar="TEXT",
+        action="append",
+        default=[],
+        help="properties given as text",
+    )
+    parser.add(
+        "prop",
+        "property",
+        metavar="N,N-N,NAME",
+        help="only these properties, by number (from 1), range of numbers or name",
+    )
+    parser.add(
+        "const",
+        metavar="X=V,…",
+        action="append",
+        default=[],
+        help="constants: values, lists {a,b}, ranges low:high or low:step:high",
     )
     for kind in ("dtmc", "ctmc", "mdp"):
-        parser.add(kind, dest="model_type", action="store_const", const=kind, help=f"read the model as a {kind.upper()}")
+        parser.add(
+            kind,
+            dest="model_type",
+            action="store_const",
+            const=kind,
+            help=f"read the model as a {kind.upper()}",
+        )
 
 
 def _methods(parser: _Parser) -> None:
@@ -146,29 +181,115 @@ def _methods(parser: _Parser) -> None:
         ("s", ("sparse",), "sparse", "diagrams to build, then a sparse matrix"),
         ("ex", ("explicit",), "explicit", "no diagrams at all"),
     ):
-        parser.add(name, *aliases, dest="engine", action="store_const", const=engine, help=f"{engine} engine: {text}")
-    parser.add("method", metavar="NAME", default="auto", help="numerical method (default: chosen by structure)")
+        parser.add(
+            name,
+            *aliases,
+            dest="engine",
+            action="store_const",
+            const=engine,
+            help=f"{engine} engine: {text}",
+        )
+    parser.add(
+        "method",
+        metavar="NAME",
+        default="auto",
+        help="numerical method (default: chosen by structure)",
+    )
     parser.add("exact", action="store_true", help="rational arithmetic")
-    parser.add("epsilon", "e", metavar="X", type=_positive, default=1e-6, help="width of the certified interval (default: 1e-6)")
-    parser.add("relative", "rel", dest="relative", action="store_true", default=True, help="epsilon is relative (default)")
+    parser.add(
+        "epsilon",
+        "e",
+        metavar="X",
+        type=_positive,
+        default=1e-6,
+        help="width of the certified interval (default: 1e-6)",
+    )
+    parser.add(
+        "relative",
+        "rel",
+        dest="relative",
+        action="store_true",
+        default=True,
+        help="epsilon is relative (default)",
+    )
     parser.add("absolute", "abs", dest="relative", action="store_false", help="epsilon is absolute")
-    parser.add("maxiters", metavar="N", type=_count, default=1_000_000, help="iterations of one numerical solution at most")
-    parser.add("estimate", action="store_true", help="stop when values change little; faster, and certifies nothing")
-    parser.add("fair", dest="fairness", action="store_true", default=False, help="only fair strategies of an MDP")
+    parser.add(
+        "maxiters",
+        metavar="N",
+        type=_count,
+        default=1_000_000,
+        help="iterations of one numerical solution at most",
+    )
+    parser.add(
+        "estimate",
+        action="store_true",
+        help="stop when values change little; faster, and certifies nothing",
+    )
+    parser.add(
+        "fair",
+        dest="fairness",
+        action="store_true",
+        default=False,
+        help="only fair strategies of an MDP",
+    )
     parser.add("nofair", dest="fairness", action="store_false", help="all strategies (default)")
-    parser.add("bisim", action="store_true", default=False, help="check on the quotient by strong bisimulation")
-    parser.add("ltl2datool", metavar="PROGRAM", help="external translator from LTL to automata: PROGRAM formula-file HOA-file")
-    parser.add("ltl2dasyntax", metavar="SYNTAX", default="lbt", help="how it reads formulas: lbt (default), spin, spot, rabinizer")
+    parser.add(
+        "bisim",
+        action="store_true",
+        default=False,
+        help="check on the quotient by strong bisimulation",
+    )
+    parser.add(
+        "ltl2datool",
+        metavar="PROGRAM",
+        help="external translator from LTL to automata: PROGRAM formula-file HOA-file",
+    )
+    parser.add(
+        "ltl2dasyntax",
+        metavar="SYNTAX",
+        default="lbt",
+        help="how it reads formulas: lbt (default), spin, spot, rabinizer",
+    )
 
 
 def _model(parser: _Parser) -> None:
-    parser.add("fixdl", dest="fix_deadlocks", action="store_true", default=True, help="give deadlocks a self-loop (default)")
+    parser.add(
+        "fixdl",
+        dest="fix_deadlocks",
+        action="store_true",
+        default=True,
+        help="give deadlocks a self-loop (default)",
+    )
     parser.add("nofixdl", dest="fix_deadlocks", action="store_false", help="a deadlock is an error")
-    parser.add("noprobchecks", dest="check_sums", action="store_false", default=True, help="accept probabilities that do not sum to 1")
-    parser.add("reduce", action="store_true", help="reset variables that nothing will read again: fewer states")
-    parser.add("order", metavar="X,Y,…|force|sift", help="variables from the top of the diagrams down, or how to look for an order")
-    parser.add("cuddmaxmem", metavar="SIZE", type=_memory, help="memory of diagrams, or of an explicit search, at most, such as 4g")
-    parser.add("timeout", metavar="TIME", type=_seconds, help="time of the run at most, such as 90, 5m or 1h")
+    parser.add(
+        "noprobchecks",
+        dest="check_sums",
+        action="store_false",
+        default=True,
+        help="accept probabilities that do not sum to 1",
+    )
+    parser.add(
+        "reduce",
+        action="store_true",
+        help="reset variables that nothing will read again: fewer states",
+    )
+    parser.add(
+        "order",
+        metavar="X,Y,…|force|sift",
+        help="variables from the top of the diagrams down, or how to look for an order",
+    )
+    parser.add(
+        "cuddmaxmem",
+        metavar="SIZE",
+        type=_memory,
+        help="memory of diagrams, or of an explicit search, at most, such as 4g",
+    )
+    parser.add(
+        "timeout",
+        metavar="TIME",
+        type=_seconds,
+        help="time of the run at most, such as 90, 5m or 1h",
+    )
 
 
 def _simulation(parser: _Parser) -> None:
@@ -176,20 +297,73 @@ def _simulation(parser: _Parser) -> None:
         "simpath", metavar=("PATH", "FILE"), nargs=2, help="write a random path ('stdout' prints it). PATH: steps, time=T or deadlock, "
         "and ,vars=(x,…) sep=comma|space|tab rewards= probs= changes= loopcheck= snapshot=T repeat=N",
     )  # fmt: skip
-    parser.add("sim", action="store_true", help="estimate P and R properties from random paths; the model is not built")
-    parser.add("simmethod", metavar="NAME", default="ci", help="ci (default), aci, apmc: intervals; sprt: a test, for thresholds")
-    parser.add("simsamples", metavar="N", type=_some, help="number of paths (default: 1000, or what -simwidth needs)")
-    parser.add("simconf", metavar="X", type=_positive, help="probability that interval or verdict are wrong (default: 0.01)")
-    parser.add("simwidth", metavar="W", type=_width, help="half the width of the interval; what sprt tells apart (default: 0.05)")
-    parser.add("simapprox", metavar="W", type=_width, help="the same, by the name that it has for apmc")
-    parser.add("simvar", metavar="N", type=_count, default=1000, help="paths from which -simwidth judges the variance (default: 1000)")
-    parser.add("simmaxrwd", metavar="X", type=_width, help="the largest reward that a path can earn, for apmc")
-    parser.add("simpathlen", metavar="N", type=_count, default=10_000, help="the longest path (default: 10000)")
-    parser.add("seed", "simseed", metavar="N", type=_count, help="seed of the random numbers (default: a new one, which is reported)")
+    parser.add(
+        "sim",
+        action="store_true",
+        help="estimate P and R properties from random paths; the model is not built",
+    )
+    parser.add(
+        "simmethod",
+        metavar="NAME",
+        default="ci",
+        help="ci (default), aci, apmc: intervals; sprt: a test, for thresholds",
+    )
+    parser.add(
+        "simsamples",
+        metavar="N",
+        type=_some,
+        help="number of paths (default: 1000, or what -simwidth needs)",
+    )
+    parser.add(
+        "simconf",
+        metavar="X",
+        type=_positive,
+        help="probability that interval or verdict are wrong (default: 0.01)",
+    )
+    parser.add(
+        "simwidth",
+        metavar="W",
+        type=_width,
+        help="half the width of the interval; what sprt tells apart (default: 0.05)",
+    )
+    parser.add(
+        "simapprox", metavar="W", type=_width, help="the same, by the name that it has for apmc"
+    )
+    parser.add(
+        "simvar",
+        metavar="N",
+        type=_count,
+        default=1000,
+        help="paths from which -simwidth judges the variance (default: 1000)",
+    )
+    parser.add(
+        "simmaxrwd",
+        metavar="X",
+        type=_width,
+        help="the largest reward that a path can earn, for apmc",
+    )
+    parser.add(
+        "simpathlen",
+        metavar="N",
+        type=_count,
+        default=10_000,
+        help="the longest path (default: 10000)",
+    )
+    parser.add(
+        "seed",
+        "simseed",
+        metavar="N",
+        type=_count,
+        help="seed of the random numbers (default: a new one, which is reported)",
+    )
 
 
 def _imports(parser: _Parser) -> None:
-    parser.add("importmodel", metavar="BASE.all", help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…)")
+    parser.add(
+        "importmodel",
+        metavar="BASE.all",
+        help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…)",
+    )
     for name, what in (
         ("trans", "transitions (.tra)"),
         ("states", "states (.sta)"),
@@ -198,7 +372,11 @@ def _imports(parser: _Parser) -> None:
         ("transrewards", "transition rewards (.trew)"),
     ):
         parser.add(f"import{name}", metavar="FILE", help=f"read the {what} of a model")
-    parser.add("importinitdist", metavar="FILE", help="initial distribution for -transient and -steadystate: a probability per line")
+    parser.add(
+        "importinitdist",
+        metavar="FILE",
+        help="initial distribution for -transient and -steadystate: a probability per line",
+    )
 
 
 def _exports(parser: _Parser) -> None:
@@ -223,9 +401,18 @@ def _exports(parser: _Parser) -> None:
     ):
         parser.add(f"export{name}", metavar="FILE", help=f"write the {what}")
     parser.add("exportrewards", metavar="FILE", nargs=2, help="write state and transition rewards")
-    parser.add("exportprecision", "exportmodelprecision", metavar="N", type=_digits, default=17, help="digits of written numbers (17: all)")
+    parser.add(
+        "exportprecision",
+        "exportmodelprecision",
+        metavar="N",
+        type=_digits,
+        default=17,
+        help="digits of written numbers (17: all)",
+    )
     parser.add("exportrows", action="store_true", help="write transitions with a line per row")
-    parser.add("noexportheaders", action="store_true", help="no comments at the top of reward files")
+    parser.add(
+        "noexportheaders", action="store_true", help="no comments at the top of reward files"
+    )
     parser.add(
         "exportproplabels",
         metavar="FILE",
@@ -233,30 +420,72 @@ def _exports(parser: _Parser) -> None:
         const="",
         help="write the labels of the properties (without FILE: to the other labels)",
     )
-    parser.add("exportmatlab", action="store_true", help="write matrices, rewards, states and labels for Matlab")
+    parser.add(
+        "exportmatlab",
+        action="store_true",
+        help="write matrices, rewards, states and labels for Matlab",
+    )
 
 
 def _distributions(parser: _Parser) -> None:
-    parser.add("transient", "tr", metavar="T", help="distribution over the states at a time (DTMC: a step), or at times low:step:high")
-    parser.add("steadystate", "ss", action="store_true", help="distribution over the states in the long run")
-    parser.add("exporttransient", "exporttr", metavar="FILE", help="write the probabilities of -transient, a line per state")
-    parser.add("exportsteadystate", "exportss", metavar="FILE", help="write the probabilities of -steadystate, a line per state")
+    parser.add(
+        "transient",
+        "tr",
+        metavar="T",
+        help="distribution over the states at a time (DTMC: a step), or at times low:step:high",
+    )
+    parser.add(
+        "steadystate",
+        "ss",
+        action="store_true",
+        help="distribution over the states in the long run",
+    )
+    parser.add(
+        "exporttransient",
+        "exporttr",
+        metavar="FILE",
+        help="write the probabilities of -transient, a line per state",
+    )
+    parser.add(
+        "exportsteadystate",
+        "exportss",
+        metavar="FILE",
+        help="write the probabilities of -steadystate, a line per state",
+    )
 
 
 def _output(parser: _Parser) -> None:
-    parser.add("v", "verbose", dest="verbose", action="store_true", help="tell more: iterations, methods, diagrams")
+    parser.add(
+        "v",
+        "verbose",
+        dest="verbose",
+        action="store_true",
+        help="tell more: iterations, methods, diagrams",
+    )
     parser.add(
         "exportresults",
         metavar="FILE[:KIND]",
         help="write the results: text (default), csv, matrix, dataframe, comment or json; 'stdout' for FILE prints",
     )
     parser.add(
-        "exportstrat", metavar="FILE[:type=KIND]", help="write a strategy of each mdp property: actions (default), indices, induced, dot"
+        "exportstrat",
+        metavar="FILE[:type=KIND]",
+        help="write a strategy of each mdp property: actions (default), indices, induced, dot",
     )
-    parser.add("exportvector", metavar="FILE", help="write the value of each property in every state, a line per state")
+    parser.add(
+        "exportvector",
+        metavar="FILE",
+        help="write the value of each property in every state, a line per state",
+    )
     parser.add("nobuild", action="store_true", help="only read the model")
-    parser.add("test", action="store_true", help="compare with the RESULT lines; stop at the first that fails")
-    parser.add("testall", action="store_true", help="compare with the RESULT lines; go on after a failure")
+    parser.add(
+        "test",
+        action="store_true",
+        help="compare with the RESULT lines; stop at the first that fails",
+    )
+    parser.add(
+        "testall", action="store_true", help="compare with the RESULT lines; go on after a failure"
+    )
     parser.add("help", "?", action="help", help="this text")
     parser.add_argument("-version", "--version", action="store_true", help="the version")
 
@@ -271,7 +500,16 @@ def _parser() -> _Parser:
         add_help=False,
         allow_abbrev=False,
     )
-    for group in (_input, _methods, _model, _simulation, _imports, _exports, _distributions, _output):
+    for group in (
+        _input,
+        _methods,
+        _model,
+        _simulation,
+        _imports,
+        _exports,
+        _distributions,
+        _output,
+    ):
         group(parser)
     return parser
 

@@ -6,7 +6,7 @@ import sys
 from time import perf_counter
 
 from symcheck.cli.report import Report
-from symcheck.engines.auto import Choice
+from symcheck.engines.selection import Choice
 
 __all__ = ["Progress"]
 
@@ -33,7 +33,9 @@ class Progress:
         now = perf_counter()
         if self.terminal and not self.report.verbose and now - self._shown > _INTERVAL:
             self._shown, self._visible = now, True
-            print(f"\r\x1b[2K{str(news).splitlines()[0][:100]}", end="", file=sys.stderr, flush=True)
+            print(
+                f"\r\x1b[2K{str(news).splitlines()[0][:100]}", end="", file=sys.stderr, flush=True
+            )
 
     def clear(self) -> None:
         """Take the line away again."""

@@ -8,12 +8,12 @@ from typing import TextIO
 
 from symcheck import __version__
 from symcheck.check.result import Estimate, Result
-from symcheck.engines.auto import Choice
 from symcheck.engines.base import Engine
-from symcheck.semantics.bind import BoundProperty
-from symcheck.semantics.faults import describe_state
-from symcheck.semantics.literals import format_value
+from symcheck.engines.selection import Choice
+from symcheck.semantics.binding.bind import BoundProperty
+from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
+from symcheck.semantics.state_faults import describe_state
 
 __all__ = ["Report", "property_text"]
 
@@ -63,7 +63,10 @@ class Report:
         """Counts of a built model."""
         initial = engine.initial.count
         self.line()
-        self.line(f"Engine:      {engine.name}" + (f" (chosen: {choice.reason})" if choice is not None else ""))
+        self.line(
+            f"Engine:      {engine.name}"
+            + (f" (chosen: {choice.reason})" if choice is not None else "")
+        )
         self.line(f"States:      {engine.states} ({initial} initial)")
         self.line(f"Transitions: {engine.transitions}")
         if engine.model.type.value == "mdp":
@@ -71,10 +74,18 @@ class Report:
         self.line(f"Time for model construction: {seconds:.3f} seconds.")
         deadlocks = engine.deadlocks.count
         if deadlocks:
-            self.warn(f"deadlocks were given self-loops in {deadlocks} state{'s' if deadlocks > 1 else ''}, such as {_example(engine)}")
+            self.warn(
+                f"deadlocks were given self-loops in {deadlocks} state{'s' if deadlocks > 1 else ''}, such as {_example(engine)}"
+            )
         self.out.flush()
 
-    def property(self, text: str, name: str | None, model_constants: Mapping[str, str], constants: Mapping[str, str]) -> None:
+    def property(
+        self,
+        text: str,
+        name: str | None,
+        model_constants: Mapping[str, str],
+        constants: Mapping[str, str],
+    ) -> None:
         """The property that is about to be checked."""
         self.line()
         self.line(_RULE)
@@ -98,7 +109,9 @@ class Report:
             for number, state in enumerate(result.witness):
                 self.line(f"  {number}: ({_state(state)})")
         for run in result.runs:
-            self.detail(f"{run.kind}: {run.explanation or run.method} ({run.unknowns} unknowns, {run.iterations} iterations)")
+            self.detail(
+                f"{run.kind}: {run.explanation or run.method} ({run.unknowns} unknowns, {run.iterations} iterations)"
+            )
         self.line()
         self.line(f"Time for model checking: {result.seconds:.3f} seconds.")
         self.line()
@@ -121,7 +134,9 @@ class Report:
         if self.warnings:
             plural = "were" if self.warnings > 1 else "was"
             self.line()
-            self.line(f"Note: There {plural} {self.warnings} warning{'s' if self.warnings > 1 else ''} during computation.")
+            self.line(
+                f"Note: There {plural} {self.warnings} warning{'s' if self.warnings > 1 else ''} during computation."
+            )
         self.out.flush()
 
 

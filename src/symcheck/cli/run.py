@@ -6,28 +6,28 @@ from collections.abc import Iterator, Mapping, Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from symcheck.check.expected_results import judge
 from symcheck.check.options import Options
-from symcheck.check.question import Question, lumped, reduced
-from symcheck.check.resultlines import judge
+from symcheck.check.property_instance import Question, lumped, reduced
 from symcheck.cli import exports
-from symcheck.cli.answers import Stop, answer, broken, conclude, unbuilt
-from symcheck.cli.job import Job, options_of
-from symcheck.cli.naming import Values
+from symcheck.cli.check_property import Stop, answer, broken, conclude, unbuilt
+from symcheck.cli.output_paths import Values
 from symcheck.cli.progress import Progress
+from symcheck.cli.properties_input import Texts, read_texts
+from symcheck.cli.run_state import Job, options_of
 from symcheck.cli.simulation import Simulation, simulation
-from symcheck.cli.texts import Texts, read_texts
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, NameFault, ResourceError, SymcheckError, UsageError
 from symcheck.experiment.constants import combinations, parse_constants
-from symcheck.semantics.bind import bind, bind_properties, needed_constants, split_constants
+from symcheck.semantics.binding.bind import bind, bind_properties, needed_constants, split_constants
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import parse_model_file
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation import Common
+    from symcheck.check.bisimulation.on_quotient import Common
 
 __all__ = ["run"]
 
@@ -48,11 +48,18 @@ def run(job: Job) -> int:
             raise UsageError(f"'{a.model}' and -import… both tell which model to read")
         a.model, a.properties = None, a.model
     if a.model is None and job.imported is None:
-        raise UsageError("no model file is given\n  hint: symcheck MODEL [PROPERTIES] [switches]; --help lists the switches")
+        raise UsageError(
+            "no model file is given\n  hint: symcheck MODEL [PROPERTIES] [switches]; --help lists the switches"
+        )
     _check_method(a.method)
     given = parse_constants(a.const)
     source = a.model or a.importmodel or a.importtrans
-    job.report.header([f'Reading model file "{source}"', *([f'Reading properties file "{a.properties}"'] if a.properties else [])])
+    job.report.header(
+        [
+            f'Reading model file "{source}"',
+            *([f'Reading properties file "{a.properties}"'] if a.properties else []),
+        ]
+    )
     _note_unused(job)
     program = parse_model_file(a.model) if job.imported is None else job.imported.model.program
     texts = read_texts(a.properties, a.pf)
@@ -65,10 +72,16 @@ def run(job: Job) -> int:
     return 1 if job.failures else 0
 
 
-def _experiments(job: Job, program: Program, texts: Texts, chosen: Sequence[int], given: Given) -> None:
+def _experiments(
+    job: Job, program: Program, texts: Texts, chosen: Sequence[int], given: Given
+) -> None:
     """Everything that is asked, for every choice of the model's constants."""
     of_model = {n: v for n, v in given.items() if any(c.name == n for c in program.constants)}
-    of_file = {n: v for n, v in given.items() if n not in of_model and any(c.name == n for c in texts.file.constants)}
+    of_file = {
+        n: v
+        for n, v in given.items()
+        if n not in of_model and any(c.name == n for c in texts.file.constants)
+    }
     job.fixed = tuple(n for n, values in given.items() if len(values) == 1)
     for fault in texts.declarations:
         job.report.error(fault)
@@ -92,19 +105,25 @@ def _note_unused(job: Job) -> None:
     for switch, reason in a.without_effect.items():
         reasons.setdefault(reason, []).append(switch)
     for reason, switches in reasons.items():
-        job.report.line(f"Note: {', '.join(switches)} {'have' if len(switches) > 1 else 'has'} no effect: {reason}")
+        job.report.line(
+            f"Note: {', '.join(switches)} {'have' if len(switches) > 1 else 'has'} no effect: {reason}"
+        )
     if a.exact and a.engine is not None:
-        job.report.line(f"Note: -exact has an engine of its own (states one by one, rational numbers); -{a.engine} has no effect")
+        job.report.line(
+            f"Note: -exact has an engine of its own (states one by one, rational numbers); -{a.engine} has no effect"
+        )
 
 
 def _check_method(name: str) -> None:
     """Complain about an unknown -method before the model is built. Raises UsageError."""
     if name == "auto":
         return
-    from symcheck.numerics.methods import METHODS
+    from symcheck.numerics.linear.methods import METHODS
 
     if name not in METHODS:
-        raise UsageError(f"-method: there is no method '{name}'\n  hint: known are auto, {', '.join(METHODS)}")
+        raise UsageError(
+            f"-method: there is no method '{name}'\n  hint: known are auto, {', '.join(METHODS)}"
+        )
 
 
 def _warn_unknown(job: Job, program: Program, file: PropertiesFile, given: Given) -> None:
@@ -124,8 +143,14 @@ def _chosen(file: PropertiesFile, which: str | None) -> list[int]:
         if not found:
             names = ", ".join(p.name for p in file.properties if p.name)
             count = len(file.properties)
-            hint = f"there {'is' if count == 1 else 'are'} {count or 'none'}" + (f", among them {names}" if names else "")
-            raise NameFault(Diagnostic(f"-prop: there is no property '{item}'", code="unknown-property", hint=hint))
+            hint = f"there {'is' if count == 1 else 'are'} {count or 'none'}" + (
+                f", among them {names}" if names else ""
+            )
+            raise NameFault(
+                Diagnostic(
+                    f"-prop: there is no property '{item}'", code="unknown-property", hint=hint
+                )
+            )
         chosen.update(found)
     return sorted(chosen)
 
@@ -141,7 +166,14 @@ def _named(file: PropertiesFile, item: str) -> list[int]:
 
 
 def _instance(
-    job: Job, program: Program, file: PropertiesFile, chosen: Sequence[int], constants: Values, others: Given, *, alone: bool
+    job: Job,
+    program: Program,
+    file: PropertiesFile,
+    chosen: Sequence[int],
+    constants: Values,
+    others: Given,
+    *,
+    alone: bool,
 ) -> None:
     """Bind and build the model with these constants, and check the chosen properties on it. alone: there is no other choice."""
     options = options_of(job.arguments)
@@ -156,27 +188,57 @@ def _instance(
             # An error is a result that RESULT lines may expect, of every property.
             job.report.error(error)
             for i in chosen:
-                known = {n: _plain(v) for n, v in {**constants, **{n: v[0] for n, v in others.items()}}.items()}
+                known = {
+                    n: _plain(v)
+                    for n, v in {**constants, **{n: v[0] for n, v in others.items()}}.items()
+                }
                 conclude(job, judge(file.properties[i].comments, error, known, exact=options.exact))
         elif alone or isinstance(error, UsageError):
             raise
         else:
-            unbuilt(job, [(_title(file, question.index), choice) for question, choice in asked], constants, error)
+            unbuilt(
+                job,
+                [(_title(file, question.index), choice) for question, choice in asked],
+                constants,
+                error,
+            )
         return
     if subject is None:
         return
     if not isinstance(subject, Simulation):
         engine = subject
         exports.export_constants(job.arguments, job.report, engine.model, varying)
-        exports.export_model(job.arguments, job.report, engine, options, lambda: _labels(engine, file, others), varying)
+        exports.export_model(
+            job.arguments,
+            job.report,
+            engine,
+            options,
+            lambda: _labels(engine, file, others),
+            varying,
+        )
         exports.report_distributions(job.arguments, job.report, engine, options, varying)
-    shared = None if isinstance(subject, Simulation) else _shared(job, subject, [question for question, _ in asked], options)
+    shared = (
+        None
+        if isinstance(subject, Simulation)
+        else _shared(job, subject, [question for question, _ in asked], options)
+    )
     for question, choice in asked:
         number = {"property": _file_name(file, question.index)} if len(chosen) > 1 else {}
-        answer(job, subject, question, options, constants, choice, {**varying, **_varied(choice, others), **number}, shared)
+        answer(
+            job,
+            subject,
+            question,
+            options,
+            constants,
+            choice,
+            {**varying, **_varied(choice, others), **number},
+            shared,
+        )
 
 
-def _subject(job: Job, program: Program, questions: Sequence[Question], constants: Values, varying: Values) -> Engine | Simulation | None:
+def _subject(
+    job: Job, program: Program, questions: Sequence[Question], constants: Values, varying: Values
+) -> Engine | Simulation | None:
     """What the questions are put to: a built model, or random paths; None where nothing is left to be asked."""
     options = options_of(job.arguments)
     kind = ModelType(job.arguments.model_type) if job.arguments.model_type else None
@@ -186,7 +248,12 @@ def _subject(job: Job, program: Program, questions: Sequence[Question], constant
     if options.reduce and read is None:
         model = _reduced(job, model, questions)
     simulated = simulation(job.arguments, job.report, model, varying)
-    if job.arguments.simpath and simulated is None and not questions and not exports.wanted(job.arguments):
+    if (
+        job.arguments.simpath
+        and simulated is None
+        and not questions
+        and not exports.wanted(job.arguments)
+    ):
         return None
     return simulated or _build(job, model, options)
 
@@ -212,7 +279,9 @@ def _labels(engine: Engine, file: PropertiesFile, others: Given) -> Mapping[str,
     return bind_properties(file, engine.model, {n: v[0] for n, v in others.items()}).labels
 
 
-def _asked(program: Program, file: PropertiesFile, chosen: Sequence[int], others: Given) -> Iterator[tuple[Question, Values]]:
+def _asked(
+    program: Program, file: PropertiesFile, chosen: Sequence[int], others: Given
+) -> Iterator[tuple[Question, Values]]:
     """The chosen properties with every choice of the constants that each needs."""
     needed = needed_constants(program, file)
     for i in chosen:
@@ -232,13 +301,17 @@ def _reduced(job: Job, model: BoundModel, questions: Sequence[Question]) -> Boun
     return reduction.model
 
 
-def _shared(job: Job, engine: Engine, questions: Sequence[Question], options: Options) -> Common | None:
+def _shared(
+    job: Job, engine: Engine, questions: Sequence[Question], options: Options
+) -> Common | None:
     """One quotient by bisimulation for all questions, where that is asked for and a gain."""
     shared = lumped(engine, questions, options)
     if shared is not None:
         job.report.line(f"Bisimulation: {shared}")
     elif options.bisim and len(questions) > 1:
-        job.report.detail("Bisimulation: no quotient that is common to the properties is half as large as the model; each gets its own")
+        job.report.detail(
+            "Bisimulation: no quotient that is common to the properties is half as large as the model; each gets its own"
+        )
     return shared
 
 
@@ -259,7 +332,9 @@ def _build(job: Job, model: BoundModel, options: Options) -> Engine:
     started = perf_counter()
     watch = Progress(job.report)
     # Watching a diagram grow costs time (states are counted on the way): only where somebody looks.
-    engine = job.imported or registry.build(model, options, watch if options.engine == "auto" or watch.wanted else None)
+    engine = job.imported or registry.build(
+        model, options, watch if options.engine == "auto" or watch.wanted else None
+    )
     watch.clear()
     job.report.built(engine, watch.choice, perf_counter() - started)
     return engine

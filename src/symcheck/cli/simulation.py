@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from symcheck.check.result import Result
 from symcheck.cli.exports import MODEL_EXPORTS
-from symcheck.cli.naming import NOTHING, Values, own_file
+from symcheck.cli.output_paths import NOTHING, Values, own_file
 from symcheck.cli.report import Report
 from symcheck.errors import UsageError
-from symcheck.records import dataclass
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do without
     from symcheck.simulate.path import Path
-    from symcheck.simulate.request import Request
+    from symcheck.simulate.path_options import Request
     from symcheck.simulate.statistics import Plan
 
 __all__ = ["Simulation", "plan_of", "simulation", "write_path"]
@@ -38,7 +38,9 @@ def plan_of(arguments: argparse.Namespace) -> Plan:
     if method not in METHODS:
         raise UsageError(f"-simmethod: '{arguments.simmethod}' is none of {', '.join(METHODS)}")
     if arguments.simwidth is not None and arguments.simapprox is not None:
-        raise UsageError("-simwidth and -simapprox give the same thing, the half width: one of them is enough")
+        raise UsageError(
+            "-simwidth and -simapprox give the same thing, the half width: one of them is enough"
+        )
     return Plan(
         method=method,
         samples=arguments.simsamples,
@@ -51,19 +53,25 @@ def plan_of(arguments: argparse.Namespace) -> Plan:
     )
 
 
-def write_path(arguments: argparse.Namespace, report: Report, model: BoundModel, varying: Values = NOTHING) -> None:
+def write_path(
+    arguments: argparse.Namespace, report: Report, model: BoundModel, varying: Values = NOTHING
+) -> None:
     """Make the path that -simpath describes, and write it to the file (or 'stdout'). Raises UsageError, ModelFault."""
     from symcheck.simulate.path import table
-    from symcheck.simulate.request import parse_request
+    from symcheck.simulate.path_options import parse_request
 
     text, where = arguments.simpath
     request = parse_request(text)
     path = _path(arguments, model, request)
     report.line()
-    if path.end in _ENDS and (path.end == "length" or not request.deadlock or path.end != "deadlock"):
+    if path.end in _ENDS and (
+        path.end == "length" or not request.deadlock or path.end != "deadlock"
+    ):
         report.warn(_ENDS[path.end].format(n=len(path)))
     if request.deadlock and path.end != "deadlock":
-        report.warn(f"no deadlock was met on {request.repeat} path{'s' if request.repeat > 1 else ''}: the last one is shown")
+        report.warn(
+            f"no deadlock was met on {request.repeat} path{'s' if request.repeat > 1 else ''}: the last one is shown"
+        )
     shown = table(path, request.layout)
     if where == "stdout":
         report.line(shown.rstrip("\n"))
@@ -105,23 +113,33 @@ class Simulation:
         """Estimate a property. Raises SymcheckError."""
         from symcheck.simulate.check import check_by_sampling
 
-        return check_by_sampling(self.model, formula, self.plan, labels=labels, fix_deadlocks=self.fix_deadlocks)
+        return check_by_sampling(
+            self.model, formula, self.plan, labels=labels, fix_deadlocks=self.fix_deadlocks
+        )
 
 
-def simulation(arguments: argparse.Namespace, report: Report, model: BoundModel, varying: Values = NOTHING) -> Simulation | None:
+def simulation(
+    arguments: argparse.Namespace, report: Report, model: BoundModel, varying: Values = NOTHING
+) -> Simulation | None:
     """Carry out -simpath, and give what -sim estimates properties by (None: they are checked numerically)."""
     if not (arguments.sim or arguments.simpath):
         return None
     if not model.modules:
-        raise UsageError("-sim and -simpath follow the commands of a model in the PRISM language; an imported matrix has none")
+        raise UsageError(
+            "-sim and -simpath follow the commands of a model in the PRISM language; an imported matrix has none"
+        )
     if arguments.simpath:
         write_path(arguments, report, model, varying)
     if not arguments.sim:
         return None
     plan = plan_of(arguments)
     if arguments.exact:
-        raise UsageError("-sim estimates, and -exact asks for rational arithmetic: one of the two has to go")
+        raise UsageError(
+            "-sim estimates, and -exact asks for rational arithmetic: one of the two has to go"
+        )
     for name in _OF_BUILT_MODELS:
         if getattr(arguments, name) not in (None, False, []):
-            raise UsageError(f"-{name} needs the whole model, which -sim does not build: run it without -sim")
+            raise UsageError(
+                f"-{name} needs the whole model, which -sim does not build: run it without -sim"
+            )
     return Simulation(model, plan, arguments.fix_deadlocks)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.dd._cudd import Core
+from symcheck.dd.cudd.extension import Core
 
 __all__ = ["dense", "rows"]
 
@@ -19,17 +19,23 @@ def _places(core: Core, indices: tuple[int, ...]) -> tuple[NDArray[np.int32], li
     return order, None if places == list(range(len(indices))) else places
 
 
-def dense(core: Core, indices: tuple[int, ...], values: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[Any]]:
+def dense(
+    core: Core, indices: tuple[int, ...], values: NDArray[Any]
+) -> tuple[NDArray[np.int32], NDArray[Any]]:
     """A table of 2**k values with its variables in level order."""
     if values.shape != (1 << len(indices),):
-        raise ValueError(f"a table over {len(indices)} variables needs {1 << len(indices)} values, not {values.shape}")
+        raise ValueError(
+            f"a table over {len(indices)} variables needs {1 << len(indices)} values, not {values.shape}"
+        )
     order, places = _places(core, indices)
     if places is not None:
         values = values.reshape((2,) * len(indices)).transpose(places).reshape(-1)
     return order, np.ascontiguousarray(values)
 
 
-def rows(core: Core, indices: tuple[int, ...], given: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[Any], NDArray[np.int64] | None]:
+def rows(
+    core: Core, indices: tuple[int, ...], given: NDArray[Any]
+) -> tuple[NDArray[np.int32], NDArray[Any], NDArray[np.int64] | None]:
     """Sorted rows with their variables in level order, and the places of these rows in `given` (None: the same)."""
     order, places = _places(core, indices)
     k = len(indices)

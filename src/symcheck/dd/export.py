@@ -5,10 +5,10 @@ The arrays are a snapshot: `level` is the level at the time of export, so a tabl
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from symcheck.records import dataclass
 
 __all__ = ["BddTable", "NodeTable"]
 

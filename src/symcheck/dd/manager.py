@@ -1,6 +1,6 @@
 """The diagram manager: BDDs and MTBDDs side by side in the CUDD manager of a `dd.cudd.BDD`.
 
-Sets are `Bdd` handles and functions to numbers are `Mtbdd` handles (see `_cudd.pyi`). `Bdd.to_dd()` gives a set as dd's
+Sets are `Bdd` handles and functions to numbers are `Mtbdd` handles (see `extension.pyi`). `Bdd.to_dd()` gives a set as dd's
 `Function` without copying, and wherever a set is expected a `Function` of `manager.bdd` is taken, so all of dd stays usable.
 
 Names of variables are looked up here, once: what runs often takes a prepared `Cube`, `Renaming` or `Transition`.
@@ -10,19 +10,30 @@ Automatic reordering is off; reorder on purpose with `sift` or `reorder`. Arrays
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symcheck.dd import _cudd, _layout
-from symcheck.dd._cudd import Bdd, Closure, Core, Cube, Mtbdd, Renaming, Transition
+from symcheck.dd import _layout
+from symcheck.dd.cudd import extension
+from symcheck.dd.cudd.extension import Bdd, Closure, Core, Cube, Mtbdd, Renaming, Transition
+from symcheck.dd.cudd_import import cudd
 from symcheck.dd.export import BddTable, NodeTable
-from symcheck.dd.library import cudd
 from symcheck.machine import memory
-from symcheck.records import dataclass
 
-__all__ = ["Bdd", "Closure", "Cube", "DiagramManager", "Mtbdd", "Renaming", "Statistics", "Transition", "Variables"]
+__all__ = [
+    "Bdd",
+    "Closure",
+    "Cube",
+    "DiagramManager",
+    "Mtbdd",
+    "Renaming",
+    "Statistics",
+    "Transition",
+    "Variables",
+]
 
 Variables = Sequence[str] | Cube
 """Variables by name, or prepared."""
@@ -123,21 +134,33 @@ class DiagramManager:
         return str(self.bdd._var_with_index[index])
 
     def _indices(self, variables: Variables) -> tuple[int, ...]:
-        return variables.indices if isinstance(variables, Cube) else tuple(map(self.index_of, variables))
+        return (
+            variables.indices
+            if isinstance(variables, Cube)
+            else tuple(map(self.index_of, variables))
+        )
 
     def cube(self, variables: Variables) -> Cube:
         """Prepare variables for quantification, summing or counting."""
-        return variables if isinstance(variables, Cube) else Cube(self.core, self._indices(variables))
+        return (
+            variables if isinstance(variables, Cube) else Cube(self.core, self._indices(variables))
+        )
 
     def renaming(self, changes: Mapping[str, str]) -> Renaming:
         """Prepare f[a := b] for all items (a, b) at once; variables not mentioned stay."""
-        return Renaming(self.core, [(self.index_of(a), self.index_of(b)) for a, b in changes.items()])
+        return Renaming(
+            self.core, [(self.index_of(a), self.index_of(b)) for a, b in changes.items()]
+        )
 
     def transition(self, rows: Sequence[str], columns: Sequence[str]) -> Transition:
         """Prepare `image` and `preimage` of relations over these row and column variables (pairwise)."""
-        return Transition(self.core, list(zip(map(self.index_of, rows), map(self.index_of, columns), strict=True)))
+        return Transition(
+            self.core, list(zip(map(self.index_of, rows), map(self.index_of, columns), strict=True))
+        )
 
-    def closure(self, relations: Iterable[tuple[Bdd, Transition]], *, forward: bool = True) -> Closure:
+    def closure(
+        self, relations: Iterable[tuple[Bdd, Transition]], *, forward: bool = True
+    ) -> Closure:
         """Prepare closing sets under relations, by images or (`forward` off) by preimages."""
         return Closure(self.core, relations, forward)
 
@@ -153,13 +176,17 @@ class DiagramManager:
 
     def table(self, variables: Variables, values: ArrayLike) -> Mtbdd:
         """The function with these 2**k values; the first variable is the most significant bit of the position."""
-        order, dense = _layout.dense(self.core, self._indices(variables), np.asarray(values, dtype=np.float64))
-        return _cudd.from_table(self.core, order, dense)
+        order, dense = _layout.dense(
+            self.core, self._indices(variables), np.asarray(values, dtype=np.float64)
+        )
+        return extension.from_table(self.core, order, dense)
 
     def bdd_table(self, variables: Variables, values: ArrayLike) -> Bdd:
         """The set with these 2**k truth values, placed as in `table`."""
-        order, dense = _layout.dense(self.core, self._indices(variables), np.asarray(values).astype(np.bool_))
-        return _cudd.from_bits(self.core, order, dense.view(np.uint8))
+        order, dense = _layout.dense(
+            self.core, self._indices(variables), np.asarray(values).astype(np.bool_)
+        )
+        return extension.from_bits(self.core, order, dense.view(np.uint8))
 
     def bdd_from_rows(self, variables: Variables, rows: NDArray[Any]) -> Bdd:
         """The set of some rows, unique and in ascending order.
@@ -168,27 +195,29 @@ class DiagramManager:
         from the first variable on. O(n k). ValueError if rows repeat or are out of order.
         """
         order, sorted_rows, _ = _layout.rows(self.core, self._indices(variables), rows)
-        return _cudd.from_rows(self.core, order, sorted_rows)
+        return extension.from_rows(self.core, order, sorted_rows)
 
     def mtbdd_from_rows(self, variables: Variables, rows: NDArray[Any], values: ArrayLike) -> Mtbdd:
         """The function with `values` (float64[n]) at the rows, as in `bdd_from_rows`, and 0 elsewhere."""
         order, sorted_rows, places = _layout.rows(self.core, self._indices(variables), rows)
         numbers = np.ascontiguousarray(values, dtype=np.float64)
-        return _cudd.from_rows(self.core, order, sorted_rows, numbers if places is None else numbers[places])
+        return extension.from_rows(
+            self.core, order, sorted_rows, numbers if places is None else numbers[places]
+        )
 
     # Working with diagrams; what is not here is a method of the handles.
 
     def conjunction(self, sets: Iterable[Bdd]) -> Bdd:
         """Intersection of many sets, as a balanced tree; all assignments if there is none."""
-        return _cudd.unite(self.core, sets, True)
+        return extension.unite(self.core, sets, True)
 
     def disjunction(self, sets: Iterable[Bdd]) -> Bdd:
         """Union of many sets, as a balanced tree; empty if there is none."""
-        return _cudd.unite(self.core, sets, False)
+        return extension.unite(self.core, sets, False)
 
     def sum(self, diagrams: Iterable[Mtbdd]) -> Mtbdd:
         """Sum of many functions, as a balanced tree; 0 if there is none."""
-        return _cudd.total(self.core, diagrams)
+        return extension.total(self.core, diagrams)
 
     def multiply_sum(self, left: Mtbdd, right: Mtbdd, variables: Variables) -> Mtbdd:
         """Sum of left × right over the variables: matrix times vector, or matrix times matrix."""
@@ -196,7 +225,7 @@ class DiagramManager:
 
     def count(self, states: Bdd, variables: Variables) -> int:
         """Exact number of assignments of the variables in the set. ValueError if it depends on others."""
-        return _cudd.count(self.core.from_any(states), self.cube(variables))
+        return extension.count(self.core.from_any(states), self.cube(variables))
 
     def pick(self, states: Bdd, variables: Variables) -> NDArray[np.uint8] | None:
         """The lexicographically smallest assignment of the variables (first variable first) in the set; None if empty.
@@ -209,7 +238,7 @@ class DiagramManager:
             raise ValueError("the set depends on variables that are not asked for")
         levels = list(map(self.core.level, indices))
         if levels == sorted(levels):
-            return _cudd.pick(states, np.array(indices, dtype=np.int32))
+            return extension.pick(states, np.array(indices, dtype=np.int32))
         row = np.zeros(len(indices), dtype=np.uint8)
         for place, index in enumerate(indices):
             literal = self.core.literal(index)
@@ -220,26 +249,28 @@ class DiagramManager:
 
     def shared_size(self, diagrams: Sequence[Bdd | Mtbdd]) -> int:
         """Number of distinct nodes of several diagrams together."""
-        return _cudd.shared_size(self.core, diagrams)
+        return extension.shared_size(self.core, diagrams)
 
     # Arrays
 
     def export_bdd(self, *sets: Bdd) -> BddTable:
         """Sets as arrays of nodes without complement edges."""
-        return BddTable(self.core.size(), *_cudd.export_sets(self.core, sets))
+        return BddTable(self.core.size(), *extension.export_sets(self.core, sets))
 
     def import_bdd(self, table: BddTable) -> list[Bdd]:
         """The inverse of `export_bdd`. ValueError if the table is malformed."""
-        return _cudd.import_sets(self.core, table.level, table.low, table.high, table.roots)
+        return extension.import_sets(self.core, table.level, table.low, table.high, table.roots)
 
     def export_mtbdd(self, diagrams: Mtbdd | Sequence[Mtbdd]) -> NodeTable:
         """Functions as arrays of nodes, shared nodes once."""
         chosen = [diagrams] if isinstance(diagrams, Mtbdd) else diagrams
-        return NodeTable(self.core.size(), *_cudd.export_nodes(self.core, chosen))
+        return NodeTable(self.core.size(), *extension.export_nodes(self.core, chosen))
 
     def import_mtbdd(self, table: NodeTable) -> list[Mtbdd]:
         """The inverse of `export_mtbdd`. ValueError if the table is malformed."""
-        return _cudd.import_nodes(self.core, table.level, table.low, table.high, table.values, table.roots)
+        return extension.import_nodes(
+            self.core, table.level, table.low, table.high, table.values, table.roots
+        )
 
     # The order, limits and statistics
 
@@ -252,7 +283,9 @@ class DiagramManager:
         for group in groups:
             levels = [self.level_of(name) for name in group]
             if levels != list(range(levels[0], levels[0] + len(levels))):
-                raise ValueError(f"the variables {', '.join(group)} are not neighbours in this order")
+                raise ValueError(
+                    f"the variables {', '.join(group)} are not neighbours in this order"
+                )
             blocks.append((self.index_of(group[0]), len(levels)))
         self.core.sift(blocks, growth)
 

@@ -8,6 +8,7 @@ O(nodes + members), and a small subset of a huge set needs its own ODD only.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.dd.export import BddTable, NodeTable
-from symcheck.kernels import odd as kernel
-from symcheck.kernels import vectors
-from symcheck.records import dataclass, field
+from symcheck.kernels.diagrams import odd as kernel
+from symcheck.kernels.diagrams import vectors
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Odd", "Table"]
 
 Table = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int64], int]
-"""depth, low, high, count and the root's number (see `symcheck.kernels.odd`)."""
+"""depth, low, high, count and the root's number (see `symcheck.kernels.diagrams.odd`)."""
 
 _TRUTH = np.array([0.0, 1.0])
 
@@ -85,7 +85,11 @@ class Odd:
     def rank(self, bits: NDArray[np.uint8]) -> NDArray[np.int64]:
         """Numbers of the members with these bits (uint8[m, k]); -1 for what is no member."""
         out = np.empty(len(bits), np.int64)
-        kernel.rank(*self.table, np.ascontiguousarray(bits, np.uint8).reshape(len(bits), len(self.rows)), out)
+        kernel.rank(
+            *self.table,
+            np.ascontiguousarray(bits, np.uint8).reshape(len(bits), len(self.rows)),
+            out,
+        )
         return out
 
     def weigh(self, weights: NDArray[np.int64], offset: int = 0) -> NDArray[np.int64]:
@@ -105,7 +109,9 @@ class Odd:
         out = np.empty((self.count, words), np.uint64)
         for word in range(words):
             here = exponent // 64 == words - 1 - word
-            weights = np.where(here, np.uint64(1) << (exponent % 64).astype(np.uint64), np.uint64(0))
+            weights = np.where(
+                here, np.uint64(1) << (exponent % 64).astype(np.uint64), np.uint64(0)
+            )
             out[:, word] = self.weigh(weights.view(np.int64)).view(np.uint64)
         return out
 
@@ -135,7 +141,9 @@ class Odd:
         bits.view(np.uint8)[: len(packed)] = packed
         levels, bottom = self.levels, len(self.manager.bdd.vars)
         level, low, high, root = vectors.collapse(*self.table, bits, levels, bottom)
-        return self.manager.import_bdd(BddTable(bottom, level, low, high, np.array([root], np.int32)))[0]
+        return self.manager.import_bdd(
+            BddTable(bottom, level, low, high, np.array([root], np.int32))
+        )[0]
 
     def to_vector(self, function: Mtbdd) -> NDArray[np.float64]:
         """Values of a function of the bits at the members: float64[count]."""
@@ -152,12 +160,16 @@ class Odd:
         leaves = vectors.number(np.ascontiguousarray(values, np.float64), ids)
         levels, bottom = self.levels, len(self.manager.bdd.vars)
         level, low, high, root = vectors.vector_table(*self.table, ids, len(leaves), levels, bottom)
-        return self.manager.import_mtbdd(NodeTable(bottom, level, low, high, leaves, np.array([root], np.int32)))[0]
+        return self.manager.import_mtbdd(
+            NodeTable(bottom, level, low, high, leaves, np.array([root], np.int32))
+        )[0]
 
 
 def levels_of(manager: DiagramManager, names: Sequence[str]) -> NDArray[np.int32]:
     """Levels of variables that must be given from the top down: int32[k]. ValueError where they are not."""
     levels = np.array([manager.level_of(name) for name in names], np.int32)
     if (np.diff(levels) <= 0).any():
-        raise ValueError("the bits are not in the order of the diagrams (was the manager reordered?)")
+        raise ValueError(
+            "the bits are not in the order of the diagrams (was the manager reordered?)"
+        )
     return levels

@@ -12,12 +12,23 @@ from fractions import Fraction
 from math import inf, nextafter
 from typing import Any, Protocol
 
-from symcheck.numerics.matrix import Bools, Floats, Int64s, SparseMatrix
+from symcheck.direction import Direction
+from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.settings import ROUNDING
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
 
-__all__ = ["ROUNDING", "Engine", "Graph", "OwnSet", "OwnValues", "StateSet", "System", "Values", "bracket"]
+__all__ = [
+    "ROUNDING",
+    "Engine",
+    "Graph",
+    "OwnSet",
+    "OwnValues",
+    "StateSet",
+    "System",
+    "Values",
+    "bracket",
+]
 
 
 def bracket(threshold: float | Fraction) -> tuple[float, float]:
@@ -163,7 +174,13 @@ class System(Protocol):
         """A value (or 0/1 membership) per state of `states`."""
         ...
 
-    def lift(self, lower: Floats, upper: Floats | None, rest: Sequence[tuple[OwnSet, float]] = (), exact: bool = False) -> Values:
+    def lift(
+        self,
+        lower: Floats,
+        upper: Floats | None,
+        rest: Sequence[tuple[OwnSet, float]] = (),
+        exact: bool = False,
+    ) -> Values:
         """Values on all reachable states: these on `states`, constants on the sets in `rest`, 0 elsewhere."""
         ...
 
@@ -187,11 +204,11 @@ class Graph(Protocol):
         """E [ G states ]."""
         ...
 
-    def prob0(self, left: OwnSet, right: OwnSet, direction: str | None) -> StateSet:
+    def prob0(self, left: OwnSet, right: OwnSet, direction: Direction | None) -> StateSet:
         """States whose (min/max) probability of left U right is 0."""
         ...
 
-    def prob1(self, left: OwnSet, right: OwnSet, direction: str | None) -> StateSet:
+    def prob1(self, left: OwnSet, right: OwnSet, direction: Direction | None) -> StateSet:
         """States whose (min/max) probability of left U right is 1."""
         ...
 
@@ -203,7 +220,9 @@ class Graph(Protocol):
         """Maximal end components of the states `within` (MDP)."""
         ...
 
-    def accepting_end_components(self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]) -> StateSet:
+    def accepting_end_components(
+        self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]
+    ) -> StateSet:
         """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
         ...
 
@@ -283,7 +302,9 @@ class Engine(Protocol):
         """The value of a numeric expression over the variables, at each state."""
         ...
 
-    def constant(self, lower: float, upper: float | None = None, *, rounded: bool = False) -> Values:
+    def constant(
+        self, lower: float, upper: float | None = None, *, rounded: bool = False
+    ) -> Values:
         """The same value (or bounds of it) everywhere; `rounded`: it came out of floating-point arithmetic."""
         ...
 
@@ -307,7 +328,9 @@ class Engine(Protocol):
         """The singleton of the state with the lowest index; `states` must not be empty."""
         ...
 
-    def valuations(self, states: OwnSet, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
+    def valuations(
+        self, states: OwnSet, limit: int | None = None
+    ) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order (lexicographic in declaration order)."""
         ...
 

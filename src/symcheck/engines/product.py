@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from symcheck.engines.base import Engine, StateSet, Values
-from symcheck.numerics.matrix import Int32s
+from symcheck.matrices.rows import Int32s
 
 __all__ = ["Automaton", "Product"]
 

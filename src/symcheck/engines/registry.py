@@ -11,7 +11,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
 
 if TYPE_CHECKING:
-    from symcheck.engines.symbolic import SymbolicEngine
+    from symcheck.engines.symbolic.engine import SymbolicEngine
 
 __all__ = ["BUILDERS", "BuildOptions", "build"]
 
@@ -35,48 +35,52 @@ Builder = Callable[[BoundModel, Any, Observer | None], Engine]
 
 
 def _auto(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
-    from symcheck.engines.auto import choose
+    from symcheck.engines.selection import choose
 
     return choose(model, options, observer)
 
 
 def _explicit(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
-    from symcheck.engines.explicit import ExplicitEngine
+    from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.explicit.build import explore
 
     return ExplicitEngine(explore(model, options, observer))
 
 
 def _exact(model: BoundModel, options: Any, _: Observer | None) -> Engine:
-    from symcheck.engines.exact import explore_exactly
+    from symcheck.engines.rational.engine import explore_exactly
 
-    return explore_exactly(model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums)
+    return explore_exactly(
+        model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums
+    )
 
 
 def _sparse(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
-    from symcheck.engines.sparse import SparseEngine
+    from symcheck.engines.symbolic.sparse import SparseEngine
 
     return _compressed(SparseEngine, model, options, observer)
 
 
 def _hybrid(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
-    from symcheck.engines.hybrid import HybridEngine
+    from symcheck.engines.symbolic.hybrid import HybridEngine
 
     return _compressed(HybridEngine, model, options, observer)
 
 
-def _compressed(kind: type[SymbolicEngine], model: BoundModel, options: Any, observer: Observer | None) -> Engine:
+def _compressed(
+    kind: type[SymbolicEngine], model: BoundModel, options: Any, observer: Observer | None
+) -> Engine:
     """The engine, unless diagrams hold the states but do not compress them: then the rows are listed."""
-    from symcheck.engines.listed import listed
+    from symcheck.engines.symbolic.enumerated_rows import listed
     from symcheck.symbolic.build import explored
-    from symcheck.symbolic.transitions import transitions
+    from symcheck.symbolic.matrix.transitions import transitions
 
     space = explored(model, options, observer)
     return listed(space, options, kind.name) or kind.of(transitions(space, options, observer))
 
 
 def _mtbdd(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
-    from symcheck.engines.mtbdd import MtbddEngine
+    from symcheck.engines.symbolic.mtbdd import MtbddEngine
 
     return _compressed(MtbddEngine, model, options, observer)
 
@@ -104,7 +108,7 @@ def build(model: BoundModel, options: BuildOptions, observer: Observer | None = 
     if builder is None:
         raise UnsupportedError(f"there is no engine '{name}'; there are {', '.join(BUILDERS)}")
     if options.order is not None:  # said also where no diagram is going to be made
-        from symcheck.symbolic.order import check_order
+        from symcheck.symbolic.ordering.order import check_order
 
         check_order(model, options.order)
     return builder(model, options, observer)

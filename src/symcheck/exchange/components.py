@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from symcheck.errors import UnsupportedError
-from symcheck.exchange.snapshot import Snapshot
+from symcheck.exchange.explicit_export import Snapshot
+from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.numerics import graph
-from symcheck.numerics.matrix import Int32s, Int64s
 
 __all__ = ["KINDS", "components_file"]
 
@@ -39,8 +39,12 @@ def _components(model: Snapshot, kind: str) -> list[Int64s]:
             return [b.astype(np.int64) for b in graph.bsccs(model.matrix)]
         case "mecs":
             if model.matrix.groups is None:
-                raise UnsupportedError("end components are those of an MDP\n  hint: -exportbsccs lists the bottom components of a chain")
-            return _grouped(graph.maximal_end_components(model.matrix, np.ones(model.n, np.bool_)).of)
+                raise UnsupportedError(
+                    "end components are those of an MDP\n  hint: -exportbsccs lists the bottom components of a chain"
+                )
+            return _grouped(
+                graph.maximal_end_components(model.matrix, np.ones(model.n, np.bool_)).of
+            )
         case _:
             raise AssertionError(f"no kind of components: {kind}")
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TextIO
 
 import numpy as np
 
-from symcheck.check.strategy import Strategy
+from symcheck.check.strategies.strategy import Strategy
 from symcheck.errors import UsageError
 from symcheck.exchange.text import number_text
-from symcheck.numerics.matrix import Bools
-from symcheck.records import dataclass
-from symcheck.semantics.literals import format_state
+from symcheck.matrices.rows import Bools
+from symcheck.semantics.expressions.literals import format_state
 
 __all__ = ["KINDS", "StrategyTarget", "strategy_target", "strategy_texts", "write_strategy"]
 
@@ -45,11 +45,24 @@ def strategy_target(argument: str) -> StrategyTarget:
     options = dict(part.partition("=")[::2] for part in text.split(",") if part)
     # Whether states that look alike are shown as one: this is of partially observable models.
     options.pop("obs", None)
-    kind = options.pop("type", "dot" if path.endswith(".dot") else "induced" if path.endswith(".tra") else "actions")
+    kind = options.pop(
+        "type",
+        "dot" if path.endswith(".dot") else "induced" if path.endswith(".tra") else "actions",
+    )
     mode = options.pop("mode", "reduce")
-    reach, states = options.pop("reach", "true" if kind == "dot" else "false"), options.pop("states", "true")
-    if kind not in KINDS or mode not in ("restrict", "reduce") or {reach, states} - {"true", "false"} or options:
-        known = f"FILE:type={'|'.join(KINDS)},mode=restrict|reduce,reach=true|false,states=true|false"
+    reach, states = (
+        options.pop("reach", "true" if kind == "dot" else "false"),
+        options.pop("states", "true"),
+    )
+    if (
+        kind not in KINDS
+        or mode not in ("restrict", "reduce")
+        or {reach, states} - {"true", "false"}
+        or options
+    ):
+        known = (
+            f"FILE:type={'|'.join(KINDS)},mode=restrict|reduce,reach=true|false,states=true|false"
+        )
         raise UsageError(f"-exportstrat: cannot read '{text}'\n  hint: {known}")
     return StrategyTarget(path, kind, reach == "true", mode == "restrict", states == "true")
 
@@ -72,10 +85,14 @@ def strategy_texts(strategy: Strategy, target: StrategyTarget) -> Iterator[str]:
         case "dot":
             return _dot(strategy, shown, target)
         case _:
-            raise UsageError(f"there is no strategy file of type '{target.kind}'; there are {', '.join(KINDS)}")
+            raise UsageError(
+                f"there is no strategy file of type '{target.kind}'; there are {', '.join(KINDS)}"
+            )
 
 
-def write_strategy(strategy: Strategy, out: TextIO, kind: str = "actions", *, reach: bool = True) -> None:
+def write_strategy(
+    strategy: Strategy, out: TextIO, kind: str = "actions", *, reach: bool = True
+) -> None:
     """Write `strategy_texts` to a stream."""
     out.writelines(strategy_texts(strategy, StrategyTarget("", kind, reach)))
 

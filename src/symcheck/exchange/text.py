@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from symcheck.errors import UsageError
 
-__all__ = ["CHUNK", "FULL_PRECISION", "lines", "number_text", "number_texts", "same_path", "write_text"]
+__all__ = [
+    "CHUNK",
+    "FULL_PRECISION",
+    "lines",
+    "number_text",
+    "number_texts",
+    "same_path",
+    "write_text",
+]
 
 CHUNK = 1 << 16
 """Lines that are held as text at a time."""
@@ -45,7 +53,9 @@ def number_texts(values: NDArray[Any], precision: int = FULL_PRECISION) -> list[
     return chosen
 
 
-def lines(template: str, count: int, *columns: Column, precision: int = FULL_PRECISION) -> Iterator[str]:
+def lines(
+    template: str, count: int, *columns: Column, precision: int = FULL_PRECISION
+) -> Iterator[str]:
     """`count` lines in chunks: the template (as of `%`, without the end of the line) filled from the columns.
 
     A column is an array (doubles are written with `precision`), a list, or a function of a range of line numbers.

@@ -20,7 +20,9 @@ def parse_constants(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
     for item in itertools.chain.from_iterable(map(_split, texts)):
         name, equals, text = (part.strip() for part in item.partition("="))
         if not equals or not name or not text:
-            raise UsageError(f"-const: '{item}' is not of the form NAME=VALUE, NAME=LOW:HIGH, NAME=LOW:STEP:HIGH or NAME={{V,W}}")
+            raise UsageError(
+                f"-const: '{item}' is not of the form NAME=VALUE, NAME=LOW:HIGH, NAME=LOW:STEP:HIGH or NAME={{V,W}}"
+            )
         if name in values:
             raise UsageError(f"-const: {name} is given twice")
         values[name] = _values(name, text)
@@ -64,7 +66,9 @@ def _values(name: str, text: str) -> tuple[str, ...]:
     step = numbers[1] if len(numbers) == 3 else Fraction(1)
     if step <= 0 or high < low:
         raise UsageError(f"-const: the range '{name}={text}' is empty")
-    integral = all(n.denominator == 1 for n in (low, step)) and not any("." in part or "e" in part.lower() for part in parts)
+    integral = all(n.denominator == 1 for n in (low, step)) and not any(
+        "." in part or "e" in part.lower() for part in parts
+    )
     count = (high - low) // step + 1
     return tuple(_decimal(low + i * step, integral) for i in range(count))
 

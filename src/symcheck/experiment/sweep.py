@@ -16,7 +16,7 @@ import resource
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter, process_time
@@ -24,14 +24,13 @@ from time import perf_counter, process_time
 from symcheck import __version__
 from symcheck.check.checker import check
 from symcheck.check.options import Options
-from symcheck.check.question import Question, lumped, reduced
+from symcheck.check.property_instance import Question, lumped, reduced
 from symcheck.check.result import show_value
 from symcheck.engines import registry
 from symcheck.errors import SymcheckError
 from symcheck.experiment.constants import combinations
 from symcheck.experiment.table import Row
-from symcheck.records import dataclass, field
-from symcheck.semantics.bind import bind, needed_constants
+from symcheck.semantics.binding.bind import bind, needed_constants
 from symcheck.syntax.parse import parse_model, parse_properties
 
 __all__ = ["Finished", "Instance", "check_instance", "read_journal", "sweep"]
@@ -54,15 +53,25 @@ class Instance:
     options: Options = _DEFAULT
 
     @classmethod
-    def read(cls, model: str | Path, properties: str | Path, options: Options = _DEFAULT) -> Instance:
+    def read(
+        cls, model: str | Path, properties: str | Path, options: Options = _DEFAULT
+    ) -> Instance:
         """The texts of two files. Raises OSError."""
         return cls(Path(model).read_text(), Path(properties).read_text(), options=options)
 
     @property
     def key(self) -> str:
         """The same for the same task under the same version of the program."""
-        told = [__version__, self.model, self.properties, dict(self.constants), {n: list(v) for n, v in self.varying.items()}]
-        return hashlib.sha256(json.dumps([*told, asdict(self.options)], sort_keys=True).encode()).hexdigest()[:20]
+        told = [
+            __version__,
+            self.model,
+            self.properties,
+            dict(self.constants),
+            {n: list(v) for n, v in self.varying.items()},
+        ]
+        return hashlib.sha256(
+            json.dumps([*told, asdict(self.options)], sort_keys=True).encode()
+        ).hexdigest()[:20]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +91,14 @@ class Finished:
     def value(self, property: str, **constants: str) -> float:
         """The numeric value of a property (true is 1). Raises KeyError where there is none."""
         for row in self.rows:
-            if row.property == property and all(row.constants.get(n) == v for n, v in constants.items()):
-                return float(row.value == "true") if row.value in ("true", "false") else float(row.value)
+            if row.property == property and all(
+                row.constants.get(n) == v for n, v in constants.items()
+            ):
+                return (
+                    float(row.value == "true")
+                    if row.value in ("true", "false")
+                    else float(row.value)
+                )
         raise KeyError(property)
 
 
@@ -96,9 +111,14 @@ def check_instance(instance: Instance) -> Finished:
         model = bind(program, instance.constants, exact=instance.options.exact)
         needed = needed_constants(program, file)
         asked = [
-            (Question(file, i, {**{n: v[0] for n, v in instance.varying.items()}, **choice}), choice)
+            (
+                Question(file, i, {**{n: v[0] for n, v in instance.varying.items()}, **choice}),
+                choice,
+            )
             for i in range(len(file.properties))
-            for choice in combinations({n: v for n, v in instance.varying.items() if n in needed[i]})
+            for choice in combinations(
+                {n: v for n, v in instance.varying.items() if n in needed[i]}
+            )
         ]
         # Which strategies are fair depends on the states: the reduced model would answer another question.
         if instance.options.reduce and not instance.options.fairness:
@@ -111,15 +131,26 @@ def check_instance(instance: Instance) -> Finished:
             name = bound.name or " ".join(bound.span.text.split())
             given = {**instance.constants, **choice}
             try:
-                result = check(engine, bound.formula, instance.options, labels=labels, rebind=question.formula, shared=shared)
+                result = check(
+                    engine,
+                    bound.formula,
+                    instance.options,
+                    labels=labels,
+                    rebind=question.formula,
+                    shared=shared,
+                )
                 rows.append(Row(name, given, show_value(result.value), str(result.accuracy)))
             except SymcheckError as error:
                 rows.append(Row(name, given, "Error", str(error).splitlines()[0]))
-        found = replace(found, states=engine.states, transitions=engine.transitions, rows=tuple(rows))
+        found = replace(
+            found, states=engine.states, transitions=engine.transitions, rows=tuple(rows)
+        )
     except SymcheckError as error:
         found = replace(found, error=str(error))
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _BYTES
-    return replace(found, seconds=perf_counter() - started, cpu_seconds=process_time() - used, memory=memory)
+    return replace(
+        found, seconds=perf_counter() - started, cpu_seconds=process_time() - used, memory=memory
+    )
 
 
 def sweep(
@@ -136,14 +167,19 @@ def sweep(
     workers: processes at a time. Instances at fault are among the results, and are tried again by the next sweep.
     Raises OSError where the journal cannot be written, and what breaks a process (BrokenProcessPool).
     """
-    tasks = [replace(instance, constants={**instance.constants, **c}, varying=varying or {}) for c in combinations(constants)]
+    tasks = [
+        replace(instance, constants={**instance.constants, **c}, varying=varying or {})
+        for c in combinations(constants)
+    ]
     kept = {} if journal is None else read_journal(journal)
     yield from (kept[t.key] for t in tasks if t.key in kept)
     missing = [t for t in tasks if t.key not in kept]
     if not missing:
         return
     # Fresh processes: a forked one would share what this one holds, and count it as its own memory.
-    with ProcessPoolExecutor(min(workers, len(missing)), mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
+    with ProcessPoolExecutor(
+        min(workers, len(missing)), mp_context=get_context("spawn"), max_tasks_per_child=1
+    ) as pool:
         try:
             for future in as_completed([pool.submit(check_instance, t) for t in missing]):
                 done = future.result()
@@ -165,7 +201,9 @@ def read_journal(journal: Path) -> dict[str, Finished]:
             entry = json.loads(line)
         except json.JSONDecodeError:
             continue
-        rows = tuple(Row(r["property"], r["constants"], r["value"], r["accuracy"]) for r in entry.pop("rows"))
+        rows = tuple(
+            Row(r["property"], r["constants"], r["value"], r["accuracy"]) for r in entry.pop("rows")
+        )
         found[entry["key"]] = Finished(**entry, rows=rows)
     return found
 

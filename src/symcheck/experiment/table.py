@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import groupby
 
 from symcheck.errors import UsageError
-from symcheck.records import dataclass, field
 
 __all__ = ["FORMATS", "Row", "render"]
 
@@ -54,7 +54,9 @@ def _titled(groups: Sequence[tuple[str, list[Row]]], bodies: Sequence[str], sepa
     """The tables one after the other, with titles where there are several."""
     if len(groups) == 1:
         return bodies[0]
-    titles = [_lines([[name]], separator) if separator == "," else f"{name}:\n" for name, _ in groups]
+    titles = [
+        _lines([[name]], separator) if separator == "," else f"{name}:\n" for name, _ in groups
+    ]
     return "\n".join(title + body for title, body in zip(titles, bodies, strict=True))
 
 
@@ -64,7 +66,12 @@ def _list(rows: Sequence[Row], separator: str) -> str:
     bodies = []
     for _, group in groups:
         names = _varying(group)
-        bodies.append(_lines([[*names, "Result"], *([*(r.constants[n] for n in names), r.value] for r in group)], separator))
+        bodies.append(
+            _lines(
+                [[*names, "Result"], *([*(r.constants[n] for n in names), r.value] for r in group)],
+                separator,
+            )
+        )
     return _titled(groups, bodies, separator)
 
 
@@ -89,20 +96,27 @@ def _matrices(group: Sequence[Row], separator: str) -> str:
         chosen = [r for r in group if tuple(r.constants[n] for n in others) == choice]
         cells = {(r.constants[down], r.constants[across]): r.value for r in chosen}
         table = [["", *columns]]
-        table += [[head, *(cells.get((head, c), "") for c in columns)] for head in dict.fromkeys(r.constants[down] for r in chosen)]
+        table += [
+            [head, *(cells.get((head, c), "") for c in columns)]
+            for head in dict.fromkeys(r.constants[down] for r in chosen)
+        ]
         fixed = [f"{n}={v}" for n, v in zip(others, choice, strict=True)]
         parts.append(_headed(", ".join([*fixed, f"{down}\\{across}"]), table, separator))
     return "\n".join(parts)
 
 
 def _headed(heading: str, table: Sequence[Sequence[str]], separator: str) -> str:
-    return (_lines([[heading]], separator) if separator == "," else f"{heading}:\n") + _lines(table, separator)
+    return (_lines([[heading]], separator) if separator == "," else f"{heading}:\n") + _lines(
+        table, separator
+    )
 
 
 def _dataframe(rows: Sequence[Row]) -> str:
     """One table for all, as a data frame reads it: property, every constant, result, accuracy."""
     names = list(dict.fromkeys(n for r in rows for n in r.constants))
-    body = [[r.property, *(r.constants.get(n, "") for n in names), r.value, r.accuracy] for r in rows]
+    body = [
+        [r.property, *(r.constants.get(n, "") for n in names), r.value, r.accuracy] for r in rows
+    ]
     return _lines([["Property", *names, "Result", "Accuracy"], *body], ",")
 
 
@@ -123,7 +137,15 @@ def _json(rows: Sequence[Row]) -> str:
     """A list of objects: property, constants and result as text (a number has the digits that give it back), and accuracy."""
     import json
 
-    found = [{"property": r.property, "constants": dict(r.constants), "result": r.value, "accuracy": r.accuracy} for r in rows]
+    found = [
+        {
+            "property": r.property,
+            "constants": dict(r.constants),
+            "result": r.value,
+            "accuracy": r.accuracy,
+        }
+        for r in rows
+    ]
     return json.dumps(found, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -134,7 +156,9 @@ def render(rows: Sequence[Row], kinds: Sequence[str]) -> str:
     """The rows in a format: `text`, `csv`, `matrix` (also with `csv`), `dataframe`, `comment` or `json`. Raises UsageError."""
     unknown = [k for k in kinds if k not in FORMATS]
     if unknown:
-        raise UsageError(f"-exportresults: unknown format '{unknown[0]}'\n  hint: known are {', '.join(FORMATS)}")
+        raise UsageError(
+            f"-exportresults: unknown format '{unknown[0]}'\n  hint: known are {', '.join(FORMATS)}"
+        )
     separator = "," if "csv" in kinds else "\t"
     if "matrix" in kinds:
         return _matrix(rows, separator)

@@ -1,4 +1,4 @@
-"""Assembles programs of the register machine (`symcheck.kernels.vm`): registers, constants, jumps, shared subexpressions.
+"""Assembles programs of the register machine (`symcheck.kernels.explore.register_machine`): registers, constants, jumps, shared subexpressions.
 
 While a program is written, a register is one int: variables count from 0, constants from CONSTANTS, temporaries from
 TEMPORARIES. `finish` lays them out one after the other, and constants come preset in the register file.
@@ -13,8 +13,8 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.vm import Op, run_columns
-from symcheck.numerics.matrix import Int64s
+from symcheck.kernels.explore.register_machine import Op, run_columns
+from symcheck.matrices.rows import Int64s
 
 __all__ = ["Assembler", "Register", "is_constant"]
 
@@ -131,7 +131,11 @@ class Assembler:
 
     def move(self, destination: Register, source: Register, start: int) -> None:
         """Set destination to source. `start`: the position since which a scope is open that closes right after this."""
-        last = self._code[-1] if len(self._code) > max(start, self._barrier) else (int(Op.JUMP), 0, 0, 0)
+        last = (
+            self._code[-1]
+            if len(self._code) > max(start, self._barrier)
+            else (int(Op.JUMP), 0, 0, 0)
+        )
         if last[1] == source >= TEMPORARIES and last[0] < Op.JUMP:
             self._code[-1] = (last[0], destination, last[2], last[3])
         else:

@@ -1,6 +1,6 @@
 """Explicit exploration: from a bound model to states and a sparse matrix, without diagrams.
 
-The search itself runs in compiled code (`symcheck.kernels.explore`), some tens of milliseconds at a time; between
+The search itself runs in compiled code (`symcheck.kernels.explore.breadth_first`), some tens of milliseconds at a time; between
 these slices the limits are looked at, the observer is told, and Ctrl-C is heard.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import NoReturn
 
 import numpy as np
@@ -27,14 +28,13 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Layout, Rows, StateTable
 from symcheck.explicit.tables import Assignments, tables, total_reward
-from symcheck.kernels.explore import Explorer, Outcome, give_back
-from symcheck.kernels.packed import order_rows
-from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
-from symcheck.records import dataclass, field
-from symcheck.semantics import faults
+from symcheck.kernels.explore.breadth_first import Explorer, Outcome, give_back
+from symcheck.kernels.explore.packed_states import order_rows
+from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics import state_faults
+from symcheck.semantics.interpreter import transitions
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
-from symcheck.semantics.step import transitions
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Exploration", "Observer", "Progress", "explore"]
@@ -93,11 +93,15 @@ class Exploration:
 
     def __post_init__(self) -> None:
         if self.model.type not in (ModelType.DTMC, ModelType.CTMC, ModelType.MDP):
-            raise UnsupportedError(f"explicit exploration of a model of type {self.model.type.value}")
+            raise UnsupportedError(
+                f"explicit exploration of a model of type {self.model.type.value}"
+            )
         started = time.perf_counter()
         self.layout = Layout.of(self.model.variables)
         self._initial = initial_rows(self.model, self.layout)
-        compiled = tables(self.model, self.layout, check_sums=self.options.check_sums, canonical=self.canonical)
+        compiled = tables(
+            self.model, self.layout, check_sums=self.options.check_sums, canonical=self.canonical
+        )
         self._explorer = Explorer(compiled)
         self._explorer.add(self._initial)
         if self.seed is not None:
@@ -111,7 +115,15 @@ class Exploration:
     def progress(self) -> Progress:
         """How far the search is."""
         e = self._explorer
-        return Progress(len(e.states), e.explored, e.rows.closed, e.rows.entries, e.level, e.nbytes, self._seconds)
+        return Progress(
+            len(e.states),
+            e.explored,
+            e.rows.closed,
+            e.rows.entries,
+            e.level,
+            e.nbytes,
+            self._seconds,
+        )
 
     @property
     def complete(self) -> bool:
@@ -166,21 +178,32 @@ class Exploration:
         if limit is not None and self._seconds >= limit:
             self._stop(TimeLimitError, f"the time limit of {limit:g} s is reached")
         if memory is not None and self._explorer.nbytes > memory:
-            self._stop(MemoryLimitError, f"the memory limit of {memory / 1e6:.0f} MB is reached", _LESS_MEMORY)
+            self._stop(
+                MemoryLimitError,
+                f"the memory limit of {memory / 1e6:.0f} MB is reached",
+                _LESS_MEMORY,
+            )
 
     def _stop(self, error: type[ResourceError], why: str, hint: str | None = None) -> NoReturn:
-        raise error(f"explicit exploration: {why}, after {self.progress}" + (f"\n  hint: {hint}" if hint else ""))
+        raise error(
+            f"explicit exploration: {why}, after {self.progress}"
+            + (f"\n  hint: {hint}" if hint else "")
+        )
 
     def _fault(self) -> NoReturn:
         """Raise what the scalar semantics raises in the state where the search stopped."""
         state = self.layout.unpack(self.rows()[self._explorer.fault_state])
         transitions(self.model, state, check_sums=self.options.check_sums)
-        shown = faults.describe_state(self.model.variables, state)
+        shown = state_faults.describe_state(self.model.variables, state)
         unbounded = ", ".join(v.name for v in self.model.variables if v.low is None)
         if not unbounded:
-            raise AssertionError(f"status {self._explorer.fault_status} in {shown}, where the scalar semantics finds no fault")
+            raise AssertionError(
+                f"status {self._explorer.fault_status} in {shown}, where the scalar semantics finds no fault"
+            )
         message = f"a variable without bounds ({unbounded}) leaves 32 bits, after the state {shown}"
-        raise ModelFault(Diagnostic(message, code="unbounded", hint="give it a range, or a guard that stops it"))
+        raise ModelFault(
+            Diagnostic(message, code="unbounded", hint="give it a range, or a guard that stops it")
+        )
 
     def finish(self) -> ExplicitModel:
         """The model, once `run` is complete. Only once: the search gives its memory back."""
@@ -209,38 +232,71 @@ class Exploration:
         # Not np.unique, which imports numpy.ma: a tenth of the time that a small model takes.
         ordered = np.sort(initial)
         distinct = ordered[np.append(True, ordered[1:] != ordered[:-1])[: ordered.size]]
-        return ExplicitModel(self.model, states, matrix, actions, distinct, deadlocks, state_rewards, choice_rewards, levels, self._seconds)
+        return ExplicitModel(
+            self.model,
+            states,
+            matrix,
+            actions,
+            distinct,
+            deadlocks,
+            state_rewards,
+            choice_rewards,
+            levels,
+            self._seconds,
+        )
 
     def _check_deadlocks(self, states: StateTable, deadlocks: Int64s) -> None:
         if len(deadlocks) and not self.options.fix_deadlocks:
-            examples = [faults.describe_state(self.model.variables, states.row(int(i))) for i in deadlocks[:_EXAMPLES]]
-            raise ModelFault(faults.deadlocks(examples, len(deadlocks)))
+            examples = [
+                state_faults.describe_state(self.model.variables, states.row(int(i)))
+                for i in deadlocks[:_EXAMPLES]
+            ]
+            raise ModelFault(state_faults.deadlocks(examples, len(deadlocks)))
 
     def _matrix(self, order: Int32s, rank: Int32s) -> tuple[SparseMatrix, Int32s, list[Floats]]:
         n, found = len(order), self._explorer.rows
         groups = np.empty(n + 1, np.int64) if self.model.type is ModelType.MDP else None
-        indptr, indices, data = np.empty(found.closed + 1, np.int64), np.empty(found.entries, np.int32), np.empty(found.entries)
+        indptr, indices, data = (
+            np.empty(found.closed + 1, np.int64),
+            np.empty(found.entries, np.int32),
+            np.empty(found.entries),
+        )
         actions = np.empty(found.closed, np.int32)
         having = [any(not i.on_states for i in r.items) for r in self.model.rewards]
         rewards = [np.empty(found.closed) if h else np.zeros(found.closed) for h in having]
-        found.finish(order, rank, indptr, indices, data, groups, actions, [r for r, h in zip(rewards, having, strict=True) if h])
+        found.finish(
+            order,
+            rank,
+            indptr,
+            indices,
+            data,
+            groups,
+            actions,
+            [r for r, h in zip(rewards, having, strict=True) if h],
+        )
         return SparseMatrix(indptr, indices, data, n, groups), actions, rewards
 
     def _state_rewards(self, states: StateTable) -> list[Floats]:
         found = []
         for structure in self.model.rewards:
             items = [i for i in structure.items if i.on_states]
-            values = evaluate_states(self.model, states, total_reward(items)) if items else np.zeros(len(states))
+            values = (
+                evaluate_states(self.model, states, total_reward(items))
+                if items
+                else np.zeros(len(states))
+            )
             if not np.isfinite(values).all():
                 self._reward_fault(states, int(np.flatnonzero(~np.isfinite(values))[0]))
             found.append(values)
         return found
 
     def _reward_fault(self, states: StateTable, state: int) -> NoReturn:
-        from symcheck.semantics.step import state_rewards
+        from symcheck.semantics.interpreter import state_rewards
 
         state_rewards(self.model, states.row(state))
-        raise AssertionError("a state reward that is not finite, where the scalar semantics finds no fault")
+        raise AssertionError(
+            "a state reward that is not finite, where the scalar semantics finds no fault"
+        )
 
 
 @told_in_memory()

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.explicit.compile import compile_expression
-from symcheck.numerics.matrix import Bools
+from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 
@@ -25,7 +25,14 @@ _DOMAIN = 2048  # values of a variable up to which a switch is considered
 _SELECTIVE = 0.5  # share of the values that a mask may leave
 _FEW = 3  # so many candidates are evaluated without further ado
 _DEPTH = 3
-_COMPARE = {"=": np.equal, "!=": np.not_equal, "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
+_COMPARE = {
+    "=": np.equal,
+    "!=": np.not_equal,
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
+}
 
 
 def conjuncts(guard: Expression) -> list[Expression]:
@@ -133,7 +140,9 @@ class Forest:
         group = [i for i in items if self._selective(i, variable)]
         rest = tuple(i for i in items if not self._selective(i, variable))
         allowed = np.stack([self._masks[i][variable] for i in group])
-        below = [tuple(np.array(group)[allowed[:, value]].tolist()) for value in range(allowed.shape[1])]
+        below = [
+            tuple(np.array(group)[allowed[:, value]].tolist()) for value in range(allowed.shape[1])
+        ]
         children = [self._build(b, used | {variable}, depth - 1) for b in below]
         following = self._build(rest, used | {variable}, depth)
         return self._append([1, variable, self._lows[variable], following, *children])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,9 @@ from numpy.typing import NDArray
 
 from symcheck.explicit.assembler import Assembler
 from symcheck.explicit.translate import Translator
-from symcheck.kernels.vm import Op, run_columns
-from symcheck.numerics.matrix import Bools, Int64s
-from symcheck.records import dataclass, field
-from symcheck.semantics.evaluate import evaluate
+from symcheck.kernels.explore.register_machine import Op, run_columns
+from symcheck.matrices.rows import Bools, Int64s
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.syntax.ast import Expression, Type
 
@@ -36,7 +36,9 @@ class Code:
     slots: Int64s = field(repr=False)
     result: int = field(repr=False)
 
-    def run(self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]) -> NDArray[Any]:
+    def run(
+        self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]
+    ) -> NDArray[Any]:
         """The value for each of n lanes: bool[n], int64[n] or float64[n] by `type`.
 
         `columns`: per variable of `support`, an array of n ints or bools: a mapping from variable index to array, or the
@@ -45,16 +47,22 @@ class Code:
         """
         return self._run(self._gather(columns), None)
 
-    def run_masked(self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]) -> tuple[NDArray[Any], Bools]:
+    def run_masked(
+        self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]
+    ) -> tuple[NDArray[Any], Bools]:
         """As `run`, but lanes without a value raise nothing: gives values and, as bool[n], which of them are valid."""
         lanes = self._gather(columns)
         valid = np.ones(lanes.shape[1], np.uint8)
         return self._run(lanes, valid), valid.view(np.bool_)
 
-    def _gather(self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]) -> Int64s:
+    def _gather(
+        self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]
+    ) -> Int64s:
         if isinstance(columns, np.ndarray) and columns.ndim == 2:
             return np.ascontiguousarray(columns, np.int64)
-        chosen = [columns[v] for v in self.support] if isinstance(columns, Mapping) else list(columns)
+        chosen = (
+            [columns[v] for v in self.support] if isinstance(columns, Mapping) else list(columns)
+        )
         if not chosen:  # a constant: as many lanes as any column has
             others = list(columns.values()) if isinstance(columns, Mapping) else []
             return np.zeros((0, len(others[0]) if others else 1), np.int64)
@@ -65,19 +73,36 @@ class Code:
         reals = np.empty(n, np.float64) if self.type is Type.DOUBLE else None
         integers = np.empty(n, np.int64) if reals is None else None
         registers = np.array(self.support, np.int32)
-        fault, status = run_columns(self.program, self.slots, registers, lanes, self.result, reals, integers, valid)
+        fault, status = run_columns(
+            self.program, self.slots, registers, lanes, self.result, reals, integers, valid
+        )
         if fault >= 0:
-            raise_fault(self.expression, self.variables, dict(zip(self.support, lanes[:, fault].tolist(), strict=True)), status)
+            raise_fault(
+                self.expression,
+                self.variables,
+                dict(zip(self.support, lanes[:, fault].tolist(), strict=True)),
+                status,
+            )
         if reals is not None:
             return reals
         assert integers is not None
         return integers.astype(np.bool_) if self.type is Type.BOOL else integers
 
 
-def raise_fault(expression: Expression, variables: tuple[Variable, ...], values: Mapping[int, int], status: int) -> None:
+def raise_fault(
+    expression: Expression, variables: tuple[Variable, ...], values: Mapping[int, int], status: int
+) -> None:
     """Raise what the scalar evaluation raises where the machine stopped."""
-    evaluate(expression, {variables[i].name: bool(v) if variables[i].type is Type.BOOL else v for i, v in values.items()})
-    raise AssertionError(f"the machine stopped with status {status} where the scalar evaluation has a value: {expression}")
+    evaluate(
+        expression,
+        {
+            variables[i].name: bool(v) if variables[i].type is Type.BOOL else v
+            for i, v in values.items()
+        },
+    )
+    raise AssertionError(
+        f"the machine stopped with status {status} where the scalar evaluation has a value: {expression}"
+    )
 
 
 def compile_expression(expression: Expression, model: BoundModel | tuple[Variable, ...]) -> Code:
@@ -91,7 +116,15 @@ def compile_expression(expression: Expression, model: BoundModel | tuple[Variabl
     assembler.halt()
     program, slots = assembler.finish()
     result = assembler.place_of(register)
-    return Code(expression, variables, kind, _support(program, result, len(variables)), program, slots, result)
+    return Code(
+        expression,
+        variables,
+        kind,
+        _support(program, result, len(variables)),
+        program,
+        slots,
+        result,
+    )
 
 
 def _support(program: NDArray[np.int32], result: int, variables: int) -> tuple[int, ...]:
@@ -105,4 +138,6 @@ def _support(program: NDArray[np.int32], result: int, variables: int) -> tuple[i
     return tuple(sorted(v for v in read if v < variables))
 
 
-_UNARY = frozenset({Op.MOVE, Op.REAL, Op.NEGI, Op.NEGD, Op.FLOOR, Op.CEIL, Op.ROUND, Op.NOT, Op.JTRUE, Op.JFALSE})
+_UNARY = frozenset(
+    {Op.MOVE, Op.REAL, Op.NEGI, Op.NEGD, Op.FLOOR, Op.CEIL, Op.ROUND, Op.NOT, Op.JTRUE, Op.JFALSE}
+)

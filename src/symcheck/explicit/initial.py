@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -11,10 +12,9 @@ from symcheck.errors import ModelFault
 from symcheck.explicit.candidates import conjuncts, masks
 from symcheck.explicit.compile import Code, compile_expression
 from symcheck.explicit.states import Layout, Rows
-from symcheck.numerics.matrix import Int64s
-from symcheck.records import dataclass
-from symcheck.semantics.faults import no_initial_state
+from symcheck.matrices.rows import Int64s
 from symcheck.semantics.model import BoundModel, Variable
+from symcheck.semantics.state_faults import no_initial_state
 from symcheck.syntax.ast import Binary, Expression, Literal, Name
 
 __all__ = ["initial_rows"]
@@ -51,15 +51,25 @@ class _Enumeration:
         parts = conjuncts(condition)
         codes = [compile_expression(p, model) for p in parts]
         domains = tuple(_domain(model, i, parts) for i in range(len(model.variables)))
-        allowed = masks(condition, model.variables, {v.name: i for i, v in enumerate(model.variables)})
-        domains = tuple(d[allowed[i]] if i in allowed and len(allowed[i]) == len(d) else d for i, d in enumerate(domains))
+        allowed = masks(
+            condition, model.variables, {v.name: i for i, v in enumerate(model.variables)}
+        )
+        domains = tuple(
+            d[allowed[i]] if i in allowed and len(allowed[i]) == len(d) else d
+            for i, d in enumerate(domains)
+        )
         order: list[int] = []
-        for code in sorted(codes, key=lambda c: float(np.prod([max(1.0, len(domains[v])) for v in c.support]))):
+        for code in sorted(
+            codes, key=lambda c: float(np.prod([max(1.0, len(domains[v])) for v in c.support]))
+        ):
             order.extend(v for v in code.support if v not in order)
         order.extend(i for i in range(len(domains)) if i not in order)
         place = {v: i for i, v in enumerate(order)}
         last = [max((place[v] for v in c.support), default=0) for c in codes]
-        checks = tuple(tuple(c for c, at in zip(codes, last, strict=True) if at == i) for i in range(len(order)))
+        checks = tuple(
+            tuple(c for c, at in zip(codes, last, strict=True) if at == i)
+            for i in range(len(order))
+        )
         return _Enumeration(domains, tuple(order), checks)
 
     def blocks(self) -> Iterator[list[Int64s]]:
@@ -89,7 +99,9 @@ def _domain(model: BoundModel, index: int, parts: list[Expression]) -> Int64s:
     fixed = _fixed(variable, parts)
     if fixed is not None:
         return np.array([fixed], np.int64)
-    assert variable.low is not None, "binding rules out variables without bounds beside init … endinit"
+    assert variable.low is not None, (
+        "binding rules out variables without bounds beside init … endinit"
+    )
     assert variable.high is not None
     return np.arange(variable.low, variable.high + 1)
 
@@ -98,7 +110,13 @@ def _fixed(variable: Variable, parts: list[Expression]) -> int | None:
     """The value that a conjunct `x=3` gives, if there is one (and it lies in the range)."""
     for part in parts:
         match part:
-            case Binary("=", Name(name), Literal(int(value))) | Binary("=", Literal(int(value)), Name(name)) if name == variable.name:
-                if variable.low is None or variable.high is None or variable.low <= value <= variable.high:
+            case Binary("=", Name(name), Literal(int(value))) | Binary(
+                "=", Literal(int(value)), Name(name)
+            ) if name == variable.name:
+                if (
+                    variable.low is None
+                    or variable.high is None
+                    or variable.low <= value <= variable.high
+                ):
                     return int(value)
     return None

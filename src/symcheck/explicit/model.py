@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,8 @@ from numpy.typing import NDArray
 
 from symcheck.explicit.compile import compile_expression, raise_fault
 from symcheck.explicit.states import StateTable
-from symcheck.kernels.vm import run_packed
-from symcheck.numerics.matrix import Floats, Int32s, Int64s, SparseMatrix
-from symcheck.records import dataclass, field
+from symcheck.kernels.explore.register_machine import run_packed
+from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
 
@@ -83,7 +83,9 @@ def evaluate_states(model: BoundModel, states: StateTable, expression: Expressio
         truths,
     )
     if fault >= 0:
-        raise_fault(expression, model.variables, dict(enumerate(map(int, states.row(fault)))), status)
+        raise_fault(
+            expression, model.variables, dict(enumerate(map(int, states.row(fault)))), status
+        )
     if truths is not None:
         return truths.view(np.bool_)
     found = integers if reals is None else reals

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.packed import find_rows
-from symcheck.numerics.matrix import Int64s
-from symcheck.records import dataclass, field
+from symcheck.kernels.explore.packed_states import find_rows
+from symcheck.matrices.rows import Int64s
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Type
 
@@ -65,21 +65,31 @@ class Layout:
         n = len(columns[0]) if columns else 1
         rows = np.zeros((n, self.words), np.uint64)
         for (i, word, shift, _), low in zip(self.fields.tolist(), self.lows, strict=True):
-            rows[:, word] |= (np.asarray(columns[i], np.int64) - low).astype(np.uint64) << np.uint64(shift)
+            rows[:, word] |= (np.asarray(columns[i], np.int64) - low).astype(
+                np.uint64
+            ) << np.uint64(shift)
         return rows
 
     def column(self, rows: Rows, variable: int) -> Int64s:
         """Values of a variable in packed rows: int64[n]."""
         _, word, shift, bits = self.fields[variable].tolist()
-        values: Int64s = ((rows[:, word] >> np.uint64(shift)) & np.uint64((1 << bits) - 1)).astype(np.int64)
+        values: Int64s = ((rows[:, word] >> np.uint64(shift)) & np.uint64((1 << bits) - 1)).astype(
+            np.int64
+        )
         values += self.lows[variable]
         return values
 
     def unpack(self, row: NDArray[np.uint64]) -> tuple[bool | int, ...]:
         """The values in one packed row (uint64[words])."""
         words = row.tolist()
-        values = ((words[w] >> s & (1 << b) - 1) + low for (_, w, s, b), low in zip(self.fields.tolist(), self.lows.tolist(), strict=True))
-        return tuple(bool(x) if v.type is Type.BOOL else x for v, x in zip(self.variables, values, strict=True))
+        values = (
+            (words[w] >> s & (1 << b) - 1) + low
+            for (_, w, s, b), low in zip(self.fields.tolist(), self.lows.tolist(), strict=True)
+        )
+        return tuple(
+            bool(x) if v.type is Type.BOOL else x
+            for v, x in zip(self.variables, values, strict=True)
+        )
 
 
 def _bounds(variable: Variable) -> tuple[int, int]:
@@ -125,7 +135,9 @@ class StateTable:
 
     def index(self, values: Sequence[bool | int]) -> int:
         """Index of the state with these values; the table is sorted. Raises KeyError if it is not there."""
-        for variable, low, span, value in zip(self.layout.variables, self.layout.lows, self.layout.ranges, values, strict=True):
+        for variable, low, span, value in zip(
+            self.layout.variables, self.layout.lows, self.layout.ranges, values, strict=True
+        ):
             if not 0 <= int(value) - int(low) <= int(span):
                 raise KeyError(f"{variable.name}={value}")
         found = int(self.find(self.layout.pack([np.array([int(v)], np.int64) for v in values]))[0])

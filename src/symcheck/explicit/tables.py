@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
 
@@ -13,10 +14,9 @@ from symcheck.explicit.assembler import Assembler, Register, is_constant
 from symcheck.explicit.candidates import Forest, Masks, conjuncts, every, masks, some
 from symcheck.explicit.states import Layout
 from symcheck.explicit.translate import Translator
-from symcheck.numerics.matrix import Int32s, Int64s
-from symcheck.records import dataclass, field
-from symcheck.semantics.faults import SUM_TOLERANCE
+from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
+from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
 
 __all__ = ["Tables", "tables"]
@@ -29,7 +29,7 @@ _ALL = (1 << 64) - 1
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tables:
-    """What `symcheck.kernels.explore.Explorer` reads.
+    """What `symcheck.kernels.explore.breadth_first.Explorer` reads.
 
     Commands, updates and assignments are numbered through; `x_ys[i]` to `x_ys[i+1]` are the ys of x number i. Codes are
     places in `program` (-1: none), registers places in the register file `slots`.
@@ -78,7 +78,9 @@ class Tables:
     most_parts: int
 
 
-def tables(model: BoundModel, layout: Layout, *, check_sums: bool = True, canonical: Assignments = ()) -> Tables:
+def tables(
+    model: BoundModel, layout: Layout, *, check_sums: bool = True, canonical: Assignments = ()
+) -> Tables:
     """Compile a model. `canonical`: (variable index, expression) that every successor is changed by before it is looked up."""
     return _Builder(model, layout).build(check_sums, canonical)
 
@@ -104,7 +106,13 @@ class _Builder:
         self.fails = self.assembler.label()
         self.assembler.place(self.fails)
         self.assembler.fail()
-        self.synchronised = {id(c) for e in model.events if len(e.participants) > 1 for p in e.participants for c in p}
+        self.synchronised = {
+            id(c)
+            for e in model.events
+            if len(e.participants) > 1
+            for p in e.participants
+            for c in p
+        }
         self.numbers: dict[int, int] = {}  # id of a command -> its number
         self.guard: list[int] = []
         self.code: list[int] = []
@@ -125,7 +133,9 @@ class _Builder:
         self.assembler.halt()
         program, slots = self.assembler.finish()
         place = self.assembler.place_of
-        sizes = [[sum(len(c.updates) for c in p) for p in e.participants] for e in self.model.events]
+        sizes = [
+            [sum(len(c.updates) for c in p) for p in e.participants] for e in self.model.events
+        ]
         return Tables(
             kind=_KINDS[self.model.type],
             words=self.layout.words,
@@ -159,7 +169,9 @@ class _Builder:
             canonical_code=canonical_code,
             canonical=_ints([[v, place(r)] for v, r in changed]).reshape(-1, 2),
             most_updates=max(map(sum, sizes), default=0),
-            most_commands=max((sum(map(len, e.participants)) for e in self.model.events), default=0),
+            most_commands=max(
+                (sum(map(len, e.participants)) for e in self.model.events), default=0
+            ),
             most_parts=max((len(e.participants) for e in self.model.events), default=1),
         )
 
@@ -175,12 +187,17 @@ class _Builder:
         for event in self.model.events:
             found.action.append(-1 if event.action is None else actions[event.action])
             found.parts.append(found.parts[-1] + len(event.participants))
-            part_masks = [[self.masks(c, known) if many or len(p) >= _MANY else {} for c in p] for p in event.participants]
+            part_masks = [
+                [self.masks(c, known) if many or len(p) >= _MANY else {} for c in p]
+                for p in event.participants
+            ]
             for commands, of_commands in zip(event.participants, part_masks, strict=True):
                 numbers = [self.command(c) for c in commands]
                 found.listed.extend(numbers)
                 found.commands.append(len(found.listed))
-                found.forests.append(forest.add(numbers, of_commands) if self._worth(numbers) else -1)
+                found.forests.append(
+                    forest.add(numbers, of_commands) if self._worth(numbers) else -1
+                )
             event_masks.append(every([some(of) for of in part_masks]))
         return found, forest.add(range(len(self.model.events)), event_masks)
 
@@ -213,7 +230,13 @@ class _Builder:
     def guarded(self, guard: Expression) -> None:
         """Code that ends with DISABLED unless the guard holds. Cheap conjuncts that always have a value come first."""
         translator = self.translator
-        parts = sorted(conjuncts(guard), key=lambda p: (not translator.total(p), translator.cost(p) if translator.total(p) else 0))
+        parts = sorted(
+            conjuncts(guard),
+            key=lambda p: (
+                not translator.total(p),
+                translator.cost(p) if translator.total(p) else 0,
+            ),
+        )
         for part in parts:
             translator.jump(part, False, self.fails)
 
@@ -249,7 +272,9 @@ class _Builder:
             _, word, shift, bits = self.layout.fields[v].tolist()
             keep[word] &= ~(((1 << bits) - 1) << shift)
             register, _ = self.translator.value(expression)
-            if is_constant(register) and 0 <= self.assembler.bits(register) - int(self.layout.lows[v]) <= int(self.layout.ranges[v]):
+            if is_constant(register) and 0 <= self.assembler.bits(register) - int(
+                self.layout.lows[v]
+            ) <= int(self.layout.ranges[v]):
                 preset[word] |= (self.assembler.bits(register) - int(self.layout.lows[v])) << shift
             else:
                 self.register.append(register)

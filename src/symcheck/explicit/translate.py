@@ -1,4 +1,4 @@
-"""From expressions to instructions of the register machine, with the semantics of `symcheck.semantics.evaluate`."""
+"""From expressions to instructions of the register machine, with the semantics of `symcheck.semantics.expressions.evaluate`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import assert_never
 
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.assembler import Assembler, Register, is_constant
-from symcheck.kernels.vm import Op
-from symcheck.semantics.literals import to_float
+from symcheck.kernels.explore.register_machine import Op
+from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import (
     Binary,
@@ -62,7 +62,9 @@ class Translator:
 
     def __init__(self, assembler: Assembler, variables: tuple[Variable, ...]) -> None:
         self.assembler = assembler
-        self._variables: Mapping[str, Value] = {v.name: (i, v.type) for i, v in enumerate(variables)}
+        self._variables: Mapping[str, Value] = {
+            v.name: (i, v.type) for i, v in enumerate(variables)
+        }
 
     # -------------------------------------------------------------------------------------------- values
 
@@ -99,7 +101,9 @@ class Translator:
                 | StateFilter()
                 | MultiObjective()
             ):
-                raise UnsupportedError(f"{type_name(expression)} has no value at a single state by itself: check it on the model")
+                raise UnsupportedError(
+                    f"{type_name(expression)} has no value at a single state by itself: check it on the model"
+                )
             case _:
                 assert_never(expression)
 
@@ -132,7 +136,9 @@ class Translator:
         if operator == "^":
             return self._power(left, right)
         a, b, real = self._alike(left, right)
-        return self.assembler.emit(_ARITHMETIC[operator][real], a, b), Type.DOUBLE if real else Type.INT
+        return self.assembler.emit(
+            _ARITHMETIC[operator][real], a, b
+        ), Type.DOUBLE if real else Type.INT
 
     def _comparison(self, expression: Binary) -> tuple[Op, Register, Register]:
         a, b, real = self._alike(self.value(expression.left), self.value(expression.right))
@@ -153,11 +159,18 @@ class Translator:
         asm = self.assembler
         if function in _EXTREME:
             if any(kind is Type.DOUBLE for _, kind in values):
-                return reduce(lambda a, b: asm.emit(_EXTREME[function][1], a, b), [self._real(v) for v in values]), Type.DOUBLE
-            return reduce(lambda a, b: asm.emit(_EXTREME[function][0], a, b), [r for r, _ in values]), Type.INT
+                return reduce(
+                    lambda a, b: asm.emit(_EXTREME[function][1], a, b),
+                    [self._real(v) for v in values],
+                ), Type.DOUBLE
+            return reduce(
+                lambda a, b: asm.emit(_EXTREME[function][0], a, b), [r for r, _ in values]
+            ), Type.INT
         if function in _ROUNDING:
             register, kind = values[0]
-            return (asm.emit(_ROUNDING[function], register) if kind is Type.DOUBLE else register), Type.INT
+            return (
+                asm.emit(_ROUNDING[function], register) if kind is Type.DOUBLE else register
+            ), Type.INT
         if function == "pow":
             return self._power(values[0], values[1])
         if function == "mod":
@@ -172,9 +185,17 @@ class Translator:
             if expression.operator == "=>":
                 left = asm.emit(Op.NOT, left)
             return asm.emit(Op.AND if expression.operator == "&" else Op.OR, left, right)
-        return self._branch(expression, (asm.constant(True), Type.BOOL), (asm.constant(False), Type.BOOL))
+        return self._branch(
+            expression, (asm.constant(True), Type.BOOL), (asm.constant(False), Type.BOOL)
+        )
 
-    def _branch(self, condition: Expression, then: Expression | Value, otherwise: Expression | Value, real: bool = False) -> Register:
+    def _branch(
+        self,
+        condition: Expression,
+        then: Expression | Value,
+        otherwise: Expression | Value,
+        real: bool = False,
+    ) -> Register:
         """The register that holds one or the other, a double if `real`."""
         asm = self.assembler
         result, no, end = asm.temporary(), asm.label(), asm.label()
@@ -197,7 +218,9 @@ class Translator:
         then, otherwise = self.type_of(expression.then), self.type_of(expression.otherwise)
         kind = Type.DOUBLE if Type.DOUBLE in (then, otherwise) else then
         if (found := self.assembler.recall(expression)) is None:
-            found = self._branch(expression.condition, expression.then, expression.otherwise, kind is Type.DOUBLE)
+            found = self._branch(
+                expression.condition, expression.then, expression.otherwise, kind is Type.DOUBLE
+            )
             self.assembler.remember(expression, found)
         return found, kind
 
@@ -226,7 +249,9 @@ class Translator:
             case _:
                 asm.jump(Op.JTRUE if sense else Op.JFALSE, label, self.value(condition)[0])
 
-    def _jump_both(self, left: Expression, a: bool, right: Expression, b: bool, sense: bool, label: int) -> None:
+    def _jump_both(
+        self, left: Expression, a: bool, right: Expression, b: bool, sense: bool, label: int
+    ) -> None:
         """Jump if (left is a and right is b) is `sense`."""
         asm = self.assembler
         if not sense:
@@ -284,7 +309,11 @@ class Translator:
         """Whether the expression surely has a value in every state (int sums of variables cannot leave 64 bits)."""
         match expression:
             case Binary("*", left, right):
-                return self._join(left, right) is Type.DOUBLE and self.total(left) and self.total(right)
+                return (
+                    self._join(left, right) is Type.DOUBLE
+                    and self.total(left)
+                    and self.total(right)
+                )
             case Binary("^", _, _) | Call("mod" | "pow", _):
                 return False
             case Binary(_, left, right):

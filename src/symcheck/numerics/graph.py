@@ -7,14 +7,16 @@ with groups), 'min' and 'max' range over strategies. Sources: Baier & Katoen (20
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from symcheck.kernels import choices, sparse
-from symcheck.kernels import graph as kernel
-from symcheck.numerics.matrix import Bools, Int32s, Int64s, SparseMatrix
-from symcheck.records import dataclass
+from symcheck.direction import Direction
+from symcheck.kernels.graph import components as kernel
+from symcheck.kernels.graph import mdp_graph
+from symcheck.kernels.rows import sparse
+from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 
 __all__ = [
     "Components",
@@ -49,7 +51,11 @@ class Incidence:
     @cached_property
     def groups(self) -> Int64s:
         """Rows of each state: int64[n+1]."""
-        return np.arange(self.matrix.rows + 1, dtype=np.int64) if self.matrix.groups is None else self.matrix.groups
+        return (
+            np.arange(self.matrix.rows + 1, dtype=np.int64)
+            if self.matrix.groups is None
+            else self.matrix.groups
+        )
 
     @cached_property
     def owner(self) -> Int32s:
@@ -61,7 +67,11 @@ class Incidence:
     @cached_property
     def edges(self) -> Int64s:
         """Entries of each state: int64[n+1]."""
-        return self.matrix.indptr if self.matrix.groups is None else self.matrix.indptr[self.matrix.groups]
+        return (
+            self.matrix.indptr
+            if self.matrix.groups is None
+            else self.matrix.indptr[self.matrix.groups]
+        )
 
     @cached_property
     def _transposed(self) -> tuple[Int64s, Int32s]:
@@ -80,7 +90,11 @@ class Incidence:
     @cached_property
     def owner_of_rows(self) -> Int32s:
         """State of each row, also where rows are states."""
-        return self.owner if self.matrix.groups is not None else np.arange(self.matrix.rows, dtype=np.int32)
+        return (
+            self.owner
+            if self.matrix.groups is not None
+            else np.arange(self.matrix.rows, dtype=np.int32)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +122,13 @@ class Components:
     @property
     def largest(self) -> int:
         """States of the largest component; found without an array of all sizes, which may be as many as states."""
-        return max((int(np.diff(self.start[i : i + _SLICE + 1]).max()) for i in range(0, self.count, _SLICE)), default=0)
+        return max(
+            (
+                int(np.diff(self.start[i : i + _SLICE + 1]).max())
+                for i in range(0, self.count, _SLICE)
+            ),
+            default=0,
+        )
 
     def members(self, component: int) -> Int32s:
         """States of a component."""
@@ -138,7 +158,11 @@ def _mask(states: Bools) -> np.ndarray[tuple[int], np.dtype[np.uint8]]:
 def sccs(source: Source, within: Bools | None = None) -> Components:
     """Strongly connected components, successors first (Tarjan 1972). Edges to states outside of `within` are ignored."""
     graph = _incidence(source)
-    return Components(*kernel.components(graph.edges, graph.matrix.indices, None if within is None else _mask(within)))
+    return Components(
+        *kernel.components(
+            graph.edges, graph.matrix.indices, None if within is None else _mask(within)
+        )
+    )
 
 
 def bsccs(source: Source, within: Bools | None = None) -> list[Int32s]:
@@ -153,24 +177,32 @@ def forward_reachable(source: Source, sources: Bools, through: Bools | None = No
     """States reachable from `sources`, passing only through states of `through` (default: all)."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
-    return kernel.forward(graph.edges, graph.matrix.indices, _mask(sources), _mask(through)).view(np.bool_)
+    return kernel.forward(graph.edges, graph.matrix.indices, _mask(sources), _mask(through)).view(
+        np.bool_
+    )
 
 
 def backward_reachable(source: Source, target: Bools, through: Bools | None = None) -> Bools:
     """States from which some path (of some strategy) leads into `target`, through states of `through`; with `target` itself."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
-    return kernel.backward(graph.pre, graph.rows_in, graph.owner, _mask(target), _mask(through)).view(np.bool_)
+    return kernel.backward(
+        graph.pre, graph.rows_in, graph.owner, _mask(target), _mask(through)
+    ).view(np.bool_)
 
 
-def prob0(source: Source, left: Bools, right: Bools, direction: str | None = None) -> Bools:
+def prob0(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
     """States whose probability of `left U right` is 0: the only one (None), the least ('min') or the greatest ('max')."""
-    return prob0e(source, left, right) if direction == "min" else prob0a(source, left, right)
+    return (
+        prob0e(source, left, right) if direction == Direction.MIN else prob0a(source, left, right)
+    )
 
 
-def prob1(source: Source, left: Bools, right: Bools, direction: str | None = None) -> Bools:
+def prob1(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
     """States whose probability of `left U right` is 1: the only one (None), the least ('min') or the greatest ('max')."""
-    return prob1e(source, left, right) if direction == "max" else prob1a(source, left, right)
+    return (
+        prob1e(source, left, right) if direction == Direction.MAX else prob1a(source, left, right)
+    )
 
 
 def prob0a(source: Source, left: Bools, right: Bools) -> Bools:
@@ -183,7 +215,9 @@ def prob0e(source: Source, left: Bools, right: Bools) -> Bools:
     graph = _incidence(source)
     if graph.matrix.groups is None:
         return prob0a(graph, left, right)
-    sure = choices.attractor(graph.pre, graph.rows_in, graph.owner, graph.groups, _mask(right), _mask(left))
+    sure = mdp_graph.attractor(
+        graph.pre, graph.rows_in, graph.owner, graph.groups, _mask(right), _mask(left)
+    )
     return ~sure.view(np.bool_)
 
 
@@ -204,13 +238,22 @@ def prob1e_strategy(source: Source, left: Bools, right: Bools) -> tuple[Bools, I
     """`prob1e`, and a row per state that stays within the set and moves nearer to `right` (-1 at `right` and outside)."""
     graph = _incidence(source)
     matrix = graph.matrix
-    alive, rows = choices.almost_sure(
-        matrix.indptr, matrix.indices, graph.groups, graph.pre, graph.rows_in, graph.owner_of_rows, _mask(right), _mask(left)
+    alive, rows = mdp_graph.almost_sure(
+        matrix.indptr,
+        matrix.indices,
+        graph.groups,
+        graph.pre,
+        graph.rows_in,
+        graph.owner_of_rows,
+        _mask(right),
+        _mask(left),
     )
     return alive.view(np.bool_), rows
 
 
-def maximal_end_components(source: Source, within: Bools, rows: Bools | None = None) -> EndComponents:
+def maximal_end_components(
+    source: Source, within: Bools, rows: Bools | None = None
+) -> EndComponents:
     """Maximal end components made of states of `within` and of `rows` (default: all).
 
     A row that may leave `within` is never part of one; mass missing from a row is not seen here: exclude such rows.
@@ -218,13 +261,22 @@ def maximal_end_components(source: Source, within: Bools, rows: Bools | None = N
     graph = _incidence(source)
     matrix = graph.matrix
     usable = None if rows is None else _mask(rows)
-    of, enabled, count = choices.end_components(
-        matrix.indptr, matrix.indices, graph.groups, graph.pre, graph.rows_in, graph.owner_of_rows, _mask(within), usable
+    of, enabled, count = mdp_graph.end_components(
+        matrix.indptr,
+        matrix.indices,
+        graph.groups,
+        graph.pre,
+        graph.rows_in,
+        graph.owner_of_rows,
+        _mask(within),
+        usable,
     )
     return EndComponents(of, enabled.view(np.bool_), count)
 
 
-def accepting_end_components(source: Source, pairs: Sequence[tuple[Bools, Sequence[Bools]]]) -> Bools:
+def accepting_end_components(
+    source: Source, pairs: Sequence[tuple[Bools, Sequence[Bools]]]
+) -> Bools:
     """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
     graph = _incidence(source)
     found = np.zeros(graph.matrix.states, dtype=np.bool_)
@@ -240,9 +292,13 @@ def accepting_end_components(source: Source, pairs: Sequence[tuple[Bools, Sequen
     return found
 
 
-def shortest_path(source: Source, sources: Bools, target: Bools, through: Bools | None = None) -> Int64s | None:
+def shortest_path(
+    source: Source, sources: Bools, target: Bools, through: Bools | None = None
+) -> Int64s | None:
     """States of a shortest path from `sources` into `target` through states of `through`; None if there is none."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
-    path = kernel.shortest(graph.edges, graph.matrix.indices, _mask(sources), _mask(through), _mask(target))
+    path = kernel.shortest(
+        graph.edges, graph.matrix.indices, _mask(sources), _mask(through), _mask(target)
+    )
     return path if len(path) else None

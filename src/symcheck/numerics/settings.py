@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
-
-from symcheck.records import dataclass
 
 __all__ = ["ROUNDING", "Accuracy", "Settings"]
 

@@ -7,14 +7,24 @@ renamings are expanded, and `LabelReference` does not occur.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Span
-from symcheck.records import dataclass, field
 from symcheck.syntax.ast import Expression, ModelType, Type
 from symcheck.syntax.declarations import Composition, Program
 
-__all__ = ["BoundCommand", "BoundModel", "BoundModule", "BoundReward", "BoundRewards", "BoundUpdate", "Event", "Value", "Variable"]
+__all__ = [
+    "BoundCommand",
+    "BoundModel",
+    "BoundModule",
+    "BoundReward",
+    "BoundRewards",
+    "BoundUpdate",
+    "Event",
+    "Value",
+    "Variable",
+]
 
 _SHOWN = 8
 Value = bool | int | float | Fraction
@@ -99,7 +109,7 @@ class Event:
 
 @dataclass(frozen=True, repr=False)
 class BoundModel:
-    """A model ready to be built. `events` is its composition, flattened (see `symcheck.semantics.compose`).
+    """A model ready to be built. `events` is its composition, flattened (see `symcheck.semantics.binding.composition`).
 
     `exact` says that double values in literals are to be used as the fractions that they are. `derivation` (of a model that is not
     what its text says, but made from that, such as a reduced one) makes the like from another bound model of the text.
@@ -116,11 +126,15 @@ class BoundModel:
     constants: Mapping[str, Value]
     exact: bool = False
     system: Composition | None = None
-    derivation: Callable[[BoundModel], BoundModel] | None = field(default=None, repr=False, compare=False)
+    derivation: Callable[[BoundModel], BoundModel] | None = field(
+        default=None, repr=False, compare=False
+    )
 
     def __repr__(self) -> str:
         """One line: the whole is in the fields, and would fill pages."""
-        names = " ".join(v.name for v in self.variables[:_SHOWN]) + (" …" if len(self.variables) > _SHOWN else "")
+        names = " ".join(v.name for v in self.variables[:_SHOWN]) + (
+            " …" if len(self.variables) > _SHOWN else ""
+        )
         commands = sum(len(m.commands) for m in self.modules)
         return f"<BoundModel: {self.type.value}, {len(self.modules)} modules, {commands} commands, variables {names}>"
 

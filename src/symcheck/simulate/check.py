@@ -15,11 +15,11 @@ import numpy as np
 
 from symcheck.check.result import Exact, Result, Statistical
 from symcheck.errors import NumericalError, UnsupportedError, told_in_memory
-from symcheck.semantics.conditions import reward_index
-from symcheck.semantics.evaluate import evaluate
-from symcheck.semantics.literals import format_value
+from symcheck.semantics.binding.bound_conditions import reward_index
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
-from symcheck.simulate.questions import Question, path_question, reward_question
+from symcheck.simulate.monitors import Question, path_question, reward_question
 from symcheck.simulate.sampling import Sampler
 from symcheck.simulate.statistics import Estimated, Plan, estimate, sequential_test
 from symcheck.syntax.ast import Bound, Expression, ModelType, ProbabilityOperator, RewardOperator
@@ -53,14 +53,30 @@ def check_by_sampling(
             "choices; without -sim the threshold is decided"
         )
     if model.exact:
-        raise UnsupportedError("-sim estimates, and -exact asks for rational arithmetic: one of the two has to go")
+        raise UnsupportedError(
+            "-sim estimates, and -exact asks for rational arithmetic: one of the two has to go"
+        )
     seed = int(np.random.SeedSequence().generate_state(1)[0]) if plan.seed is None else plan.seed
-    sampler = Sampler(model, question, np.random.default_rng(seed), structure, labels or {}, plan.max_steps, fix_deadlocks)
+    sampler = Sampler(
+        model,
+        question,
+        np.random.default_rng(seed),
+        structure,
+        labels or {},
+        plan.max_steps,
+        fix_deadlocks,
+    )
     probability = structure is None
-    result = _by_test(sampler, plan, bound, probability) if plan.method == "sprt" else _by_interval(sampler, plan, bound, probability)
+    result = (
+        _by_test(sampler, plan, bound, probability)
+        if plan.method == "sprt"
+        else _by_interval(sampler, plan, bound, probability)
+    )
     warnings = (_UNIFORM,) if model.type is ModelType.MDP else ()
     about = f"{result.explanation}; {sampler.samples} paths of {sampler.steps / max(sampler.samples, 1):.1f} steps on average, seed {seed}"
-    return Result(result.value, result.accuracy, about, warnings=warnings, seconds=perf_counter() - started)
+    return Result(
+        result.value, result.accuracy, about, warnings=warnings, seconds=perf_counter() - started
+    )
 
 
 def _read(model: BoundModel, formula: Expression) -> tuple[Question, int | None, Bound | None]:
@@ -84,11 +100,15 @@ def _by_interval(sampler: Sampler, plan: Plan, bound: Bound | None, probability:
     accuracy = Statistical(found.confidence, found.lower, found.upper, found.samples)
     if bound is None:
         return Result(found.mean, accuracy, method)
-    return Result(_verdict(found, bound), accuracy, f"{method}: {format_value(found.mean)} ({accuracy})")
+    return Result(
+        _verdict(found, bound), accuracy, f"{method}: {format_value(found.mean)} ({accuracy})"
+    )
 
 
 def _compare(value: float, bound: Bound) -> bool:
-    comparison = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}[bound.operator]
+    comparison = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}[
+        bound.operator
+    ]
     return bool(comparison(value, _threshold(bound)))
 
 
@@ -109,12 +129,16 @@ def _verdict(found: Estimated, bound: Bound) -> bool:
 
 def _by_test(sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool) -> Result:
     if bound is None or not probability:
-        raise UnsupportedError("-simmethod sprt decides thresholds on probabilities (P>=0.5 [ … ]); ci, aci and apmc estimate values")
+        raise UnsupportedError(
+            "-simmethod sprt decides thresholds on probabilities (P>=0.5 [ … ]); ci, aci and apmc estimate values"
+        )
     threshold = _threshold(bound)
     above, used = sequential_test(sampler, plan, threshold)
     width, error = plan.width or 0.05, plan.error or 0.01
-    explanation = (
-        f"decided by SPRT after {used} samples; right with probability {1 - error:g} unless the value is within {width:g} of {threshold:g}"
-    )
+    explanation = f"decided by SPRT after {used} samples; right with probability {1 - error:g} unless the value is within {width:g} of {threshold:g}"
     lower, upper = (threshold + width, 1.0) if above else (0.0, threshold - width)
-    return Result(above is (bound.operator in (">", ">=")), Statistical(1 - error, lower, upper, used), explanation)
+    return Result(
+        above is (bound.operator in (">", ">=")),
+        Statistical(1 - error, lower, upper, used),
+        explanation,
+    )

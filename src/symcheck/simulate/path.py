@@ -7,12 +7,12 @@ One line per state: the transition that led there, its probability or rate (prob
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 from symcheck.errors import Diagnostic, NameFault
-from symcheck.records import dataclass, field
-from symcheck.semantics.literals import format_value
+from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.interpreter import State
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.step import State
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Layout", "Path", "Step", "rows", "table"]
@@ -80,7 +80,9 @@ class Path:
         """The values of a variable along the path. Raises NameFault."""
         if variable not in self.variables:
             hint = "the model has " + ", ".join(self.variables)
-            raise NameFault(Diagnostic(f"there is no variable '{variable}'", code="unknown-name", hint=hint))
+            raise NameFault(
+                Diagnostic(f"there is no variable '{variable}'", code="unknown-name", hint=hint)
+            )
         index = self.variables.index(variable)
         return [s.state[index] for s in self.steps]
 
@@ -122,7 +124,12 @@ def rows(path: Path, layout: Layout | None = None) -> list[list[str]]:
     timed = path.model.type is ModelType.CTMC
     snapshot = layout.snapshot is not None
     titles = [] if snapshot else ["action", *(["probability"] if layout.probabilities else [])]
-    titles += ["step", *(["time"] if timed else []), *names, *(_reward_titles(len(path.model.rewards)) if layout.rewards else [])]
+    titles += [
+        "step",
+        *(["time"] if timed else []),
+        *names,
+        *(_reward_titles(len(path.model.rewards)) if layout.rewards else []),
+    ]
     found, last = [titles], None
     for number, time, step in _shown(path, layout):
         cells = [format_value(step.state[i]) for i in chosen]
@@ -131,7 +138,11 @@ def rows(path: Path, layout: Layout | None = None) -> list[list[str]]:
         if layout.changes and cells == last:
             continue
         last = cells
-        lead = [] if snapshot else [step.transition, *([_probability(step)] if layout.probabilities else [])]
+        lead = (
+            []
+            if snapshot
+            else [step.transition, *([_probability(step)] if layout.probabilities else [])]
+        )
         found.append([*lead, str(number), *([repr(time)] if timed else []), *cells])
     return found
 
@@ -142,8 +153,14 @@ def _shown(path: Path, layout: Layout) -> Iterator[tuple[int, float, Step]]:
         yield from ((i, s.time, s) for i, s in enumerate(path.steps))
         return
     tick = 0
-    for number, (step, following) in enumerate(zip(path.steps, [*path.steps[1:], None], strict=True)):
-        while tick * layout.snapshot < following.time if following else tick * layout.snapshot <= step.time:
+    for number, (step, following) in enumerate(
+        zip(path.steps, [*path.steps[1:], None], strict=True)
+    ):
+        while (
+            tick * layout.snapshot < following.time
+            if following
+            else tick * layout.snapshot <= step.time
+        ):
             yield number, tick * layout.snapshot, step
             tick += 1
 

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Layout, Rows
-from symcheck.numerics.matrix import Floats, Int32s, Int64s
-from symcheck.records import dataclass, field
+from symcheck.matrices.rows import Floats, Int32s, Int64s
 from symcheck.semantics.model import BoundModel
-from symcheck.simulate.atoms import atom
-from symcheck.simulate.chain import LIMIT, Chain
-from symcheck.simulate.questions import Paths, Question
+from symcheck.simulate.lazy_chain import LIMIT, Chain
+from symcheck.simulate.monitors import Paths, Question
+from symcheck.simulate.state_predicates import atom
 from symcheck.syntax.ast import Expression
 
 __all__ = ["Sampler"]
 
 _BATCH = 1 << 16  # paths at a time
-_FIRST_LOOK_AHEAD = 16  # steps after which, and then after each doubling, hopeless paths are looked for
+_FIRST_LOOK_AHEAD = (
+    16  # steps after which, and then after each doubling, hopeless paths are looked for
+)
 
 
 @dataclass(eq=False)
@@ -46,7 +48,9 @@ class Sampler:
     def __post_init__(self) -> None:
         labels = {**self.model.labels, **self.labels}
         atoms = tuple(atom(a, self.model, labels) for a in self.question.atoms)
-        self._chain = Chain(self.model, self.structure, atoms, fix_deadlocks=self.fix_deadlocks, limit=self.limit)
+        self._chain = Chain(
+            self.model, self.structure, atoms, fix_deadlocks=self.fix_deadlocks, limit=self.limit
+        )
         self._initial: Rows = initial_rows(self.model, Layout.of(self.model.variables))
         if len(self._initial) != 1:
             raise UnsupportedError(
@@ -74,12 +78,20 @@ class Sampler:
             leave = time + self._durations(ids)
             decided, results = self.question.look(self._chain, Paths(step, ids, time, leave, total))
             if goal is not None:
-                missed = (goal.lost if step == look_ahead else goal.stuck)(self._chain, ids) & ~decided
+                missed = (goal.lost if step == look_ahead else goal.stuck)(
+                    self._chain, ids
+                ) & ~decided
                 results, decided = np.where(missed, goal.missed, results), decided | missed
                 look_ahead *= 1 + (step == look_ahead)
             values[alive[decided]] = results[decided]
             open_ = ~decided
-            alive, ids, time, leave, total = alive[open_], ids[open_], time[open_], leave[open_], total[open_]
+            alive, ids, time, leave, total = (
+                alive[open_],
+                ids[open_],
+                time[open_],
+                leave[open_],
+                total[open_],
+            )
             self.steps += len(alive)
             if not len(alive):
                 self.longest = max(self.longest, step)

@@ -6,14 +6,14 @@ A confidence `c` is here the probability with which the interval holds the true 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import ceil, exp, isfinite, log, sqrt
 from typing import Literal
 
 import numpy as np
 
 from symcheck.errors import NumericalError, UsageError
-from symcheck.numerics.matrix import Floats
-from symcheck.records import dataclass
+from symcheck.matrices.rows import Floats
 from symcheck.simulate.sampling import Sampler
 
 __all__ = ["METHODS", "Estimated", "Plan", "estimate", "sequential_test"]
@@ -66,7 +66,9 @@ def estimate(sampler: Sampler, plan: Plan, *, probability: bool) -> Estimated:
     method, and what sampling raises.
     """
     if plan.samples is not None and plan.error is not None and plan.width is not None:
-        raise UsageError("two of -simsamples, -simconf and -simwidth (-simapprox) may be given: the third follows from them")
+        raise UsageError(
+            "two of -simsamples, -simconf and -simwidth (-simapprox) may be given: the third follows from them"
+        )
     if plan.method == "apmc":
         return _apmc(sampler, plan, probability)
     if plan.width is None or plan.samples is not None:
@@ -84,7 +86,9 @@ def _of_width(sampler: Sampler, plan: Plan, width: float, probability: bool) -> 
             return found
         wanted = ceil(len(values) * min(100.0, 1.02 * (half / width) ** 2)) + 1
         if wanted > _MOST:
-            raise NumericalError(f"a half width of {width:g} needs more than {_MOST:,} samples; a larger -simwidth needs fewer")
+            raise NumericalError(
+                f"a half width of {width:g} needs more than {_MOST:,} samples; a larger -simwidth needs fewer"
+            )
         values = np.concatenate([values, sampler.sample(wanted - len(values))])
 
 
@@ -125,7 +129,9 @@ def _error_of(values: Floats, width: float, method: Method, probability: bool) -
 def _quantile(method: Method, n: int, error: float) -> float:
     from scipy import special
 
-    return float(special.stdtrit(n - 1, 1 - error / 2) if method == "ci" else special.ndtri(1 - error / 2))
+    return float(
+        special.stdtrit(n - 1, 1 - error / 2) if method == "ci" else special.ndtri(1 - error / 2)
+    )
 
 
 def _clopper_pearson(hits: int, n: int, error: float) -> tuple[float, float]:
@@ -139,9 +145,15 @@ def _clopper_pearson(hits: int, n: int, error: float) -> tuple[float, float]:
 def _apmc(sampler: Sampler, plan: Plan, probability: bool) -> Estimated:
     """|mean - truth| < width * range with probability 1 - error, from error = 2 exp(-2 samples width²)."""
     if not probability and plan.most is None:
-        raise UsageError("-simmethod apmc bounds the error by the largest reward of a path: give it with -simmaxrwd")
+        raise UsageError(
+            "-simmethod apmc bounds the error by the largest reward of a path: give it with -simmaxrwd"
+        )
     scale = 1.0 if probability else plan.most or 1.0
-    samples, error, width = plan.samples, plan.error, None if plan.width is None else plan.width / scale
+    samples, error, width = (
+        plan.samples,
+        plan.error,
+        None if plan.width is None else plan.width / scale,
+    )
     if samples is not None and width is not None:
         error = min(1.0, 2 * exp(-2 * samples * width * width))
     else:
@@ -152,13 +164,17 @@ def _apmc(sampler: Sampler, plan: Plan, probability: bool) -> Estimated:
         else:
             width = sqrt(log(2 / error) / (2 * samples))
     if samples > _MOST:
-        raise NumericalError(f"this accuracy needs {samples:,} samples; a larger -simapprox or -simconf needs fewer")
+        raise NumericalError(
+            f"this accuracy needs {samples:,} samples; a larger -simapprox or -simconf needs fewer"
+        )
     values = sampler.sample(samples)
     mean = float(np.mean(values))
     if not isfinite(mean):
         return Estimated(mean, mean, mean, 1.0, samples)
     if float(np.max(values)) > scale or float(np.min(values)) < 0:
-        raise NumericalError(f"a path earned {float(np.max(values)):g}, which -simmaxrwd {scale:g} rules out: the bound does not hold")
+        raise NumericalError(
+            f"a path earned {float(np.max(values)):g}, which -simmaxrwd {scale:g} rules out: the bound does not hold"
+        )
     return Estimated(mean, mean - width * scale, mean + width * scale, 1 - error, samples)
 
 
@@ -187,4 +203,6 @@ def sequential_test(sampler: Sampler, plan: Plan, threshold: float) -> tuple[boo
         if len(ends):
             return bool(course[ends[0]] >= accept), used + int(ends[0]) + 1
         ratio, used = float(course[-1]), used + len(values)
-    raise NumericalError(f"{used} samples do not decide whether the probability is above {threshold:g}; a larger -simsamples may")
+    raise NumericalError(
+        f"{used} samples do not decide whether the probability is above {threshold:g}; a larger -simsamples may"
+    )

@@ -7,8 +7,8 @@ import numpy as np
 from symcheck.errors import told_in_memory
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Layout
+from symcheck.semantics.interpreter import Choice, State, choices, state_rewards
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.semantics.step import Choice, State, choices, state_rewards
 from symcheck.simulate.path import Path, Step
 from symcheck.syntax.ast import ModelType
 
@@ -69,7 +69,9 @@ def _floats(values: tuple[Value, ...]) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
 
 
-def _next(model: BoundModel, here: Step, offered: tuple[Choice, ...], generator: np.random.Generator) -> Step:
+def _next(
+    model: BoundModel, here: Step, offered: tuple[Choice, ...], generator: np.random.Generator
+) -> Step:
     """Choose a transition, and the time until it."""
     continuous = model.type is ModelType.CTMC
     share = 1 if continuous else len(offered)
@@ -83,4 +85,6 @@ def _next(model: BoundModel, here: Step, offered: tuple[Choice, ...], generator:
     module = model.modules[modules.pop()].name if len(modules) == 1 else None
     shown = float(own) if model.type is ModelType.MDP else weight
     rewards = _floats(state_rewards(model, state))
-    return Step(state, here.time + duration, rewards, choice.action, module, shown, _floats(choice.rewards))
+    return Step(
+        state, here.time + duration, rewards, choice.action, module, shown, _floats(choice.rewards)
+    )

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from symcheck.errors import told_in_memory
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
-from symcheck.symbolic.assemble import assemble
+from symcheck.symbolic.encoding.translate import Limits
+from symcheck.symbolic.events.encode_events import assemble
 from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
-from symcheck.symbolic.order import is_sifted, variable_order
-from symcheck.symbolic.reach import reach
-from symcheck.symbolic.translate import Limits
+from symcheck.symbolic.ordering.order import is_sifted, variable_order
+from symcheck.symbolic.reachability.search import reach
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import DiagramManager
@@ -46,7 +46,9 @@ def build(
     return assemble(model, manager, order, observer, limits=limits)
 
 
-def chosen_order(model: BoundModel, options: BuildSettings, observer: Observer | None = None) -> tuple[str, ...] | None:
+def chosen_order(
+    model: BoundModel, options: BuildSettings, observer: Observer | None = None
+) -> tuple[str, ...] | None:
     """The names from the top of the diagrams down that the options stand for; None is declaration order.
 
     An order that sifting finds is looked for here, and told to the observer as a SiftedOrder. Raises UsageError for a name that
@@ -54,7 +56,7 @@ def chosen_order(model: BoundModel, options: BuildSettings, observer: Observer |
     """
     if not is_sifted(model, options.order):
         return variable_order(model, options.order)
-    from symcheck.symbolic.sift import sift
+    from symcheck.symbolic.ordering.sifting import sift
 
     found = sift(model, options)
     if observer is not None:
@@ -63,19 +65,27 @@ def chosen_order(model: BoundModel, options: BuildSettings, observer: Observer |
 
 
 def construct(
-    model: BoundModel, options: BuildSettings, observer: Observer | None = None, *, order: Sequence[str] | None = None
+    model: BoundModel,
+    options: BuildSettings,
+    observer: Observer | None = None,
+    *,
+    order: Sequence[str] | None = None,
 ) -> Transitions:
     """Build, explore and make the matrices, in one call. `observer` gets events, iterations and the results between.
 
     Raises ModelFault for a model that breaks a rule at a reachable state, and what `build` raises.
     """
-    from symcheck.symbolic.transitions import transitions
+    from symcheck.symbolic.matrix.transitions import transitions
 
     return transitions(explored(model, options, observer, order=order), options, observer)
 
 
 def explored(
-    model: BoundModel, options: BuildSettings, observer: Observer | None = None, *, order: Sequence[str] | None = None
+    model: BoundModel,
+    options: BuildSettings,
+    observer: Observer | None = None,
+    *,
+    order: Sequence[str] | None = None,
 ) -> StateSpace:
     """Build and explore: what `construct` does before the matrices are made."""
     space = reach(build(model, options, observer, order=order), observer)

@@ -1,7 +1,7 @@
 """Rules that reachable states must keep, checked on the diagrams: sums, signs, ranges, deadlocks.
 
 What breaks a rule is found as a set of states; its lowest state is the example. What exactly is wrong there is said by
-the scalar semantics (`symcheck.semantics.step`), which every way of building shares, so all engines report alike.
+the scalar semantics (`symcheck.semantics.interpreter`), which every way of building shares, so all engines report alike.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from operator import and_
 from typing import TYPE_CHECKING
 
 from symcheck.errors import Diagnostic, InputError, ModelFault
-from symcheck.semantics import faults, step
+from symcheck.semantics import interpreter, state_faults
 from symcheck.semantics.settings import BuildSettings
-from symcheck.symbolic.commands import positive
+from symcheck.symbolic.events.commands import positive
 from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
 from symcheck.syntax.ast import ModelType
 
@@ -27,7 +27,7 @@ __all__ = ["check_initial", "check_model"]
 def check_initial(symbolic: SymbolicModel) -> None:
     """Raise ModelFault where `init … endinit` holds in no state."""
     if not symbolic.initial and symbolic.model.initial is not None:
-        raise ModelFault(faults.no_initial_state(symbolic.model.initial.span))
+        raise ModelFault(state_faults.no_initial_state(symbolic.model.initial.span))
 
 
 def check_model(space: StateSpace, options: BuildSettings) -> None:
@@ -39,8 +39,15 @@ def check_model(space: StateSpace, options: BuildSettings) -> None:
         found.update(dict.fromkeys(_explain(space, states - seen or states, options)))
         seen = seen | states
     if space.deadlocks and not options.fix_deadlocks:
-        some = [faults.describe_state(space.symbolic.model.variables, s) for s in space.valuations(space.deadlocks, 3)]
-        found[faults.deadlocks(some, space.symbolic.manager.count(space.deadlocks, space.symbolic.encoding.rows))] = None
+        some = [
+            state_faults.describe_state(space.symbolic.model.variables, s)
+            for s in space.valuations(space.deadlocks, 3)
+        ]
+        found[
+            state_faults.deadlocks(
+                some, space.symbolic.manager.count(space.deadlocks, space.symbolic.encoding.rows)
+            )
+        ] = None
     if found:
         raise ModelFault(*found)
 
@@ -48,7 +55,7 @@ def check_model(space: StateSpace, options: BuildSettings) -> None:
 def _explain(space: StateSpace, states: Bdd, options: BuildSettings) -> tuple[Diagnostic, ...]:
     state = next(space.valuations(states, 1))
     try:
-        step.choices(space.symbolic.model, state, check_sums=options.check_sums)
+        interpreter.choices(space.symbolic.model, state, check_sums=options.check_sums)
     except InputError as fault:
         return fault.diagnostics
     return ()
@@ -88,12 +95,19 @@ class _Once:
 def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
     """Where each participant has an update of positive probability (rate): only then is any update carried out."""
     manager, translator = space.symbolic.manager, space.symbolic.translator
-    moves = [[c.guard & positive(translator, u) for c in commands for u in c.updates] for commands in event.participants]
+    moves = [
+        [c.guard & positive(translator, u) for c in commands for u in c.updates]
+        for commands in event.participants
+    ]
     return manager.conjunction([manager.disjunction(m) for m in moves])
 
 
 def _command_violations(
-    space: StateSpace, command: EncodedCommand, enabled: _Once, happens: _Once, options: BuildSettings
+    space: StateSpace,
+    command: EncodedCommand,
+    enabled: _Once,
+    happens: _Once,
+    options: BuildSettings,
 ) -> Iterator[Bdd]:
     translator = space.symbolic.translator
     where = _Once(lambda: command.guard & enabled())
@@ -103,7 +117,11 @@ def _command_violations(
                 yield where()
         elif where():
             infinite = update.probability.compare("=", float("inf"))
-            yield where() & (update.probability.compare("<", 0.0) | infinite | translator.undefined(update.update.probability))
+            yield where() & (
+                update.probability.compare("<", 0.0)
+                | infinite
+                | translator.undefined(update.update.probability)
+            )
         outside = (command.guard - update.in_range) & positive(translator, update)
         if outside:
             yield outside & happens()
@@ -116,8 +134,8 @@ def _wrong_sum(space: StateSpace, command: EncodedCommand, where: _Once) -> Bdd:
     constant = sum(u.probability for u in command.updates if isinstance(u.probability, float))
     variable = [u.probability for u in command.updates if not isinstance(u.probability, float)]
     if not variable:
-        return manager.false if faults.sums_to_one(constant) else where()
+        return manager.false if state_faults.sums_to_one(constant) else where()
     total = manager.sum([p.times_bdd(where()) for p in variable]) + constant
     # The bounds as the scalar rule computes them: |total - 1| <= tolerance.
     distance = (total - 1.0).maximum(1.0 - total)
-    return where() & distance.compare(">", faults.SUM_TOLERANCE)
+    return where() & distance.compare(">", state_faults.SUM_TOLERANCE)

@@ -10,19 +10,19 @@ that it touches only. `StateSpace` is the reachable set. `Transitions` holds the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, overload
 
-from symcheck.records import dataclass, field
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event
-from symcheck.symbolic.encode import Encoding
-from symcheck.symbolic.minterms import minterms
+from symcheck.symbolic.encoding.enumerate_states import minterms
+from symcheck.symbolic.encoding.variables import Encoding
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd, Transition
     from symcheck.dd.odd import Odd
-    from symcheck.symbolic.translate import Translator
+    from symcheck.symbolic.encoding.translate import Translator
 
 __all__ = [
     "ChoiceSlot",
@@ -205,7 +205,9 @@ class StateSpace:
         encoding = self.symbolic.encoding
         rows = minterms(self.symbolic.manager, states & self.states, encoding.rows, limit)
         for row in encoding.codes(rows).tolist():
-            yield tuple(bool(x) if v.is_bool else x for v, x in zip(encoding.variables, row, strict=True))
+            yield tuple(
+                bool(x) if v.is_bool else x for v, x in zip(encoding.variables, row, strict=True)
+            )
 
     def __repr__(self) -> str:
         return (
@@ -299,5 +301,9 @@ class Transitions:
 
     def __repr__(self) -> str:
         nodes = sum(root.node_count for root in self.roots)
-        slots = "" if self.matrix is not None else f", {self.choice_count} choices in {len(self.choices)} slots"
+        slots = (
+            ""
+            if self.matrix is not None
+            else f", {self.choice_count} choices in {len(self.choices)} slots"
+        )
         return f"Transitions({self.transition_count} transitions{slots}, {nodes} nodes)"

@@ -7,12 +7,12 @@ the boolean `Unary`, `Binary` and `Conditional` nodes of state formulas. What th
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from typing import Literal as Choice
 
 from symcheck.errors import NO_SPAN, Span
-from symcheck.records import dataclass, field
 
 __all__ = [
     "Binary",
@@ -20,7 +20,6 @@ __all__ = [
     "Call",
     "Conditional",
     "CumulativeReward",
-    "Direction",
     "Eventually",
     "Expression",
     "Filter",
@@ -138,7 +137,7 @@ class LabelReference(Node):
 
 # ------------------------------------------------------------------------------------------------ state operators
 
-Direction = Choice["min", "max", "minmax", "maxmin"]
+DirectionWord = Choice["min", "max", "minmax", "maxmin"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +152,7 @@ class Bound(Node):
 class ProbabilityOperator(Node):
     """`P bound [ path ]` or `P=? [ path ]` (bound None)."""
 
-    direction: Direction | None
+    direction: DirectionWord | None
     bound: Bound | None
     path: PathFormula
 
@@ -163,7 +162,7 @@ class RewardOperator(Node):
     """`R{"name"} bound [ query ]`. `structure`: a name, an index expression (from 1), or None for the first."""
 
     structure: str | Expression | None
-    direction: Direction | None
+    direction: DirectionWord | None
     bound: Bound | None
     query: RewardQuery
 

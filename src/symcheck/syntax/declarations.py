@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Literal as Choice
 
-from symcheck.records import dataclass, field
 from symcheck.syntax.ast import Expression, ModelType, Node, Type
 
 __all__ = [

@@ -20,12 +20,27 @@ _WIDTH = 139
 
 def pack(name: str) -> Packed:
     """The tables of one grammar, from its text."""
-    lark = Lark(read(f"{name}.lark"), parser="lalr", lexer="basic", start=_STARTS[name], maybe_placeholders=True)
-    definitions = sorted((t for t in lark.terminals if t.name not in ("SPACE", "COMMENT")), key=lambda t: (-t.priority, t.name))
+    lark = Lark(
+        read(f"{name}.lark"),
+        parser="lalr",
+        lexer="basic",
+        start=_STARTS[name],
+        maybe_placeholders=True,
+    )
+    definitions = sorted(
+        (t for t in lark.terminals if t.name not in ("SPACE", "COMMENT")),
+        key=lambda t: (-t.priority, t.name),
+    )
     terminals = (*(t.name for t in definitions), "$END")
     kinds = {t: i for i, t in enumerate(terminals)}
-    literals = tuple((t.pattern.value, kinds[t.name]) for t in definitions if isinstance(t.pattern, PatternStr))
-    patterns = tuple((kinds[t.name], t.pattern.value) for t in definitions if not isinstance(t.pattern, PatternStr))
+    literals = tuple(
+        (t.pattern.value, kinds[t.name]) for t in definitions if isinstance(t.pattern, PatternStr)
+    )
+    patterns = tuple(
+        (kinds[t.name], t.pattern.value)
+        for t in definitions
+        if not isinstance(t.pattern, PatternStr)
+    )
     rules = lark.rules
     number = {rule: i for i, rule in enumerate(rules)}
     table: Any = lark.parser.parser._parse_table
@@ -36,11 +51,18 @@ def pack(name: str) -> Packed:
     for state in order:
         row: list[int] = []
         goto: list[str | int] = []
-        for symbol, (action, argument) in sorted(table.states[state].items(), key=lambda item: str(item[0])):
+        for symbol, (action, argument) in sorted(
+            table.states[state].items(), key=lambda item: str(item[0])
+        ):
             if symbol not in kinds:
                 goto += [str(symbol), new[argument]]
             else:
-                row += [kinds[symbol], new[argument] if str(action) == "Shift" else ~number.setdefault(argument, len(number))]
+                row += [
+                    kinds[symbol],
+                    new[argument]
+                    if str(action) == "Shift"
+                    else ~number.setdefault(argument, len(number)),
+                ]
         if tuple(row) not in rows:
             rows.append(tuple(row))
         row_of.append(rows.index(tuple(row)))
@@ -55,7 +77,9 @@ def _order(table: Any, starts: list[str]) -> list[int]:
     order = [table.start_states[s] for s in starts]
     for state in order:
         entries = sorted(table.states[state].items(), key=lambda item: str(item[0]))
-        shifts = dict.fromkeys(argument for _, (action, argument) in entries if str(action) == "Shift")
+        shifts = dict.fromkeys(
+            argument for _, (action, argument) in entries if str(action) == "Shift"
+        )
         order += [s for s in shifts if s not in order]
     return order
 
@@ -64,7 +88,11 @@ def _describe(rule: LarkRule) -> tuple[str, int, str | None, tuple[int | None, .
     """One rule as `symcheck.syntax.grammars.Rule` has it; keeps and inlines what Lark would keep and inline in a tree."""
     options: Any = rule.options
     origin = str(rule.origin.name)
-    gaps = [len(ones) for ones in "".join(str(int(b)) for b in options.empty_indices).split("0")] if options.empty_indices else []
+    gaps = (
+        [len(ones) for ones in "".join(str(int(b)) for b in options.empty_indices).split("0")]
+        if options.empty_indices
+        else []
+    )
     shape: list[int | None] = []
     for i, symbol in enumerate(rule.expansion):
         shape += [None] * (gaps[i] if gaps else 0)
@@ -76,7 +104,13 @@ def _describe(rule: LarkRule) -> tuple[str, int, str | None, tuple[int | None, .
     action: str | None = str(rule.alias or options.template_source or origin)
     if origin.startswith("_"):
         action = ""
-    elif options.expand1 and not rule.alias and len(shape) == 1 and shape[0] is not None and shape[0] >= 0:
+    elif (
+        options.expand1
+        and not rule.alias
+        and len(shape) == 1
+        and shape[0] is not None
+        and shape[0] >= 0
+    ):
         action = None
     return origin, len(rule.expansion), action, tuple(shape)
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-
-from symcheck.records import dataclass
 
 __all__ = ["Grammar", "Packed", "Rule", "load", "read"]
 
@@ -82,7 +81,10 @@ class Grammar:
     def scanner(self) -> re.Pattern[str]:
         """Matches white space and comments and then one word: group i is `patterns[i-1]`, next come signs, then anything."""
         signs = sorted((t for t in self.literals if not t[0].isalpha()), key=len, reverse=True)
-        groups = [f"({pattern})" for _, pattern in self.patterns] + [f"({'|'.join(map(re.escape, signs))})", "(.)"]
+        groups = [f"({pattern})" for _, pattern in self.patterns] + [
+            f"({'|'.join(map(re.escape, signs))})",
+            "(.)",
+        ]
         return re.compile(f"{_SKIP}(?:{'|'.join(groups)}|\\Z)", re.DOTALL)
 
 
@@ -101,7 +103,9 @@ def load(name: str) -> Grammar:
     """The tables of 'prism' or 'properties'."""
     from symcheck.syntax import tables
 
-    return unpack(json.loads((tables.PRISM if name == "prism" else tables.PROPERTIES).replace("\n", "")))
+    return unpack(
+        json.loads((tables.PRISM if name == "prism" else tables.PROPERTIES).replace("\n", ""))
+    )
 
 
 def unpack(packed: Packed) -> Grammar:
@@ -112,7 +116,9 @@ def unpack(packed: Packed) -> Grammar:
         terminals=tuple(terminals),
         literals=dict(literals),
         patterns=tuple((kind, pattern) for kind, pattern in patterns),
-        rules=tuple(Rule(head, length, action, tuple(shape)) for head, length, action, shape in rules),
+        rules=tuple(
+            Rule(head, length, action, tuple(shape)) for head, length, action, shape in rules
+        ),
         rows=tuple(unique[i] for i in row_of),
         gotos=tuple(dict(zip(g[::2], g[1::2], strict=True)) for g in gotos),  # type: ignore[arg-type]
         starts={symbol: (first, last) for symbol, first, last in starts},

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from symcheck.records import dataclass
-from symcheck.syntax.build import Builder
 from symcheck.syntax.grammars import Grammar
 from symcheck.syntax.lexer import FOREIGN, Words
+from symcheck.syntax.tree_builder import Builder
 
 __all__ = ["MAX_NESTING", "Fault", "Parser"]
 
-MAX_NESTING = 2000 if sys.version_info[:2] != (3, 12) else 1000 if sys.version_info >= (3, 12, 2) else 320
+MAX_NESTING = (
+    2000 if sys.version_info[:2] != (3, 12) else 1000 if sys.version_info >= (3, 12, 2) else 320
+)
 """Expressions deeper than this are refused: later stages follow them by recursion.
 
 CPython 3.12 alone has a fixed limit for recursion that passes through C, as comparing and hashing trees does; its first
@@ -25,7 +27,18 @@ two releases had a third of that of the others.
 """
 
 _MAX_FAULTS = 20
-_MENDING = ("';'", "')'", "']'", "'}'", "':'", '"\'"', "'endmodule'", "'endrewards'", "'endinit'", "'endsystem'")
+_MENDING = (
+    "';'",
+    "')'",
+    "']'",
+    "'}'",
+    "':'",
+    '"\'"',
+    "'endmodule'",
+    "'endrewards'",
+    "'endinit'",
+    "'endsystem'",
+)
 
 Build = Callable[[list[Any], int, int], Any]
 
@@ -51,7 +64,14 @@ class Parser:
     of words that start such a part.
     """
 
-    def __init__(self, grammar: Grammar, words: Words, build: Builder, resume: frozenset[str], openers: frozenset[int]) -> None:
+    def __init__(
+        self,
+        grammar: Grammar,
+        words: Words,
+        build: Builder,
+        resume: frozenset[str],
+        openers: frozenset[int],
+    ) -> None:
         self.grammar = grammar
         self.words = words
         self.build = build
@@ -59,7 +79,9 @@ class Parser:
         self.deepest = 0
         self._resume = resume
         self._openers = openers
-        self._builders: list[Build | None] = [getattr(build, r.action) if r.action else None for r in grammar.rules]
+        self._builders: list[Build | None] = [
+            getattr(build, r.action) if r.action else None for r in grammar.rules
+        ]
         self._plain = [tuple(range(r.length)) == r.shape for r in grammar.rules]
         self._climbs: dict[tuple[int, int, int], int] = {}
         self._states: list[int] = []
@@ -89,7 +111,13 @@ class Parser:
     def _run(self, i: int, last: int) -> int | None:
         """Parse from word i on. Returns None at the end, or the number of the word that does not fit."""
         rows, rules = self.grammar.rows, self.grammar.rules
-        states, values, starts, ends, depths = self._states, self._values, self._starts, self._ends, self._depths
+        states, values, starts, ends, depths = (
+            self._states,
+            self._values,
+            self._starts,
+            self._ends,
+            self._depths,
+        )
         words, climbs = self.words, self._climbs
         text, kinds, word_starts, word_ends = words.text, words.kinds, words.starts, words.ends
         end_kind = self.grammar.end
@@ -140,7 +168,13 @@ class Parser:
 
     def _reduce(self, number: int, n: int) -> int:
         """Put what rule `number` makes of the last n symbols in their place; how deep it is nested."""
-        states, starts, ends, depths, rule = self._states, self._starts, self._ends, self._depths, self.grammar.rules[number]
+        states, starts, ends, depths, rule = (
+            self._states,
+            self._starts,
+            self._ends,
+            self._depths,
+            self.grammar.rules[number],
+        )
         start, end, depth = starts[-n], ends[-1], max(depths[-n:])
         value = self._value(number, self._values[-n:], start, end)
         if rule.action and value is not self.build.balanced:
@@ -189,7 +223,10 @@ class Parser:
     def accepts(self, states: Sequence[int], *kinds: int) -> bool:
         """Whether words of these kinds can come next, one after the other."""
         grammar = self.grammar
-        height, above = len(states), list[int]()  # the stack is states[:height], then above: states may be long, and stays
+        height, above = (
+            len(states),
+            list[int](),
+        )  # the stack is states[:height], then above: states may be long, and stays
         for kind in kinds:
             action = -1
             while action < 0:
@@ -205,7 +242,12 @@ class Parser:
                 height -= max(rule.length - len(above), 0)
                 del above[max(len(above) - rule.length, 0) :]
                 above.append(grammar.gotos[above[-1] if above else states[height - 1]][rule.head])
-                if kind == grammar.end and height == 1 and len(above) == 1 and (states[0], above[0]) in grammar.starts.values():
+                if (
+                    kind == grammar.end
+                    and height == 1
+                    and len(above) == 1
+                    and (states[0], above[0]) in grammar.starts.values()
+                ):
                     break
         return True
 
@@ -235,7 +277,9 @@ class Parser:
             self.faults.append(Fault(*place, frozenset(), too_deep=True))
             return None
         before = self._before(i)
-        expected = frozenset(kind for kind in range(len(self.grammar.terminals)) if self.accepts(before, kind))
+        expected = frozenset(
+            kind for kind in range(len(self.grammar.terminals)) if self.accepts(before, kind)
+        )
         fault = Fault(*place, expected, self._mend(i, expected))
         self.faults.append(fault)
         if len(self.faults) >= _MAX_FAULTS:
@@ -252,7 +296,12 @@ class Parser:
         """The kind of a single missing word that makes words i and i+1 fit."""
         kinds = self.words.kinds
         spelling = self.grammar.spelling
-        for kind in sorted(expected, key=lambda k: _MENDING.index(f"'{spelling[k]}'") if f"'{spelling.get(k)}'" in _MENDING else 99):
+        for kind in sorted(
+            expected,
+            key=lambda k: (
+                _MENDING.index(f"'{spelling[k]}'") if f"'{spelling.get(k)}'" in _MENDING else 99
+            ),
+        ):
             if f"'{spelling.get(kind)}'" not in _MENDING:
                 return None
             if self.accepts(self._states, kind, *kinds[i : i + 2]):
@@ -278,7 +327,10 @@ class Parser:
             kind = words.kinds[j]
             if kind == semicolon and j + 1 < len(words) and self._cut(words.kinds[j + 1]):
                 return j + 1
-            if (kind == self.grammar.end or (kind in self._openers and kind != FOREIGN and self._first_on_line(j))) and self._cut(kind):
+            if (
+                kind == self.grammar.end
+                or (kind in self._openers and kind != FOREIGN and self._first_on_line(j))
+            ) and self._cut(kind):
                 return j
         return None
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from symcheck.records import dataclass
+from dataclasses import dataclass
+
 from symcheck.syntax.grammars import Grammar
 
 __all__ = ["FOREIGN", "KEYWORDS", "RESERVED", "Words", "scan"]
@@ -15,9 +16,55 @@ RESERVED = -2
 
 KEYWORDS = frozenset(
     {
-        *("A", "C", "E", "F", "G", "I", "P", "Pmax", "Pmin", "R", "Rmax", "Rmin", "S", "U", "W", "X", "bool", "clock", "const", "ctmc"),
-        *("double", "dtmc", "endinit", "endinvariant", "endmodule", "endrewards", "endsystem", "false", "filter", "formula", "func"),
-        *("global", "init", "int", "invariant", "label", "max", "mdp", "min", "module", "nondeterministic", "prob", "probabilistic"),
+        *(
+            "A",
+            "C",
+            "E",
+            "F",
+            "G",
+            "I",
+            "P",
+            "Pmax",
+            "Pmin",
+            "R",
+            "Rmax",
+            "Rmin",
+            "S",
+            "U",
+            "W",
+            "X",
+            "bool",
+            "clock",
+            "const",
+            "ctmc",
+        ),
+        *(
+            "double",
+            "dtmc",
+            "endinit",
+            "endinvariant",
+            "endmodule",
+            "endrewards",
+            "endsystem",
+            "false",
+            "filter",
+            "formula",
+            "func",
+        ),
+        *(
+            "global",
+            "init",
+            "int",
+            "invariant",
+            "label",
+            "max",
+            "mdp",
+            "min",
+            "module",
+            "nondeterministic",
+            "prob",
+            "probabilistic",
+        ),
         *("pta", "rate", "rewards", "stochastic", "system", "true"),
     }
 )

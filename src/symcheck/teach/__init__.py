@@ -6,11 +6,11 @@ they make. `symcheck.view` draws the diagrams of the frames.
 
 from __future__ import annotations
 
-from symcheck.teach.anatomy import Anatomy, Level, anatomy
+from symcheck.teach.blocks import Anatomy, Level, anatomy
+from symcheck.teach.compare_orders import OrderFrame, order_lab
 from symcheck.teach.construction import BuildFrame, construction
 from symcheck.teach.fixpoints import SetFrame, prob0, prob1
 from symcheck.teach.frontiers import SearchFrame, frontiers
-from symcheck.teach.orders import OrderFrame, order_lab
 from symcheck.teach.vectors import Vectors, vectors
 
 __all__ = [

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from symcheck.records import dataclass, field
-from symcheck.symbolic.commands import touched_by
-from symcheck.symbolic.transitions import full_matrix, participant_matrix, transitions
+from symcheck.symbolic.events.commands import touched_by
+from symcheck.symbolic.matrix.transitions import full_matrix, participant_matrix, transitions
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd, Mtbdd
-    from symcheck.symbolic.encode import Encoding
+    from symcheck.symbolic.encoding.variables import Encoding
     from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
 
 __all__ = ["BuildFrame", "construction"]
@@ -49,7 +49,9 @@ def construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
         name = event.event.action or f"unlabelled {number + 1}"
         for commands in event.participants:
             for place, command in enumerate(commands):
-                yield from _command(space, command, f"[{name}] command {place + 1} of {_module(symbolic, command)}")
+                yield from _command(
+                    space, command, f"[{name}] command {place + 1} of {_module(symbolic, command)}"
+                )
             if len(commands) > 1:
                 matrix = participant_matrix(symbolic, commands, touched_by(commands), space.states)
                 title = f"[{name}] module {_module(symbolic, commands[0])}: sum of {len(commands)} commands"
@@ -57,7 +59,12 @@ def construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
         yield _event(space, event, name)
     made = transitions(space, options)
     for slot, root in enumerate(made.roots):
-        yield BuildFrame("model", "matrix" if made.matrix is not None else f"choice slot {slot + 1}", root, symbolic.encoding)
+        yield BuildFrame(
+            "model",
+            "matrix" if made.matrix is not None else f"choice slot {slot + 1}",
+            root,
+            symbolic.encoding,
+        )
 
 
 def _command(space: StateSpace, command: EncodedCommand, title: str) -> Iterator[BuildFrame]:
@@ -72,7 +79,9 @@ def _command(space: StateSpace, command: EncodedCommand, title: str) -> Iterator
 def _event(space: StateSpace, event: EncodedEvent, name: str) -> BuildFrame:
     matrix = full_matrix(space.symbolic, [(event, event.participants)], space.states)
     modules = " × ".join(_module(space.symbolic, commands[0]) for commands in event.participants)
-    return BuildFrame("event", f"[{name}] {modules}, other variables unchanged", matrix, space.symbolic.encoding)
+    return BuildFrame(
+        "event", f"[{name}] {modules}, other variables unchanged", matrix, space.symbolic.encoding
+    )
 
 
 def _module(symbolic: SymbolicModel, command: EncodedCommand) -> str:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from symcheck.engines.symbolic_graph import SymbolicGraph
-from symcheck.records import dataclass, field
+from symcheck.direction import Direction
+from symcheck.engines.symbolic.graph import SymbolicGraph
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
-    from symcheck.engines.symbolic import SymbolicEngine
-    from symcheck.engines.symbolic_sets import SymbolicSet
+    from symcheck.engines.symbolic.engine import SymbolicEngine
+    from symcheck.engines.symbolic.sets import SymbolicSet
 
 __all__ = ["SetFrame", "prob0", "prob1"]
 
@@ -39,18 +40,30 @@ class SetFrame:
         return f"{self.number}: {self.stage}, {self.count} states in {self.nodes} nodes"
 
 
-def prob0(engine: SymbolicEngine, left: SymbolicSet, right: SymbolicSet, direction: str | None = None) -> Iterator[SetFrame]:
+def prob0(
+    engine: SymbolicEngine,
+    left: SymbolicSet,
+    right: SymbolicSet,
+    direction: Direction | None = None,
+) -> Iterator[SetFrame]:
     """The sets on the way to the states whose (min/max) probability of left U right is 0; the last frame holds these."""
     return _film(engine, lambda graph: graph.prob0(left, right, direction))
 
 
-def prob1(engine: SymbolicEngine, left: SymbolicSet, right: SymbolicSet, direction: str | None = None) -> Iterator[SetFrame]:
+def prob1(
+    engine: SymbolicEngine,
+    left: SymbolicSet,
+    right: SymbolicSet,
+    direction: Direction | None = None,
+) -> Iterator[SetFrame]:
     """As `prob0`, for probability 1."""
     return _film(engine, lambda graph: graph.prob1(left, right, direction))
 
 
-def _film(engine: SymbolicEngine, run: Callable[[SymbolicGraph], SymbolicSet]) -> Iterator[SetFrame]:
-    from symcheck.engines.symbolic_sets import SymbolicSet
+def _film(
+    engine: SymbolicEngine, run: Callable[[SymbolicGraph], SymbolicSet]
+) -> Iterator[SetFrame]:
+    from symcheck.engines.symbolic.sets import SymbolicSet
 
     seen: list[tuple[str, Bdd]] = []
     result = run(SymbolicGraph(engine, lambda what, states: seen.append((what, states))))

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from symcheck.records import dataclass, field
-from symcheck.symbolic.minterms import minterms
-from symcheck.symbolic.reach import search
+from symcheck.symbolic.encoding.enumerate_states import minterms
+from symcheck.symbolic.reachability.search import search
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
-    from symcheck.symbolic.encode import Encoding
+    from symcheck.symbolic.encoding.variables import Encoding
     from symcheck.symbolic.model import Iteration, SymbolicModel
 
 __all__ = ["SearchFrame", "frontiers"]
@@ -31,12 +31,22 @@ class SearchFrame:
     def __str__(self) -> str:
         i = self.iteration
         shown = " ".join("(" + ",".join(map(_text, s)) + ")" for s in self.found)
-        more = f" … {i.frontier} in all" if i.frontier is not None and i.frontier > len(self.found) else ""
+        more = (
+            f" … {i.frontier} in all"
+            if i.frontier is not None and i.frontier > len(self.found)
+            else ""
+        )
         return f"{i.number}: {i.states} states in {i.nodes} nodes; new: {shown or 'nothing'}{more}"
 
 
-def frontiers(symbolic: SymbolicModel, schedule: str = "frontier", *, limit: int = 8, frames: int | None = None) -> Iterator[SearchFrame]:
-    """A frame per iteration of `symcheck.symbolic.reach.search`, with up to `limit` new states; at most so many frames."""
+def frontiers(
+    symbolic: SymbolicModel,
+    schedule: str = "frontier",
+    *,
+    limit: int = 8,
+    frames: int | None = None,
+) -> Iterator[SearchFrame]:
+    """A frame per iteration of `symcheck.symbolic.reachability.search.search`, with up to `limit` new states; at most so many frames."""
     encoding = symbolic.encoding
     for found in islice(search(symbolic, schedule), frames):
         rows = minterms(found.symbolic.manager, found.frontier, encoding.rows, limit)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symcheck.check.context import Context, Notes
-from symcheck.check.reach import equations
-from symcheck.numerics.methods import solve_linear
-from symcheck.records import dataclass, field
+from symcheck.check.measures.reachability import equations
+from symcheck.direction import Direction
+from symcheck.numerics.linear.methods import solve_linear
 
 if TYPE_CHECKING:
     from symcheck.check.options import Options
     from symcheck.engines.base import Engine, StateSet
-    from symcheck.numerics.problem import LinearProblem, Solution, Step
+    from symcheck.numerics.linear.problem import LinearProblem, Solution, Step
 
 __all__ = ["Vectors", "vectors"]
 
@@ -35,7 +35,13 @@ class Vectors:
     steps: tuple[Step, ...] = field(repr=False)
 
 
-def vectors(engine: Engine, left: StateSet, right: StateSet, options: Options, direction: str | None = None) -> Vectors:
+def vectors(
+    engine: Engine,
+    left: StateSet,
+    right: StateSet,
+    options: Options,
+    direction: Direction | None = None,
+) -> Vectors:
     """Probability of left U right by `options.method` ('interval' shows both bounds), as `check.reach.until` computes it.
 
     direction: 'min' or 'max' in an MDP. Keeps a copy of each iterate: for small models. Raises what the method raises.

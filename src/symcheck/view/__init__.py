@@ -7,9 +7,9 @@
 from __future__ import annotations
 
 from symcheck.view.diagrams import dot, picture
-from symcheck.view.dotlang import graphviz
-from symcheck.view.drawing import draw
+from symcheck.view.dot import graphviz
 from symcheck.view.graph import Edge, Node
+from symcheck.view.matplotlib_figures import draw
 from symcheck.view.picture import Picture
 from symcheck.view.plots import plot_blocks, plot_bounds, plot_orders, plot_search
 from symcheck.view.states import state_graph

@@ -7,20 +7,20 @@ Blue nodes read the present value of a variable, orange ones the next value (nam
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import UnsupportedError
-from symcheck.records import dataclass
 from symcheck.view.graph import Edge, Node
 from symcheck.view.picture import Picture
 from symcheck.view.values import moves_text, values_text
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
-    from symcheck.symbolic.encode import EncodedVariable, Encoding
+    from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
 
 __all__ = ["dot", "picture"]
 
@@ -28,12 +28,26 @@ _PAIRS = 2**20  # (value, next value) pairs of a variable up to which its bits a
 _Ints = NDArray[np.int64]
 
 
-def dot(diagram: Bdd | Mtbdd, encoding: Encoding, *, max_nodes: int = 200, bits: bool = False, title: str = "diagram") -> str:
+def dot(
+    diagram: Bdd | Mtbdd,
+    encoding: Encoding,
+    *,
+    max_nodes: int = 200,
+    bits: bool = False,
+    title: str = "diagram",
+) -> str:
     """A set or function as DOT text: see `picture`."""
     return picture(diagram, encoding, max_nodes=max_nodes, bits=bits, title=title).dot
 
 
-def picture(diagram: Bdd | Mtbdd, encoding: Encoding, *, max_nodes: int = 200, bits: bool = False, title: str = "diagram") -> Picture:
+def picture(
+    diagram: Bdd | Mtbdd,
+    encoding: Encoding,
+    *,
+    max_nodes: int = 200,
+    bits: bool = False,
+    title: str = "diagram",
+) -> Picture:
     """A set or function over the row and column bits of `encoding`, as a picture.
 
     bits: a node per bit; else one per variable, where the bits of each variable are neighbours in the diagrams and the
@@ -44,7 +58,9 @@ def picture(diagram: Bdd | Mtbdd, encoding: Encoding, *, max_nodes: int = 200, b
     if len(graph.level) > 64 * max_nodes:
         raise UnsupportedError(_too_many(len(graph.level), max_nodes))
     blocks = _blocks(graph, encoding)
-    nodes, edges, layers = _binary(graph, encoding) if bits or blocks is None else _grouped(graph, blocks)
+    nodes, edges, layers = (
+        _binary(graph, encoding) if bits or blocks is None else _grouped(graph, blocks)
+    )
     if len(nodes) > max_nodes:
         raise UnsupportedError(_too_many(len(nodes), max_nodes))
     return Picture(title, tuple(nodes), tuple(edges), tuple(layers))
@@ -68,14 +84,14 @@ class _Graph:
 
     @staticmethod
     def of(diagram: Bdd | Mtbdd) -> _Graph:
-        from symcheck.dd import _cudd
+        from symcheck.dd.cudd import extension
 
         core = diagram.core
         names = tuple(str(core.bdd.var_at_level(i)) for i in range(core.size()))
-        if isinstance(diagram, _cudd.Mtbdd):
-            level, low, high, values, roots = _cudd.export_nodes(core, [diagram])
+        if isinstance(diagram, extension.Mtbdd):
+            level, low, high, values, roots = extension.export_nodes(core, [diagram])
             return _Graph(level, low, high, values, int(roots[0]), names, False)
-        level, low, high, roots = _cudd.export_sets(core, [diagram])
+        level, low, high, roots = extension.export_sets(core, [diagram])
         return _Graph(level, low, high, np.array([0.0, 1.0]), int(roots[0]), names, True)
 
     def is_leaf(self, node: int) -> bool:
@@ -89,7 +105,9 @@ class _Graph:
     def leaf(self, node: int, layer: int) -> Node:
         """A leaf as a node."""
         value = self.values[node]
-        return Node(f"n{node}", str(bool(value)).lower() if self.is_set else f"{value:.6g}", layer, "leaf")
+        return Node(
+            f"n{node}", str(bool(value)).lower() if self.is_set else f"{value:.6g}", layer, "leaf"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,13 +136,22 @@ def _blocks(graph: _Graph, encoding: Encoding) -> list[_Block] | None:
     blocks: list[_Block] = []
     covered: set[int] = set()
     for v in encoding.variables:
-        places = [(at[b], v.width - 1 - i, column) for column, part in ((False, v.rows), (True, v.columns)) for i, b in enumerate(part)]
+        places = [
+            (at[b], v.width - 1 - i, column)
+            for column, part in ((False, v.rows), (True, v.columns))
+            for i, b in enumerate(part)
+        ]
         levels = {level: (exponent, column) for level, exponent, column in places}
         if not used & set(levels):
             continue
-        rows, columns = (any(level in used for level, _, c in places if c is column) for column in (False, True))
+        rows, columns = (
+            any(level in used for level, _, c in places if c is column) for column in (False, True)
+        )
         size = v.high - v.low + 1
-        if max(levels) - min(levels) + 1 != len(levels) or (size**2 if rows and columns else size) > _PAIRS:
+        if (
+            max(levels) - min(levels) + 1 != len(levels)
+            or (size**2 if rows and columns else size) > _PAIRS
+        ):
             return None
         blocks.append(_Block(v, levels, rows, columns))
         covered |= set(levels)
@@ -147,7 +174,9 @@ def _grouped(graph: _Graph, blocks: list[_Block]) -> tuple[list[Node], list[Edge
         layer = layer_of[int(graph.level[number])]
         block = blocks[layer]
         now, after, targets = _walk(graph, block, number)
-        nodes[number] = Node(f"n{number}", f"{block.label}\n{_all_values(block, now, after)}", layer, block.kind)
+        nodes[number] = Node(
+            f"n{number}", f"{block.label}\n{_all_values(block, now, after)}", layer, block.kind
+        )
         for target in dict.fromkeys(targets.tolist()):
             here = targets == target
             edges.append(Edge(f"n{number}", f"n{target}", _text(block, now[here], after[here])))
@@ -159,13 +188,17 @@ def _walk(graph: _Graph, block: _Block, number: int) -> tuple[_Ints, _Ints, _Int
     """Present and next values at a node that do not lead to 0, as codes, and the nodes that they lead to."""
     codes = np.arange(block.variable.high - block.variable.low + 1, dtype=np.int64)
     alone = np.zeros(1, dtype=np.int64)
-    mesh = np.meshgrid(codes if block.rows else alone, codes if block.columns else alone, indexing="ij")
+    mesh = np.meshgrid(
+        codes if block.rows else alone, codes if block.columns else alone, indexing="ij"
+    )
     now, after = mesh[0].reshape(-1), mesh[1].reshape(-1)
     at = np.full(len(now), number, dtype=np.int64)
     for level in sorted(block.levels):
         exponent, column = block.levels[level]
         bit = (after if column else now) >> exponent & 1
-        at = np.where(graph.level[at] == level, np.where(bit == 1, graph.high[at], graph.low[at]), at)
+        at = np.where(
+            graph.level[at] == level, np.where(bit == 1, graph.high[at], graph.low[at]), at
+        )
     leaves = np.append(graph.values, 1.0)
     keep = leaves[np.minimum(at, len(graph.values))] != 0.0
     return now[keep], after[keep], at[keep]

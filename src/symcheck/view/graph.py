@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from symcheck.records import dataclass
+from dataclasses import dataclass
 
 __all__ = ["Edge", "Layered", "Node"]
 

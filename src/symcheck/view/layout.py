@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass
 
-from symcheck.records import dataclass
 from symcheck.view.graph import Edge, Layered, Node
 
 __all__ = ["Placed", "Route", "place", "routes"]
@@ -35,7 +35,9 @@ class Placed:
 class Route:
     """The way of an edge: the four points of a cubic Bézier curve, and the middle of its label (beside: its left end)."""
 
-    points: tuple[tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float]]
+    points: tuple[
+        tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float]
+    ]
     label: tuple[float, float]
     beside: bool = False
 
@@ -49,7 +51,9 @@ def place(picture: Layered) -> Placed:
     x = {n.name: float(i) for layer in layers.values() for i, n in enumerate(layer)}
     up, down = _neighbours(picture)
     for sweep in range(_SWEEPS):
-        towards, order = (up, sorted(layers)) if sweep % 2 == 0 else (down, sorted(layers, reverse=True))
+        towards, order = (
+            (up, sorted(layers)) if sweep % 2 == 0 else (down, sorted(layers, reverse=True))
+        )
         for number in order:
             layers[number].sort(key=lambda n: _middle(x, towards[n.name], x[n.name]))
             _spread(layers[number], x, size, towards)
@@ -68,7 +72,10 @@ def routes(picture: Layered, placed: Placed) -> list[tuple[Edge, Route]]:
     """The edges with their ways: down from layer to layer, or back round the outside of what stands between."""
     out = Counter(e.source for e in picture.edges)
     into = Counter(e.target for e in picture.edges)
-    layer, there = {n.name: n.layer for n in picture.nodes}, {(e.source, e.target) for e in picture.edges}
+    layer, there = (
+        {n.name: n.layer for n in picture.nodes},
+        {(e.source, e.target) for e in picture.edges},
+    )
     found = []
     for edge in picture.edges:
         above = layer[edge.source] - layer[edge.target]
@@ -80,8 +87,12 @@ def routes(picture: Layered, placed: Placed) -> list[tuple[Edge, Route]]:
         elif above == 0:
             way = _over(placed, edge)
         else:
-            between = [n.name for n in picture.nodes if layer[edge.target] < n.layer < layer[edge.source]]
-            way = _back(placed, edge, between, {n for n in (*between, edge.target) if (n, n) in there})
+            between = [
+                n.name for n in picture.nodes if layer[edge.target] < n.layer < layer[edge.source]
+            ]
+            way = _back(
+                placed, edge, between, {n for n in (*between, edge.target) if (n, n) in there}
+            )
         found.append((edge, way))
     return found
 
@@ -89,14 +100,22 @@ def routes(picture: Layered, placed: Placed) -> list[tuple[Edge, Route]]:
 def _loop(placed: Placed, edge: Edge) -> Route:
     (x, y), (w, h) = placed.at[edge.source], placed.size[edge.source]
     side = x + w / 2 - 4
-    points = ((side, y - h / 4), (side + 20, y - h / 4 - 8), (side + 20, y + h / 4 + 8), (side, y + h / 4))
+    points = (
+        (side, y - h / 4),
+        (side + 20, y - h / 4 - 8),
+        (side + 20, y + h / 4 + 8),
+        (side, y + h / 4),
+    )
     return Route(points, (side + 18, y), beside=True)
 
 
 def _straight(placed: Placed, edge: Edge, share: float) -> Route:
     (x1, y1), (x2, y2) = placed.at[edge.source], placed.at[edge.target]
     way = 1 if y2 > y1 else -1
-    start, end = y1 + way * placed.size[edge.source][1] / 2, y2 - way * placed.size[edge.target][1] / 2
+    start, end = (
+        y1 + way * placed.size[edge.source][1] / 2,
+        y2 - way * placed.size[edge.target][1] / 2,
+    )
     bow = way * min(20.0, abs(end - start) / 3)
     label = (x1 + share * (x2 - x1), start + share * (end - start))
     return Route(((x1, start), (x1, start + bow), (x2, end - bow), (x2, end)), label)
@@ -106,15 +125,23 @@ def _over(placed: Placed, edge: Edge) -> Route:
     (x1, y1), (x2, y2) = placed.at[edge.source], placed.at[edge.target]
     start, end = y1 - placed.size[edge.source][1] / 2, y2 - placed.size[edge.target][1] / 2
     top = min(start, end) - _BETWEEN / 2
-    return Route(((x1, start), (x1, top), (x2, top), (x2, end)), ((x1 + x2) / 2, top + _BETWEEN / 8))
+    return Route(
+        ((x1, start), (x1, top), (x2, top), (x2, end)), ((x1 + x2) / 2, top + _BETWEEN / 8)
+    )
 
 
 def _back(placed: Placed, edge: Edge, between: list[str], loops: set[str]) -> Route:
     """Round on the left where the target stands right of the source, else on the right, where the loops are."""
     (x1, y1), (x2, y2) = placed.at[edge.source], placed.at[edge.target]
     side = -1 if x1 < x2 + (_GAP if edge.target in loops else -1.0) else 1
-    start, end = x1 + side * placed.size[edge.source][0] / 2, x2 + side * placed.size[edge.target][0] / 2
-    edges = [placed.at[n][0] + side * placed.size[n][0] / 2 + (_LOOP if n in loops and side > 0 else 0.0) for n in between]
+    start, end = (
+        x1 + side * placed.size[edge.source][0] / 2,
+        x2 + side * placed.size[edge.target][0] / 2,
+    )
+    edges = [
+        placed.at[n][0] + side * placed.size[n][0] / 2 + (_LOOP if n in loops and side > 0 else 0.0)
+        for n in between
+    ]
     outermost = side * max(side * e for e in (start, end, *edges)) + side * 14.0
     # A cubic curve goes three quarters of the way to its inner points.
     inner = (start + end) / 2 + (outermost - (start + end) / 2) / 0.75
@@ -154,7 +181,12 @@ def _middle(x: Mapping[str, float], names: list[str], otherwise: float) -> float
     return sum(x[n] for n in names) / len(names) if names else otherwise
 
 
-def _spread(layer: list[Node], x: dict[str, float], size: Mapping[str, tuple[float, float]], towards: Mapping[str, list[str]]) -> None:
+def _spread(
+    layer: list[Node],
+    x: dict[str, float],
+    size: Mapping[str, tuple[float, float]],
+    towards: Mapping[str, list[str]],
+) -> None:
     """Put the nodes of a layer, in their order, as near to their neighbours as they fit."""
     wish = [_middle(x, towards[n.name], x[n.name]) for n in layer]
     half = [size[n.name][0] / 2 for n in layer]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from symcheck.records import dataclass
-from symcheck.view.dotlang import to_dot
+from dataclasses import dataclass
+
+from symcheck.view.dot import to_dot
 from symcheck.view.graph import Layered
 from symcheck.view.svg import to_svg
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.matrix import Floats, Int64s
+from symcheck.matrices.rows import Floats, Int64s
 
 __all__ = ["axes_of", "plot_blocks", "plot_bounds", "plot_orders", "plot_search"]
 
@@ -28,7 +28,7 @@ class Counted(Protocol):
 
 
 class Bounded(Protocol):
-    """A step of a method (`symcheck.numerics.problem.Step`)."""
+    """A step of a method (`symcheck.numerics.linear.problem.Step`)."""
 
     @property
     def iteration(self) -> int: ...
@@ -84,7 +84,13 @@ def plot_search(iterations: Iterable[Counted], axes: Any = None, title: str = ""
     return axes
 
 
-def plot_bounds(steps: Iterable[Bounded], state: int = 0, axes: Any = None, truth: float | None = None, title: str = "") -> Any:
+def plot_bounds(
+    steps: Iterable[Bounded],
+    state: int = 0,
+    axes: Any = None,
+    truth: float | None = None,
+    title: str = "",
+) -> Any:
     """Lower and upper bounds of one unknown, step by step, with the gap between them shaded. `truth`: a line to compare with."""
     seen = list(steps)
     axes = axes_of(axes)
@@ -107,8 +113,20 @@ def plot_orders(frames: Sequence[Ordered], axes: Any = None, title: str = "") ->
     best = sorted(frames, key=lambda f: f.matrix_nodes, reverse=True)
     axes = axes_of(axes, (6.4, 1.0 + 0.32 * len(best)))
     place = range(len(best))
-    axes.barh([p + 0.2 for p in place], [f.matrix_nodes for f in best], height=0.38, color=_BLUE, label="matrix")
-    axes.barh([p - 0.2 for p in place], [f.states_nodes for f in best], height=0.38, color=_GREEN, label="states")
+    axes.barh(
+        [p + 0.2 for p in place],
+        [f.matrix_nodes for f in best],
+        height=0.38,
+        color=_BLUE,
+        label="matrix",
+    )
+    axes.barh(
+        [p - 0.2 for p in place],
+        [f.states_nodes for f in best],
+        height=0.38,
+        color=_GREEN,
+        label="states",
+    )
     axes.set_yticks(list(place), [" < ".join(f.order) for f in best], fontsize="small")
     axes.set(xlabel="nodes", title=title)
     axes.legend(fontsize="small", frameon=False)
@@ -130,7 +148,9 @@ def plot_blocks(matrix: Blocked, axes: Any = None, title: str = "") -> Any:
     Raises UnsupportedError for more than 20 000 places.
     """
     if len(matrix.places) > _PLACES:
-        raise UnsupportedError(f"{len(matrix.places):,} places of blocks are too many to be drawn: take a smaller model")
+        raise UnsupportedError(
+            f"{len(matrix.places):,} places of blocks are too many to be drawn: take a smaller model"
+        )
     axes = axes_of(axes, (5.2, 5.0))
     from matplotlib.patches import Rectangle
 
@@ -139,8 +159,21 @@ def plot_blocks(matrix: Blocked, axes: Any = None, title: str = "") -> Any:
     for _, block, row, column in matrix.places.tolist():
         height, width, _ = matrix.blocks[block].tolist()
         colour = colours(number[block] % 20)
-        axes.add_patch(Rectangle((column, row), width, height, facecolor=colour, edgecolor="#404040", linewidth=0.3, alpha=0.75))
-    rows, columns = ((matrix.places[:, 2 + i] + matrix.blocks[matrix.places[:, 1], i]).max(initial=1) for i in (0, 1))
+        axes.add_patch(
+            Rectangle(
+                (column, row),
+                width,
+                height,
+                facecolor=colour,
+                edgecolor="#404040",
+                linewidth=0.3,
+                alpha=0.75,
+            )
+        )
+    rows, columns = (
+        (matrix.places[:, 2 + i] + matrix.blocks[matrix.places[:, 1], i]).max(initial=1)
+        for i in (0, 1)
+    )
     axes.set(xlim=(0, columns), ylim=(rows, 0), xlabel="to state", ylabel="from state", title=title)
     axes.set_aspect("equal")
     return axes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.matrix import Bools
+from symcheck.matrices.rows import Bools
 from symcheck.view.graph import Edge, Node
 from symcheck.view.picture import Picture
 
@@ -17,14 +17,22 @@ if TYPE_CHECKING:
 __all__ = ["state_graph"]
 
 
-def state_graph(model: ExplicitModel, *, marked: Bools | None = None, max_states: int = 100, title: str = "states") -> Picture:
+def state_graph(
+    model: ExplicitModel,
+    *,
+    marked: Bools | None = None,
+    max_states: int = 100,
+    title: str = "states",
+) -> Picture:
     """States with their values, transitions with their probabilities (rates); the choices of an MDP are points.
 
     marked: bool[n], states to be drawn in green. Raises UnsupportedError for more than `max_states` states.
     """
     n = len(model.states)
     if n > max_states:
-        raise UnsupportedError(f"{n:,} states are too many to be drawn: take a smaller model, or raise max_states (now {max_states})")
+        raise UnsupportedError(
+            f"{n:,} states are too many to be drawn: take a smaller model, or raise max_states (now {max_states})"
+        )
     distance = _distances(model)
     spread = 1 if model.matrix.groups is None else 2
     initial = set(model.initial.tolist())
@@ -37,18 +45,31 @@ def state_graph(model: ExplicitModel, *, marked: Bools | None = None, max_states
 
 
 def _kind(state: int, initial: set[int], marked: Bools | None) -> str:
-    return "marked" if marked is not None and marked[state] else "initial" if state in initial else "state"
+    return (
+        "marked"
+        if marked is not None and marked[state]
+        else "initial"
+        if state in initial
+        else "state"
+    )
 
 
 def _state_text(model: ExplicitModel, state: int) -> str:
     pairs = zip(model.model.variables, model.states.row(state), strict=True)
-    texts = [v.name if value is True else f"!{v.name}" if value is False else f"{v.name}={value}" for v, value in pairs]
+    texts = [
+        v.name if value is True else f"!{v.name}" if value is False else f"{v.name}={value}"
+        for v, value in pairs
+    ]
     return "\n".join(", ".join(texts[i : i + 3]) for i in range(0, len(texts), 3))
 
 
 def _rows(model: ExplicitModel, state: int) -> range:
     groups = model.matrix.groups
-    return range(state, state + 1) if groups is None else range(int(groups[state]), int(groups[state + 1]))
+    return (
+        range(state, state + 1)
+        if groups is None
+        else range(int(groups[state]), int(groups[state + 1]))
+    )
 
 
 def _entries(model: ExplicitModel, row: int) -> list[tuple[int, float]]:
@@ -70,7 +91,11 @@ def _distances(model: ExplicitModel) -> list[int]:
 
 
 def _edges(model: ExplicitModel) -> list[Edge]:
-    return [Edge(f"s{s}", f"s{t}", f"{p:.6g}") for s in range(len(model.states)) for t, p in _entries(model, s)]
+    return [
+        Edge(f"s{s}", f"s{t}", f"{p:.6g}")
+        for s in range(len(model.states))
+        for t, p in _entries(model, s)
+    ]
 
 
 def _choices(model: ExplicitModel, distance: list[int], nodes: list[Node]) -> list[Edge]:

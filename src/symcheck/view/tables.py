@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
 from symcheck.check.result import show_value
-from symcheck.records import dataclass
 
 if TYPE_CHECKING:
     from symcheck.check.result import Result
@@ -25,19 +25,33 @@ class Table:
     def __str__(self) -> str:
         lines = [self.head, *self.rows]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.head))]
-        return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines)
+        return "\n".join(
+            "  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip()
+            for line in lines
+        )
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{escape(cell)}</th>" for cell in self.head)
-        rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in self.rows)
+        rows = "".join(
+            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+            for row in self.rows
+        )
         return f"<table><tr>{head}</tr>{rows}</table>"
 
     @staticmethod
     def of(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
         """A table of anything: floats with six digits, the rest as str() has it."""
-        return Table(tuple(head), tuple(tuple(f"{c:.6g}" if isinstance(c, float) else str(c) for c in row) for row in rows))
+        return Table(
+            tuple(head),
+            tuple(
+                tuple(f"{c:.6g}" if isinstance(c, float) else str(c) for c in row) for row in rows
+            ),
+        )
 
 
 def results(answers: Iterable[tuple[str, Result]]) -> Table:
     """Property, value and accuracy of each result."""
-    return Table.of(("property", "value", "accuracy"), [(name, show_value(r.value), r.accuracy) for name, r in answers])
+    return Table.of(
+        ("property", "value", "accuracy"),
+        [(name, show_value(r.value), r.accuracy) for name, r in answers],
+    )

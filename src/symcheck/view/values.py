@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from symcheck.symbolic.encode import EncodedVariable
+    from symcheck.symbolic.encoding.variables import EncodedVariable
 
 __all__ = ["moves_text", "values_text"]
 
@@ -20,8 +20,14 @@ def values_text(variable: EncodedVariable, codes: _Ints, parts: int = 5) -> str:
     if variable.is_bool:
         return ", ".join(str(bool(c)).lower() for c in codes.tolist())
     cuts = np.flatnonzero(np.diff(codes) != 1) + 1
-    ranges = [(int(piece[0]) + variable.low, int(piece[-1]) + variable.low) for piece in np.split(codes, cuts) if len(piece)]
-    texts = [str(a) if a == b else f"{a}, {b}" if b == a + 1 else f"{a}..{b}" for a, b in ranges[:parts]]
+    ranges = [
+        (int(piece[0]) + variable.low, int(piece[-1]) + variable.low)
+        for piece in np.split(codes, cuts)
+        if len(piece)
+    ]
+    texts = [
+        str(a) if a == b else f"{a}, {b}" if b == a + 1 else f"{a}..{b}" for a, b in ranges[:parts]
+    ]
     return ", ".join(texts) + (f", … ({len(codes)} values)" if len(ranges) > parts else "")
 
 
@@ -29,7 +35,11 @@ def moves_text(variable: EncodedVariable, now: _Ints, after: _Ints, parts: int =
     """Moves, such as '0 → 1, 2': 'unchanged' where nothing moves, and '0..5: +1' where all move alike. Three or more on a line each."""
     step = after - now
     if (step == 0).all():
-        return f"{values_text(variable, now)} unchanged" if len(now) > 1 else f"{values_text(variable, now)} stays"
+        return (
+            f"{values_text(variable, now)} unchanged"
+            if len(now) > 1
+            else f"{values_text(variable, now)} stays"
+        )
     if len(now) > 2 and not variable.is_bool and (step == step[0]).all():
         return f"{values_text(variable, now)}: {'+' if step[0] > 0 else '−'}{abs(int(step[0]))}"
     groups: dict[bytes, list[int]] = {}
@@ -38,6 +48,9 @@ def moves_text(variable: EncodedVariable, now: _Ints, after: _Ints, parts: int =
         to = np.sort(after[now == code])
         groups.setdefault(to.tobytes(), []).append(code)
         targets[to.tobytes()] = to
-    texts = [f"{values_text(variable, np.array(codes))} → {values_text(variable, targets[key])}" for key, codes in groups.items()]
+    texts = [
+        f"{values_text(variable, np.array(codes))} → {values_text(variable, targets[key])}"
+        for key, codes in groups.items()
+    ]
     shown = texts[:parts] + ([f"… ({len(now)} moves)"] if len(texts) > parts else [])
     return ("; " if len(shown) < 3 else "\n").join(shown)

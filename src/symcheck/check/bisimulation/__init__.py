@@ -1,0 +1,1 @@
+"""Checking on the quotient by strong bisimulation."""

@@ -1,0 +1,59 @@
+"""The probability of not (left U right), found from its own side.
+
+1 minus the probability of left U right is the same number; but where that is small, the subtraction leaves it few digits,
+or none. A run misses left U right where it gets to where that cannot be had any more, or stays within the window's end.
+"""
+
+from __future__ import annotations
+
+from symcheck.check.context import Context
+from symcheck.check.measure_selection import measures
+from symcheck.check.measures import step_bounded
+from symcheck.check.measures.reachability import equations
+from symcheck.check.path_formulas import UntilPath
+from symcheck.direction import Direction
+from symcheck.engines.base import StateSet, Values
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["missed"]
+
+
+def missed(
+    context: Context, path: UntilPath, direction: Direction | None, certain: StateSet
+) -> Values:
+    """(Least or greatest) probability that a run does not satisfy left U right within the window of `path`.
+
+    certain: where it is 1 without a window. For engines in floating point; accuracy as `Measures` says.
+    """
+    left, right = path.left, path.right
+    if path.window.trivial:
+        return (
+            _least(context, left, right)
+            if direction == Direction.MIN
+            else measures(context).until(context, left - right, certain, direction)
+        )
+
+    def unbounded(inner: Context) -> Values:
+        return missed(inner, UntilPath(left, right), direction, certain)
+
+    if context.engine.model.type is not ModelType.CTMC:
+        return step_bounded.bounded_miss(context, left, right, path.window, direction, unbounded)
+    from symcheck.check.measures import ctmc
+
+    return ctmc.bounded_miss(context, left, right, path.window, unbounded)
+
+
+def _least(context: Context, left: StateSet, right: StateSet) -> Values:
+    """The least probability in an MDP: that of the strategies which reach `right` most often.
+
+    Such a strategy stays in no end component between: it leaves at last, to where it may still succeed, or fail for certain.
+    So with end components made into single states that must be left, the least probability of the latter is the answer.
+    """
+    graph = context.engine.graph
+    never, surely = graph.prob0(left, right, Direction.MAX), graph.prob1(left, right, Direction.MAX)
+    part = equations(context, ~(never | surely))
+    if part.system.n == 0:
+        return context.engine.indicator(never)
+    problem = part.problem(part.into(never), None, Direction.MIN, probability=True)
+    stays = next(graph.end_components(part.system.states), None) is not None
+    return part.solve(problem, [(never, 1.0)], wait=stays)

@@ -1,0 +1,253 @@
+"""Expected results in comments: `// RESULT: 1/6` above a property, and the verdict of comparing them with a result.
+
+The convention is PRISM's. `RESULT (N=2,p=0.5): 0.25` holds for these values of constants only; of several lines the first
+that fits counts. A value ends at the first blank; `?` stands for 'not known', `Error…` for an error of any wording, and a
+leading `~` says that a number is approximate even where arithmetic is exact.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from math import inf, isinf, isnan, nan
+from typing import Any
+
+from symcheck.check.result import Number, Result, show_value
+from symcheck.errors import SymcheckError, UnsupportedError
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.model import Value
+
+__all__ = ["Verdict", "VerdictKind", "expected_value", "judge"]
+
+_LINE = re.compile(r"RESULT\s*(?:\((?P<constants>[^)]*)\))?\s*:\s*(?P<value>\S+)")
+_ABSOLUTE = 1e-12
+_RELATIVE = 1e-5
+_SPECIAL = {
+    "NaN": nan,
+    "Infinity": inf,
+    "+Infinity": inf,
+    "-Infinity": -inf,
+    "Inf": inf,
+    "+Inf": inf,
+    "-Inf": -inf,
+}
+
+
+class VerdictKind(Enum):
+    """How a comparison ended."""
+
+    PASS = "PASS"
+    FAIL = "FAIL"
+    UNSUPPORTED = "UNSUPPORTED"
+    NOT_TESTED = "NOT TESTED"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """A verdict; as text it is what stands after `Testing result: `."""
+
+    kind: VerdictKind
+    message: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.kind.value}: {self.message}" if self.message else self.kind.value
+
+
+@dataclass(frozen=True, slots=True)
+class _Unequal(Exception):
+    """The result is not what was expected; the text says how."""
+
+    message: str
+
+
+def expected_value(comments: Sequence[str], constants: Mapping[str, Value]) -> str | None:
+    """The text of the first RESULT whose constants all have the values given; None if no line fits."""
+    for comment in comments:
+        found = _LINE.search(comment)
+        if found is not None and _fits(found["constants"], constants):
+            return found["value"]
+    return None
+
+
+def _fits(condition: str | None, constants: Mapping[str, Value]) -> bool:
+    if condition is None or not condition.strip():
+        return True
+    pairs = [part.split("=", 1) for part in condition.split(",")]
+    return all(
+        len(p) == 2 and p[0].strip() in constants and _same(p[1].strip(), constants[p[0].strip()])
+        for p in pairs
+    )
+
+
+def _same(text: str, value: Value) -> bool:
+    """Ints and bools agree as texts, doubles as numbers."""
+    if isinstance(value, bool):
+        return text == str(value).lower()
+    if isinstance(value, int):
+        return text == str(value)
+    try:
+        return _number(text, {}) == value or float(_number(text, {})) == float(value)
+    except _Unequal:
+        return False
+
+
+def judge(
+    comments: Sequence[str],
+    outcome: Result | Exception,
+    constants: Mapping[str, Value],
+    *,
+    exact: bool = False,
+) -> Verdict:
+    """Compare the result of a property (or what was raised instead) with the RESULT lines above it.
+
+    `constants`: all known constants, of the model and the properties. `exact`: arithmetic was rational, so that numbers
+    must be equal.
+    """
+    expected = expected_value(comments, constants)
+    if expected is None or expected == "?":
+        return Verdict(VerdictKind.NOT_TESTED)
+    wants_error = expected.startswith("Error")
+    if isinstance(outcome, Result):
+        if wants_error:
+            return Verdict(
+                VerdictKind.FAIL,
+                f"an error was expected, but the result is {show_value(outcome.value)}",
+            )
+        try:
+            _compare(expected, outcome, constants, exact)
+        except _Unequal as unequal:
+            return Verdict(VerdictKind.FAIL, unequal.message)
+        return Verdict(VerdictKind.PASS)
+    if isinstance(outcome, UnsupportedError):
+        return Verdict(VerdictKind.UNSUPPORTED, _one_line(outcome))
+    if wants_error:
+        return Verdict(VerdictKind.PASS)
+    return Verdict(VerdictKind.FAIL, _one_line(outcome))
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _compare(expected: str, result: Result, constants: Mapping[str, Value], exact: bool) -> None:
+    """Raise _Unequal unless the result is as expected."""
+    value = result.value
+    approximate = expected.startswith("~")
+    text = expected.removeprefix("~")
+    tolerance = (
+        0.0
+        if exact and not approximate
+        else _ABSOLUTE
+        if result.by_steps and not approximate
+        else _RELATIVE
+    )
+    match value:
+        case None:
+            raise _Unequal(f"the result is no single value, and {expected} was expected")
+        case bool():
+            if _truth(text, constants) is not value:
+                raise _Unequal(f"{text} was expected, and the result is {show_value(value)}")
+        case tuple():
+            parts = re.fullmatch(r"\[([^,]+),(.+)\]", text)
+            if parts is None:
+                raise _Unequal(
+                    f"{text} was expected, and the result is the interval {show_value(value)}"
+                )
+            for part, end in zip(parts.groups(), value, strict=True):
+                _compare_number(_number(part, constants), end, tolerance)
+        case list():
+            _compare_points(text, value, constants)
+        case _:
+            _compare_number(_number(text, constants), value, tolerance)
+
+
+def _compare_number(expected: Any, value: Number, tolerance: float) -> None:
+    """`tolerance`: 0 for equality, the absolute one, or the relative one (to which the absolute one is added)."""
+    both = f"{_show(expected)} was expected, and the result is {_show(value)}"
+    if isnan(expected) or isnan(value):
+        if not (isnan(expected) and isnan(value)):
+            raise _Unequal(both)
+    elif (
+        isinf(expected)
+        or isinf(value)
+        or tolerance == 0.0
+        or (isinstance(value, int) and isinstance(expected, int))
+    ):
+        if expected != value:
+            raise _Unequal(both)
+    else:
+        difference = abs(float(value) - float(expected))
+        relative = tolerance * abs(float(value)) if tolerance == _RELATIVE else 0.0
+        if difference > relative + _ABSOLUTE:
+            raise _Unequal(f"{both}: they differ by {difference:.2g}")
+
+
+def _compare_points(
+    text: str, points: list[tuple[Number, Number]], constants: Mapping[str, Value]
+) -> None:
+    wanted = [
+        (_number(x, constants), _number(y, constants))
+        for x, y in re.findall(r"\(([^(),]+),([^(),]+)\)", text)
+    ]
+    message = f"{text} was expected, and the result is {show_value(points)}"
+    if len(wanted) != len(points):
+        raise _Unequal(message)
+    left = list(points)
+    for x, y in wanted:
+        near = [p for p in left if abs(p[0] - x) <= _RELATIVE and abs(p[1] - y) <= _RELATIVE]
+        if not near:
+            raise _Unequal(message)
+        left.remove(near[0])
+
+
+def _truth(text: str, constants: Mapping[str, Value]) -> bool:
+    if text in ("true", "false"):
+        return text == "true"
+    value = _expression(text, constants)
+    if not isinstance(value, bool):
+        raise _Unequal(f"{text} was expected, and the result is a truth value")
+    return value
+
+
+def _number(text: str, constants: Mapping[str, Value]) -> Any:
+    """The number that a text writes: special values, a fraction, a decimal, or an expression over the constants."""
+    if text in _SPECIAL:
+        return _SPECIAL[text]
+    try:
+        return int(text)
+    except ValueError:
+        pass
+    try:
+        return Fraction(text)
+    except (ValueError, ZeroDivisionError):
+        pass
+    value = _expression(text, constants)
+    if isinstance(value, bool):
+        raise _Unequal(f"{text} was expected, and the result is a number")
+    return value
+
+
+def _expression(text: str, constants: Mapping[str, Value]) -> Value:
+    from symcheck.syntax.parse import parse_expression
+
+    known = {
+        n: Fraction(repr(v)) if isinstance(v, float) and v - v == 0 else v
+        for n, v in constants.items()
+    }
+    try:
+        expression = parse_expression(text)
+        try:
+            return evaluate(expression, known, exact=True)
+        except SymcheckError:
+            return evaluate(expression, constants)  # irrational: a power, a logarithm
+    except SymcheckError as error:
+        raise _Unequal(f"the expected value {text} cannot be read: {_one_line(error)}") from None
+
+
+def _show(value: Any) -> str:
+    return show_value(
+        float(value) if isinstance(value, Fraction) and value.denominator > 10**12 else value
+    )

@@ -1,0 +1,35 @@
+"""Which implementation of the measures serves an engine, by its arithmetic and its model type."""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from symcheck.check.context import Context
+from symcheck.check.measures.base import Measures
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["measures"]
+
+
+def measures(context: Context) -> Measures:
+    """Who measures on this engine: by its arithmetic and the type of its model (imported when first needed)."""
+    kind = context.engine.model.type
+    if context.engine.exact:
+        from symcheck.check.rational import measures as exact_measures
+
+        return exact_measures.MEASURES[kind]
+    match kind:
+        case ModelType.DTMC:
+            from symcheck.check.measures import dtmc
+
+            return dtmc
+        case ModelType.CTMC:
+            from symcheck.check.measures import ctmc
+
+            return ctmc
+        case ModelType.MDP:
+            from symcheck.check.measures import mdp
+
+            return mdp
+        case _:
+            assert_never(kind)

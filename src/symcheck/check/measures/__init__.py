@@ -1,0 +1,1 @@
+"""Measures: which equations each quantity of a model leads to."""

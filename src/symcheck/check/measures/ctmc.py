@@ -1,0 +1,249 @@
+"""Measures on continuous-time Markov chains: the embedded chain where time does not matter, uniformisation where it does.
+
+Source: Baier, Haverkort, Hermanns & Katoen (2003), 'Model-checking algorithms for continuous-time Markov chains'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from time import perf_counter
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.long_run import steady_probability, steady_reward
+from symcheck.check.measures.reachability import equations, reach_reward, until
+from symcheck.check.measures.reward_bounded_until import counted_next, counted_until
+from symcheck.check.measures.total_reward import total_reward
+from symcheck.check.result import Run
+from symcheck.check.time_bounds import Window
+from symcheck.direction import Direction
+from symcheck.engines.base import StateSet, System, Values
+from symcheck.matrices.rows import Floats
+
+__all__ = [
+    "bounded_miss",
+    "bounded_until",
+    "counted_next",
+    "counted_until",
+    "cumulative_reward",
+    "instantaneous_reward",
+    "next_probability",
+    "positive",
+    "reach_reward",
+    "steady_probability",
+    "steady_reward",
+    "total_reward",
+    "until",
+]
+
+_TINY = 1e-299
+"""The width that bounds may have however small the value is."""
+
+
+def next_probability(
+    context: Context, target: StateSet, window: Window, direction: Direction | None
+) -> Values:
+    """Probability that the first jump leads into `target` and happens within the window.
+
+    The time of the jump has an exponential distribution with the exit rate, and does not depend on where it leads.
+    """
+    engine = context.engine
+    part = equations(context, engine.all)
+    assert part.rates is not None
+    value = part.into(target)
+    context.notes.runs.append(Run("transient", "one jump", part.system.n, 1))
+    sure, never = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
+    if window.trivial:
+        return part.system.lift(value, None, exact=True).choose(
+            ~(sure | never), engine.indicator(sure)
+        )
+    lower, upper = window.times()
+    in_time = np.exp(-part.rates * lower) * (
+        1.0 if upper is None else -np.expm1(-part.rates * (upper - lower))
+    )
+    return part.system.lift(value * in_time, None, exact=True).choose(~never, engine.constant(0))
+
+
+def bounded_until(
+    context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
+) -> Values:
+    """Probability of left U[a,b] right: within `left` for time a, then left U<=b-a right (unbounded without b)."""
+    lower, upper = window.times()
+    if lower == 0:
+        return (
+            until(context, left, right, direction)
+            if upper is None
+            else _within(context, left, right, upper)
+        )
+    # What follows time a is needed at all states that may be reached by then, and the two parts share the error.
+    context = context.tighter(context.options.epsilon / 3)
+    everywhere = replace(context, matter=None)
+    later = (
+        until(everywhere, left, right, direction)
+        if upper is None
+        else _within(everywhere, left, right, upper - lower)
+    )
+    return _delayed(context, left, later, lower)
+
+
+def bounded_miss(
+    context: Context,
+    left: StateSet,
+    right: StateSet,
+    window: Window,
+    miss: Callable[[Context], Values],
+) -> Values:
+    """Probability of not (left U[a,b] right): time b - a without getting there, after time a in which `left` may end too.
+
+    Without an upper bound the first part is `miss`.
+    """
+    lower, upper = window.times()
+    if lower == 0 and upper is not None:
+        return _missing(context, left, right, upper)
+    context = context.tighter(context.options.epsilon / 3)
+    everywhere = replace(context, matter=None)
+    later = miss(everywhere) if upper is None else _missing(everywhere, left, right, upper - lower)
+    return later if lower == 0 else _delayed(context, left, later, lower, 1.0)
+
+
+def positive(
+    context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
+) -> StateSet | None:
+    """Where left U[a,b] right has a positive probability: any number of jumps happens within any time, however short."""
+    graph = context.engine.graph
+    lower, upper = window.times()
+    if upper == 0:
+        return right
+    reaching = graph.exists_until(left, right if upper != lower else left & right)
+    return reaching if lower == 0 else reaching & left
+
+
+def cumulative_reward(
+    context: Context, structure: int, window: Window, direction: Direction | None
+) -> Values:
+    """Expected reward up to time t: state rewards per unit of time, transition rewards per jump."""
+    _, time = window.times()
+    assert time is not None
+    system = context.engine.system(context.engine.all)
+    states, rows = system.rewards(structure)
+    return _signed(context, None, states + rows, time)
+
+
+def instantaneous_reward(
+    context: Context, structure: int, time: Fraction, direction: Direction | None
+) -> Values:
+    """Expected state reward at time t."""
+    system = context.engine.system(context.engine.all)
+    states, _ = system.rewards(structure)
+    return system.lift(states, None) if time == 0 else _signed(context, states, None, float(time))
+
+
+def _within(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
+    """Probability of left U<=t right."""
+    engine = context.engine
+    if time == 0:
+        return engine.indicator(right)
+    system = engine.system((left - right) & engine.graph.exists_until(left, right))
+    lower, upper = _values(context, system, time, gain=system.into(right))
+    return system.lift(lower, np.minimum(upper, 1.0), [(right, 1.0)])
+
+
+def _missing(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
+    """Probability of not (left U<=t right)."""
+    engine = context.engine
+    if time == 0:
+        return engine.indicator(~right)
+    possible = engine.graph.exists_until(left, right)
+    system = engine.system((left - right) & possible)
+    lower, upper = _values(
+        context, system, time, terminal=np.ones(system.n), gain=system.into(~possible)
+    )
+    return system.lift(np.minimum(lower, 1.0), np.minimum(upper, 1.0), [(~possible, 1.0)])
+
+
+def _delayed(
+    context: Context, left: StateSet, values: Values, time: float, outside: float = 0.0
+) -> Values:
+    """The expected value at time t of runs that stay in `left` until then (`outside` for other runs)."""
+    system = context.engine.system(left)
+    low, high = values.at(left)
+    gain = system.into(~left) if outside else None
+    lower, upper = _values(context, system, time, terminal=low, gain=gain)
+    if not values.exact:
+        _, upper = _values(context, system, time, terminal=high, gain=gain)
+    return system.lift(lower, upper, [(~left, outside)])
+
+
+def _signed(context: Context, terminal: Floats | None, gain: Floats | None, time: float) -> Values:
+    """Transient values with rewards of both signs, one sign at a time, over the states that matter to them."""
+    engine = context.engine
+    start = terminal if terminal is not None else gain
+    assert start is not None
+    parts = []
+    for sign in (1.0, -1.0):
+        some = np.maximum(sign * start, 0.0)
+        system = engine.system(engine.graph.exists_until(engine.all, engine.from_bools(some > 0)))
+        own = some[engine.to_bools(system.states)]
+        lower, upper = _values(
+            context,
+            system,
+            time,
+            terminal=None if terminal is None else own,
+            gain=None if gain is None else own,
+        )
+        parts.append(system.lift(lower, upper))
+    return parts[0] if not np.any(start < 0) else parts[0].map("-", parts[1])
+
+
+def _values(
+    context: Context,
+    system: System,
+    time: float,
+    *,
+    terminal: Floats | None = None,
+    gain: Floats | None = None,
+) -> tuple[Floats, Floats]:
+    """Bounds on the solution of x' = Q x + gain, x(0) = terminal, at a time, over the states of the system."""
+    from symcheck.numerics.transient.uniformization import transient_values
+
+    if system.n == 0:
+        return np.empty(0), np.empty(0)
+    started = perf_counter()
+    rates = system.matrix if context.engine.has_rows else system.operator
+    interest = None
+    if context.matter is not None:
+        interest = np.flatnonzero(system.restrict(context.matter))
+    found = transient_values(
+        rates,
+        system.row_sums(),
+        time,
+        context.options,
+        terminal=terminal,
+        gain=gain,
+        interest=interest,
+        observer=context.observer,
+    )
+    seconds = perf_counter() - started
+    context.notes.runs.append(
+        Run("transient", "uniformisation", system.n, found.iterations, seconds, found.explanation)
+    )
+    _note_width(context, system, found.lower, found.upper, found.explanation)
+    return found.lower, found.upper
+
+
+def _note_width(
+    context: Context, system: System, lower: Floats, upper: Floats, explanation: str
+) -> None:
+    """Warn where the bounds are further apart than was asked for, at states that matter."""
+    width = upper - lower
+    if context.options.relative:
+        width = np.maximum(width - _TINY, 0.0) / np.maximum(np.abs(upper), _TINY)
+    if context.matter is not None:
+        width = width[system.restrict(context.matter) > 0]
+    if len(width) and width.max() > context.options.epsilon * (1 + 1e-9):
+        context.notes.warn(
+            f"the bounds are {width.max():.1E} apart, further than asked for: {explanation}"
+        )

@@ -1,0 +1,108 @@
+"""Long-run averages of Markov chains: the average of each bottom component, and who gets there.
+
+Source: Baier & Katoen (2008), 10.1.2; Baier, Haverkort, Hermanns & Katoen (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from time import perf_counter
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.reachability import boundary_values
+from symcheck.check.result import Run
+from symcheck.direction import Direction
+from symcheck.engines.base import StateSet, System, Values
+from symcheck.matrices.rows import Bools, Floats
+from symcheck.numerics import graph
+
+__all__ = ["steady_probability", "steady_reward"]
+
+Reward = Callable[[System], Floats]
+
+
+def steady_probability(
+    context: Context, states: StateSet, direction: Direction | None = None
+) -> Values:
+    """Long-run share of the time that is spent in `states`, from each state.
+
+    A bottom component has one average for all its states; a state outside has the average of those, weighted with the
+    probabilities of getting there.
+    """
+    return _average(context, lambda system: system.restrict(states))
+
+
+def steady_reward(context: Context, structure: int, direction: Direction | None = None) -> Values:
+    """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
+
+    def reward(system: System) -> Floats:
+        states, rows = system.rewards(structure)
+        return states + rows
+
+    return _average(context, reward)
+
+
+def _average(context: Context, reward: Reward) -> Values:
+    engine = context.engine
+    recurrent, low, high = engine.none, np.zeros(engine.states), np.zeros(engine.states)
+    for states, members, lower, upper in _components(context, reward):
+        recurrent = recurrent | states
+        low[members], high[members] = lower, upper
+    system = engine.system(recurrent)
+    inside = engine.to_bools(recurrent)
+    averages = system.lift(low[inside], None if np.array_equal(low, high) else high[inside])
+    return boundary_values(context, ~recurrent, averages)
+
+
+def _components(
+    context: Context, reward: Reward
+) -> Iterator[tuple[StateSet, Bools, Floats, Floats]]:
+    """Sets of bottom components with their members, and bounds on the average at each member."""
+    engine = context.engine
+    if engine.has_rows:
+        # Absorbing states may be many: they are one set, with their own rewards as averages.
+        parts = graph.bsccs(engine.system(engine.all).matrix)
+        members = np.zeros(engine.states, bool)
+        members[[int(p[0]) for p in parts if len(p) == 1]] = True
+        absorbing = engine.from_bools(members)
+        own = reward(engine.system(absorbing))
+        yield absorbing, members, own, own
+        larger = [_indices(p, engine.states) for p in parts if len(p) > 1]
+        sets = (engine.from_bools(m) for m in larger)
+    else:
+        sets = (s for s in engine.graph.bsccs())
+    for states in sets:
+        system = engine.system(states)
+        lower, upper = _component_average(context, system, reward(system))
+        yield states, engine.to_bools(states), np.full(system.n, lower), np.full(system.n, upper)
+
+
+def _indices(states: np.ndarray[tuple[int, ...], np.dtype[np.int32]], n: int) -> Bools:
+    members = np.zeros(n, bool)
+    members[states] = True
+    return members
+
+
+def _component_average(context: Context, system: System, reward: Floats) -> tuple[float, float]:
+    """Bounds on the average in a bottom component; no numbers are needed where the reward is the same everywhere."""
+    from symcheck.numerics.long_run.stationary import long_run_average
+
+    if reward.min() == reward.max():
+        return float(reward[0]), float(reward[0])
+    started = perf_counter()
+    found = long_run_average(system.matrix, reward, context.options, context.observer)
+    seconds = perf_counter() - started
+    context.notes.runs.append(
+        Run(
+            "steady",
+            "long-run average",
+            system.n,
+            found.iterations,
+            seconds,
+            found.explanation,
+            found.certified,
+        )
+    )
+    return found.lower, found.upper

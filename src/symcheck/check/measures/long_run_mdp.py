@@ -1,0 +1,127 @@
+"""Long-run averages of Markov decision processes: the least and the greatest over all strategies.
+
+See `symcheck.numerics.long_run.mean_payoff` for the method and its sources.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.step_bounded import per_row
+from symcheck.check.result import Run
+from symcheck.direction import Direction
+from symcheck.engines.base import ROUNDING, StateSet, System, Values
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.rows import Bools, Floats
+
+if TYPE_CHECKING:
+    from symcheck.numerics.long_run.mean_payoff import Gains
+
+__all__ = ["steady_probability", "steady_reward"]
+
+
+def steady_probability(context: Context, states: StateSet, direction: Direction | None) -> Values:
+    """Long-run share of the steps that are spent in `states`, at least or at most: certified."""
+    system = context.engine.system(context.engine.all)
+    return _average(
+        context, system, per_row(system, system.restrict(states)), direction, share=True
+    )
+
+
+def steady_reward(context: Context, structure: int, direction: Direction | None) -> Values:
+    """Long-run average of the reward per step, at least or at most: certified."""
+    system = context.engine.system(context.engine.all)
+    states, rows = system.rewards(structure)
+    return _average(
+        context, system, np.asarray(per_row(system, states) + rows), direction, share=False
+    )
+
+
+def _average(
+    context: Context, system: System, rewards: Floats, direction: Direction | None, *, share: bool
+) -> Values:
+    from symcheck.numerics.linear.methods import solve_linear
+    from symcheck.numerics.long_run.mean_payoff import component_gains, ending
+
+    assert direction is not None
+    if context.options.fairness:
+        raise UnsupportedError(
+            "long-run averages over fair strategies only are not supported; without -fair they are"
+        )
+    if not np.isfinite(rewards).all():
+        raise UnsupportedError("long-run averages of infinite rewards are not supported")
+    started, options, observer = perf_counter(), context.options, context.observer
+    # Averages near 0 of rewards of both signs are sums that cancel: all is done more finely for them.
+    finer = (
+        replace(options, epsilon=1e-4 * options.epsilon)
+        if rewards.min(initial=0.0) < 0
+        else options
+    )
+    gains = component_gains(system.matrix, rewards, direction, finer, observer)
+    # Averages that may be negative are moved up: a strategy ends with probability 1, so that the values move by as much.
+    shift = 2.0 * float(np.abs(gains.lower).max()) if gains.lower.min() < 0.0 else 0.0
+    moved = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
+    part = ending(system.matrix, moved, direction)
+    given = float(((moved.upper - moved.lower) / np.maximum(moved.upper, 1e-300)).max(initial=0.0))
+    found = solve_linear(
+        part.problem, replace(options, epsilon=max(finer.epsilon, 4.0 * given)), observer
+    )
+    lower, upper = found.lower[part.place], found.upper[part.place]
+    exact = found.exact and shift == 0.0 and bool(np.array_equal(gains.lower, gains.upper))
+    if not exact:
+        # The shift is rounded, and so is what is exact up to rounding only.
+        slip = (ROUNDING if found.exact else 2.0**-51) * upper
+        lower, upper = lower - slip - shift, upper + slip - shift
+    if share:
+        lower, upper = np.clip(lower, 0.0, 1.0), np.clip(upper, 0.0, 1.0)
+    count = gains.parts.count
+    about = f"{count} end component{'s' * (count != 1)}, the largest of {max(1, gains.largest)} states; {found.explanation}"
+    run = Run(
+        "steady",
+        "mean payoff",
+        system.n,
+        gains.iterations + found.iterations,
+        perf_counter() - started,
+        about,
+        found.certified,
+    )
+    context.notes.runs.append(run)
+    _note_width(context, lower, upper)
+    values = system.lift(
+        0.5 * (lower + upper) if exact else lower, None if exact else upper, exact=exact
+    )
+    return _certain(context, gains, values, direction) if share else values
+
+
+def _certain(context: Context, gains: Gains, values: Values, direction: Direction) -> Values:
+    """Shares with 0 and 1 exactly where the graph gives them: all ends are such, or (the best) some that are reached for certain."""
+    graph = context.engine.graph
+    sure = {v: (gains.lower == v) & (gains.upper == v) for v in (0.0, 1.0)}
+    best, worst = (1.0, 0.0) if direction == Direction.MAX else (0.0, 1.0)
+    found = {
+        best: graph.prob1(context.engine.all, _ends(context, gains, sure[best]), Direction.MAX),
+        worst: ~graph.exists_until(context.engine.all, _ends(context, gains, ~sure[worst])),
+    }
+    return values.choose(~(found[0.0] | found[1.0]), context.engine.indicator(found[1.0]))
+
+
+def _ends(context: Context, gains: Gains, chosen: Bools) -> StateSet:
+    """The states of some end components."""
+    inside = gains.parts.of >= 0
+    members = np.zeros(len(inside), np.bool_)
+    members[inside] = chosen[gains.parts.of[inside]]
+    return context.engine.from_bools(members)
+
+
+def _note_width(context: Context, lower: Floats, upper: Floats) -> None:
+    width = upper - lower
+    if context.options.relative:
+        width = width / np.maximum(np.maximum(np.abs(lower), np.abs(upper)), 1e-300)
+    apart = float(width.max(initial=0.0))
+    if apart > context.options.epsilon * (1 + 1e-9):
+        context.notes.warn(f"the bounds are {apart:.1E} apart, further than asked for")

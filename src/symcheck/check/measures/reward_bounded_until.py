@@ -1,0 +1,261 @@
+"""Path formulas with bounds on rewards: `F^{rew{"r"}<=k} a`, and the same for U, G, W, R and X.
+
+A run satisfies `a U^{rew{"r"}<=k} b` where `b` holds in some state, `a` in all before, and the reward of these states and
+of the transitions between is at most k. So the reward of the state in which `b` holds is not counted, that of the step into
+it is. Storm and the quantitative verification benchmarks have it so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import reduce
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.reward_scaling import Limits, main_first, scaled
+from symcheck.check.measures.step_bounded import best, per_row
+from symcheck.check.result import Run
+from symcheck.check.time_bounds import Count
+from symcheck.direction import Direction
+from symcheck.engines.base import ROUNDING, StateSet, System, Values
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.rows import Bools, Floats, SparseMatrix
+from symcheck.semantics.binding.bound_conditions import reward_index
+from symcheck.semantics.model import BoundReward
+from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
+
+if TYPE_CHECKING:
+    from symcheck.numerics.reward_bounds.epoch_system import Epochs
+    from symcheck.numerics.reward_bounds.epochs import Found
+
+__all__ = ["check_even", "counted_next", "counted_until"]
+
+
+def counted_until(
+    context: Context,
+    left: StateSet,
+    right: StateSet,
+    counts: Sequence[Count],
+    direction: Direction | None,
+) -> Values:
+    """(Least or greatest) probability of `left U right` with every reward within its bounds when `right` is reached.
+
+    Strategies may remember the rewards. Rewards must be multiples of a common step, and not negative; of a CTMC, rewards of
+    transitions only. Several bounds: all but one are counted in the states. Certified, rounding included. Raises
+    UnsupportedError where a reward is of another kind, naming it, and MemoryLimitError.
+    """
+    engine = context.engine
+    _supported(context, direction)
+    trivial = [c for c in counts if c.window.trivial]
+    counts = [c for c in counts if c not in trivial]
+    if not counts:
+        from symcheck.check.measures.reachability import until
+
+        return until(context, left, right, direction)
+    from symcheck.numerics.reward_bounds.epochs import solve_epochs, unfold  # few runs need it
+
+    bounded = any(c.window.upper is not None for c in counts)
+    system = engine.system(engine.graph.exists_until(left, right) if bounded else engine.all)
+    if system.n == 0:
+        return engine.constant(0)
+    started = perf_counter()
+    limits = [scaled(context, system, row_rewards(context, system, c), c) for c in counts]
+    if any(limit.empty for limit in limits):
+        return engine.constant(0)
+    limits.sort(key=main_first)
+    problem = _problem(context, system, left, right, limits[0], direction)
+    n = problem.matrix.states
+    for i, limit in enumerate(limits[1:], 1):
+        problem, rows = unfold(problem, limit.rewards, limit.lower, limit.upper)
+        limits[i + 1 :] = [replace(later, rewards=later.rewards[rows]) for later in limits[i + 1 :]]
+    found = solve_epochs(problem, context.options, context.observer)
+    first = slice(None, None, problem.matrix.states // n)
+    _note(context, found, problem, perf_counter() - started)
+    return _lift(context, system, found.lower[first], found.upper[first])
+
+
+def counted_next(
+    context: Context, target: StateSet, counts: Sequence[Count], direction: Direction | None
+) -> Values:
+    """Probability that the next state is in `target`, and the reward of the step within its bounds."""
+    engine = context.engine
+    _supported(context, direction)
+    system = engine.system(engine.all)
+    allowed = np.ones(len(system.row_sums()), np.bool_)
+    for count in counts:
+        limit = scaled(context, system, row_rewards(context, system, count), count)
+        allowed &= limit.rewards >= limit.lower
+        if limit.upper is not None:
+            allowed &= limit.rewards <= limit.upper
+    into = system.into(target)
+    if engine.model.type is ModelType.CTMC:
+        into = into / system.row_sums()
+    sure = engine.to_bools(engine.graph.all_successors_in(target))
+    values = best(
+        np.where(allowed, np.where(per_row(system, sure.astype(np.float64)) > 0, 1.0, into), 0.0),
+        system,
+        direction,
+    )
+    context.notes.runs.append(Run("steps", "one step", system.n, 1))
+    slip = 0.25 * ROUNDING * np.where((values == 0) | (values == 1), 0.0, values)
+    return _lift(context, system, values - slip, np.minimum(values + slip, 1.0))
+
+
+def _supported(context: Context, direction: Direction | None) -> None:
+    if context.options.fairness and direction is not None:
+        raise UnsupportedError(
+            "bounds on rewards over fair strategies only are not supported; without -fair they are"
+        )
+
+
+def row_rewards(context: Context, system: System, count: Count) -> Floats:
+    """The reward of a step by each row: float64[rows]."""
+    if count.structure is None:
+        return np.ones(len(system.row_sums()))
+    kind = context.engine.model.type
+    structure = reward_index(count.structure, context.engine.model)
+    states, rows = system.rewards(structure)
+    if kind is ModelType.CTMC and states.any():
+        raise UnsupportedError(
+            "a bound on state rewards of a ctmc, which are gathered per unit of time, is not supported; one on rewards of transitions is"
+        )
+    check_even(context, structure, paying=bool(rows.any()))
+    if kind is ModelType.CTMC:
+        rows = rows / system.row_sums()
+    return np.asarray(per_row(system, states) + rows)
+
+
+def check_even(context: Context, structure: int, *, paying: bool) -> None:
+    """Raise UnsupportedError where transitions of one state (choice) have different rewards: only their average is known here.
+
+    In a chain, commands of different actions are one row. `paying`: whether some row has a transition reward.
+    """
+    model = context.engine.model
+    items = [i for i in model.rewards[structure].items if not i.on_states]
+    if not items:
+        if paying:
+            raise UnsupportedError(
+                "a bound on the transition rewards of a model that was read state by state is not supported: "
+                "they may differ within a choice"
+            )
+        return
+    if model.type is ModelType.MDP:
+        return
+    if hasattr(
+        context.engine, "rational"
+    ):  # a model with a text, but not the states of that text: blocks of them
+        raise UnsupportedError(
+            "bounds on transition rewards of a chain are not checked on a quotient"
+        )
+    uneven = _uneven(context, items)
+    if uneven:
+        where = context.example(uneven)
+        raise UnsupportedError(
+            f"a bound on a reward that differs between the transitions of one state is not supported, as in {where}"
+        )
+
+
+def _uneven(context: Context, items: Sequence[BoundReward]) -> StateSet:
+    """States in which two actions with different transition rewards are possible."""
+    engine = context.engine
+    zero: Expression = Literal(0, Type.INT)
+    groups: dict[tuple[Expression, ...], list[Expression]] = {}
+    for event in engine.model.events:
+        terms: tuple[Expression, ...] = tuple(
+            Conditional(i.guard, i.value, zero) for i in items if i.action == event.action
+        )
+        guards = [reduce(_or, [c.guard for c in part]) for part in event.participants]
+        groups.setdefault(terms, []).append(reduce(lambda a, b: Binary("&", a, b), guards))
+    known: list[tuple[StateSet, Values]] = []
+    found = engine.none
+    for terms, guards in groups.items():
+        where = engine.where(reduce(_or, guards))
+        values = engine.values(reduce(lambda a, b: Binary("+", a, b), terms, zero), Type.DOUBLE)
+        for other, rewards in known:
+            if where & other:
+                equal, _ = values.map("-", rewards).compare("=", 0)
+                found = found | ((where & other) - equal)
+        known.append((where, values))
+    return found
+
+
+def _or(a: Expression, b: Expression) -> Expression:
+    return Binary("|", a, b)
+
+
+def _problem(
+    context: Context,
+    system: System,
+    left: StateSet,
+    right: StateSet,
+    limit: Limits,
+    direction: Direction | None,
+) -> Epochs:
+    from symcheck.numerics.reward_bounds.epoch_system import Epochs
+
+    matrix, leave = system.matrix, system.into(~system.states)
+    if context.engine.model.type is ModelType.CTMC:
+        rates = system.row_sums()
+        matrix = SparseMatrix(
+            matrix.indptr,
+            matrix.indices,
+            matrix.data / np.repeat(rates, np.diff(matrix.indptr)),
+            matrix.columns,
+        )
+        leave = leave / rates
+
+    def members(states: StateSet) -> Bools:
+        return np.asarray(system.restrict(states) > 0)
+
+    return Epochs(
+        matrix,
+        leave,
+        limit.rewards,
+        members(left),
+        members(right),
+        limit.lower,
+        limit.upper,
+        direction,
+    )
+
+
+def _note(context: Context, found: Found, problem: Epochs, seconds: float) -> None:
+    cycles = f", cycles without reward of up to {found.cycle} states" if found.cycle > 1 else ""
+    about = f"{found.levels} levels of the budget{cycles}"
+    context.notes.runs.append(
+        Run(
+            "epochs",
+            "budget by budget",
+            problem.matrix.states,
+            found.levels + found.sweeps,
+            seconds,
+            about,
+        )
+    )
+
+
+def _lift(context: Context, system: System, lower: Floats, upper: Floats) -> Values:
+    """Values that are as near as rounding allows are so called; wider ones than were asked for get a warning."""
+    width = upper - lower
+    relative = width / np.maximum(upper, 1e-300)
+    options = context.options
+    apart = float((relative if options.relative else width).max(initial=0.0))
+    if apart > options.epsilon:
+        context.notes.warn(f"the bounds are {apart:.1E} apart, further than asked for")
+    if float(relative.max(initial=0.0)) > ROUNDING:
+        return system.lift(lower, upper)
+    values = system.lift(0.5 * (lower + upper), None, exact=True)
+    # What is 0 or 1 for certain is no matter of rounding.
+    ones = context.engine.from_bools(_spread(context, system, lower == 1.0))
+    zeros = context.engine.from_bools(_spread(context, system, upper == 0.0))
+    return values.choose(~(ones | zeros), context.engine.indicator(ones))
+
+
+def _spread(context: Context, system: System, own: Bools) -> Bools:
+    members = np.zeros(context.engine.states, np.bool_)
+    members[np.flatnonzero(context.engine.to_bools(system.states))[own]] = True
+    return members

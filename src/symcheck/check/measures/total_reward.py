@@ -1,0 +1,64 @@
+"""Total expected reward for ever."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.reachability import equations, reach_reward
+from symcheck.check.measures.step_bounded import best, per_row
+from symcheck.direction import Direction
+from symcheck.engines.base import StateSet, System, Values
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.rows import Bools, Floats
+from symcheck.numerics import graph
+
+__all__ = ["total_reward"]
+
+
+def total_reward(context: Context, structure: int, direction: Direction | None) -> Values:
+    """Expected reward for ever, from each state; rewards must not be negative.
+
+    Without choices: infinite unless the states from which no reward comes any more are reached almost surely, so that it
+    is the reward until those. 'min': the same with the states where some strategy can stay for ever for free.
+    'max': infinite where an end component with a reward can be reached. Raises UnsupportedError for negative rewards.
+    """
+    engine = context.engine
+    whole = engine.system(engine.all)
+    states, rows = whole.rewards(structure)
+    reward = per_row(whole, states) + rows
+    if len(reward) and reward.min() < 0:
+        raise UnsupportedError("a total reward with negative rewards is not supported; C<=k is")
+    if direction == Direction.MAX:
+        return _greatest(context, structure, whole, reward)
+    if direction == Direction.MIN:
+        return reach_reward(context, structure, _free(context, whole, reward == 0), direction)
+    rewarding = engine.from_bools(reward > 0)
+    return reach_reward(context, structure, ~engine.graph.exists_until(engine.all, rewarding), None)
+
+
+def _free(context: Context, whole: System, costless: Bools) -> StateSet:
+    """States in an end component whose rows carry no reward."""
+    parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool), costless)
+    return context.engine.from_bools(parts.of >= 0)
+
+
+def _greatest(context: Context, structure: int, whole: System, reward: Floats) -> Values:
+    """The greatest total reward: end components without reward become places where a run may stay, with value 0."""
+    engine = context.engine
+    parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool))
+    paying = engine.from_bools(
+        best((parts.rows & (reward > 0)).astype(np.float64), whole, Direction.MAX) > 0
+    )
+    infinite = engine.graph.exists_until(engine.all, paying)
+    rewarding = engine.from_bools(best(reward, whole, Direction.MAX) > 0)
+    nothing = ~engine.graph.exists_until(engine.all, rewarding)
+    part = equations(context, ~(infinite | nothing))
+    own_states, own_rows = part.system.rewards(structure)
+    problem = part.problem(
+        part.scaled(per_row(part.system, own_states) + own_rows),
+        None,
+        Direction.MAX,
+        probability=False,
+    )
+    return part.solve(problem, [(infinite, np.inf)], wait=True)

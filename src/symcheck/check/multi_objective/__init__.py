@@ -1,0 +1,1 @@
+"""Multi-objective queries, `multi(...)`."""

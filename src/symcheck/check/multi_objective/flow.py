@@ -1,0 +1,204 @@
+"""The flow of a multi-objective query: the product of the model with all that its objectives count and accept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.step_bounded import per_row
+from symcheck.check.omega_regular.ltl import linear_product
+from symcheck.check.path_formulas import StatesOf, TemporalPath, temporal
+from symcheck.check.reward_queries import structure_number
+from symcheck.check.time_bounds import window
+from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.product import Product
+from symcheck.engines.rational.engine import ExactEngine
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.rows import Bools, Int32s
+from symcheck.numerics.graph import Incidence
+from symcheck.numerics.multi_objective import linear_program as numerics
+from symcheck.numerics.multi_objective.rational_program import ExactFlow
+from symcheck.syntax.ast import CumulativeReward, ProbabilityOperator, RewardOperator
+
+__all__ = ["Objective", "flow_of"]
+
+
+@dataclass(frozen=True)
+class Objective:
+    """One objective. sign: 1 where more is better, -1 where less is. bound: None where it is asked for."""
+
+    formula: ProbabilityOperator | RewardOperator
+    sign: int
+    bound: Fraction | None
+
+    @property
+    def probability(self) -> bool:
+        """Whether it is a P operator."""
+        return isinstance(self.formula, ProbabilityOperator)
+
+    def internal(self, value: Any) -> Any:
+        """A value so that more is better (its own inverse): a small probability is a great one of the negation."""
+        if self.sign > 0:
+            return value
+        return 1 - value if self.probability else -value
+
+    @property
+    def least(self) -> Fraction | float:
+        """What is needed at least, so written; -inf for anything."""
+        return -inf if self.bound is None else self.internal(self.bound)
+
+    def shown(self, value: Any) -> Any:
+        """A value as the user reads it, and 0 without a sign."""
+        value = self.internal(value)
+        return (min(1, max(0, value)) if self.probability else value) + 0
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """An automaton without letters that counts the steps up to a number."""
+
+    table: Int32s
+    initial: int = 0
+
+
+def flow_of(
+    context: Context, objectives: Sequence[Objective], states_of: StatesOf
+) -> numerics.Flow | ExactFlow:
+    """The flow of the product of the model with a step counter and with an automaton per P objective."""
+    chain = _Chain(context)
+    limits = [_limit(o) for o in objectives]
+    counted = max((k for k in limits if k is not None), default=None)
+    counts: dict[int, StateSet] = {}
+    if counted is not None:
+        product: Product = chain.engine.product((), _counter(counted))
+        counts = {k: product.automaton_states(frozenset(range(k))) for k in limits if k is not None}
+        chain = chain.extended(product)
+    before = chain
+    accepted: list[list[list[StateSet]] | None] = []
+    for o in objectives:
+        if not isinstance(o.formula, ProbabilityOperator):
+            accepted.append(None)
+            continue
+        path = temporal(o.formula.path, states_of)
+        lifted = tuple((e, chain.lift(s)) for e, s in path.letters)
+        path = TemporalPath(path.formula, lifted, negative=o.sign < 0)
+        product, pairs = linear_product(replace(context, engine=chain.engine), path)
+        accepted = [_lifted(product, a) for a in accepted]
+        accepted.append([[avoid, *visits] for avoid, visits in pairs])
+        chain = chain.extended(product)
+    counts = {k: chain.lift(s, since=len(before.products)) for k, s in counts.items()}
+    return _equations(chain, objectives, limits, counts, accepted)
+
+
+def _equations(
+    chain: _Chain,
+    objectives: Sequence[Objective],
+    limits: Sequence[int | None],
+    counts: dict[int, StateSet],
+    accepted: Sequence[list[list[StateSet]] | None],
+) -> numerics.Flow | ExactFlow:
+    engine = chain.engine
+    exact = engine if isinstance(engine, ExactEngine) else None
+    matrix = exact.matrix if exact is not None else engine.system(engine.all).matrix
+    assert matrix.groups is not None
+    rewards: list[Any] = []
+    costless = np.ones(matrix.rows, dtype=np.bool_)
+    for o, k in zip(objectives, limits, strict=True):
+        own = (
+            np.zeros(matrix.rows)
+            if exact is None
+            else np.full(matrix.rows, Fraction(0), dtype=object)
+        )
+        if isinstance(o.formula, RewardOperator):
+            own = _row_rewards(engine, structure_number(chain.context, o.formula))
+            if (own < 0).any():
+                raise UnsupportedError("negative rewards in multi(...) are not supported")
+            if k is not None:
+                own = np.where(
+                    np.repeat(engine.to_bools(counts[k]), np.diff(matrix.groups)), own, 0 * own
+                )
+            if o.sign < 0:
+                costless &= np.asarray(own == 0, dtype=np.bool_)
+        rewards.append(o.sign * own)
+
+    def bools(pairs: list[list[StateSet]]) -> list[tuple[Bools, list[Bools]]]:
+        return [
+            (engine.to_bools(avoid), [engine.to_bools(v) for v in visits])
+            for avoid, *visits in pairs
+        ]
+
+    stays = numerics.settling(
+        Incidence(matrix), costless, [None if a is None else bools(a) for a in accepted]
+    )
+    initial = int(np.flatnonzero(engine.to_bools(engine.initial))[0])
+    flow = numerics.Flow(
+        matrix,
+        initial,
+        np.array([own.astype(np.float64) for own in rewards]).reshape(-1, matrix.rows),
+        stays,
+    )
+    return (
+        flow
+        if exact is None
+        else ExactFlow(flow, exact.rationals.values, [own.tolist() for own in rewards])
+    )
+
+
+def _row_rewards(engine: Engine, structure: int) -> Any:
+    """The reward of each row: doubles, or Fractions."""
+    if isinstance(engine, ExactEngine):
+        groups = engine.matrix.groups
+        assert groups is not None
+        return (
+            np.repeat(engine.state_rewards[structure], np.diff(groups))
+            + engine.row_rewards[structure]
+        )
+    system = engine.system(engine.all)
+    states, rows = system.rewards(structure)
+    return np.asarray(per_row(system, states) + rows, dtype=np.float64)
+
+
+def _lifted(product: Product, pairs: list[list[StateSet]] | None) -> list[list[StateSet]] | None:
+    return None if pairs is None else [[product.lift(s) for s in sets] for sets in pairs]
+
+
+def _limit(objective: Objective) -> int | None:
+    """The number of steps of C<=k."""
+    query = objective.formula.query if isinstance(objective.formula, RewardOperator) else None
+    if not isinstance(query, CumulativeReward):
+        return None
+    steps = window(query.bound).steps()
+    if steps.upper is None or steps.lower:
+        raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
+    return steps.upper
+
+
+def _counter(limit: int) -> _Steps:
+    return _Steps(np.minimum(np.arange(1, limit + 2), limit).astype(np.int32)[:, None])
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """Products, one on top of the other."""
+
+    context: Context
+    products: tuple[Product, ...] = ()
+
+    @property
+    def engine(self) -> Engine:
+        return self.products[-1].engine if self.products else self.context.engine
+
+    def extended(self, product: Product) -> _Chain:
+        return _Chain(self.context, (*self.products, product))
+
+    def lift(self, states: StateSet, since: int = 0) -> StateSet:
+        """A set of an engine `since` products up, in the last one."""
+        for product in self.products[since:]:
+            states = product.lift(states)
+        return states

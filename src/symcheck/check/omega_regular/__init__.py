@@ -1,0 +1,1 @@
+"""Path formulas that need graph analysis of a product: LTL, CTL*, fairness."""

@@ -1,0 +1,174 @@
+"""The probability of a path formula at each state, and which states meet a bound on it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import assert_never
+
+from symcheck.check.context import Context
+from symcheck.check.measure_selection import measures
+from symcheck.check.path_formulas import (
+    NextPath,
+    Path,
+    RewardPath,
+    StatePath,
+    TemporalPath,
+    UntilPath,
+    negated,
+)
+from symcheck.direction import Direction
+from symcheck.engines.base import ROUNDING, StateSet, Values
+
+__all__ = ["complement", "probability", "qualitative"]
+
+_LEAST = 5e-324
+
+_LARGE = 100_000
+"""States from which on values are not computed that nothing asks for."""
+
+
+def complement(context: Context, values: Values) -> Values:
+    """1 - values. Where that is so small that the rounding of `values` is most of it, bounds take the place of a number."""
+    one = context.engine.constant(1)
+    found = one.map("-", values)
+    if context.engine.exact or not found.rounded(context.engine.all):
+        return found
+    sure, close = found.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
+    # An interval makes the margins of rounding part of the sum; this one changes nothing else.
+    return found.choose(
+        ~(sure | close), one.map("-", values.map("+", context.engine.constant(0, _LEAST)))
+    )
+
+
+def probability(context: Context, path: Path, direction: Direction | None) -> Values:
+    """Probability of a path formula at each state (of an MDP: the least or greatest one)."""
+    if isinstance(path, UntilPath) and _decided(context, path):
+        known = path.right | ~path.left
+        satisfied = context.engine.indicator(known - path.right if path.negative else path.right)
+        return satisfied.choose(known, context.engine.constant(0, 1))
+    if isinstance(path, UntilPath) and path.negative and not context.engine.exact:
+        from symcheck.check.complement_until import missed
+
+        certain = _zero(context, path.left, path.right, direction and direction.dual)
+        return missed(context, path, direction, certain)
+    if isinstance(path, NextPath) and path.negative and path.window.trivial:
+        return measures(context).next_probability(context, ~path.target, path.window, direction)
+    if path.negative and not isinstance(path, StatePath | TemporalPath):
+        return complement(
+            context, probability(context, negated(path), direction and direction.dual)
+        )
+    match path:
+        case StatePath(states, negative):
+            return context.engine.indicator(~states if negative else states)
+        case NextPath(target, window):
+            return measures(context).next_probability(context, target, window, direction)
+        case UntilPath(left, right, window) if not window.trivial:
+            return measures(context).bounded_until(context, left, right, window, direction)
+        case UntilPath(left, right) if context.options.fairness and direction == Direction.MIN:
+            return _fair_minimum(context, left, right)
+        case UntilPath(left, right):
+            return measures(context).until(context, left, right, direction)
+        case RewardPath(inner, counts):
+            if isinstance(inner, NextPath):
+                return measures(context).counted_next(context, inner.target, counts, direction)
+            return measures(context).counted_until(
+                context, inner.left, inner.right, counts, direction
+            )
+        case TemporalPath():
+            return _linear_time(context, path, direction)
+        case _:
+            assert_never(path)
+
+
+def _decided(context: Context, path: UntilPath) -> bool:
+    """Whether the model is large, and the states where a value is needed decide the formula by themselves."""
+    matter = context.matter
+    if matter is None or context.engine.states < _LARGE or not path.window.at_once:
+        return False
+    return matter <= path.right | ~path.left
+
+
+def _linear_time(context: Context, path: TemporalPath, direction: Direction | None) -> Values:
+    """By way of an automaton, unless the formula turns out to be an until; the least probability by way of the negation's."""
+    from symcheck.check.omega_regular.ltl import as_until, path_probability_ltl
+
+    simple = as_until(context, path)
+    if simple is not None:
+        return probability(context, simple, direction)
+    if direction == Direction.MIN:
+        return complement(
+            context,
+            path_probability_ltl(context, replace(path, negative=not path.negative), Direction.MAX),
+        )
+    return path_probability_ltl(context, path, direction)
+
+
+def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:
+    """Least probability of left U right over fair strategies.
+
+    A fair run reaches `right`, or a state from where it cannot be reached any more, almost surely; so the least
+    probability of the former is 1 - the greatest one of the latter. Source: Baier & Kwiatkowska (1998).
+    """
+    hopeless = ~context.engine.graph.exists_until(left, right)
+    return complement(
+        context, measures(context).until(context, left - right, hopeless, Direction.MAX)
+    )
+
+
+def qualitative(
+    context: Context, path: Path, operator: str, threshold: Fraction, direction: Direction | None
+) -> StateSet | None:
+    """The states that meet a bound, where graph analysis decides it (> 0, <= 0, >= 1, < 1); None where numbers are needed."""
+    if path.negative and isinstance(path, UntilPath):
+        mirrored = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}[operator]
+        return qualitative(
+            context, negated(path), mirrored, 1 - threshold, direction and direction.dual
+        )
+    if threshold < 0 or threshold > 1:
+        return (
+            context.engine.all
+            if (operator in (">", ">=")) == (threshold < 0)
+            else context.engine.none
+        )
+    bound = (operator, int(threshold)) if threshold in (0, 1) else None
+    if bound in ((">=", 0), ("<=", 1)):
+        return context.engine.all
+    if bound in (("<", 0), (">", 1)):
+        return context.engine.none
+    if not isinstance(path, UntilPath) or bound is None:
+        return None
+    states = (
+        _surely(context, path, direction) if threshold == 1 else _possibly(context, path, direction)
+    )
+    if states is None:
+        return None
+    return states if operator in (">", ">=") else ~states
+
+
+def _possibly(context: Context, path: UntilPath, direction: Direction | None) -> StateSet | None:
+    """Where the probability is greater than 0."""
+    if not path.window.trivial:
+        return measures(context).positive(context, path.left, path.right, path.window, direction)
+    return ~_zero(context, path.left, path.right, direction)
+
+
+def _zero(
+    context: Context, left: StateSet, right: StateSet, direction: Direction | None
+) -> StateSet:
+    graph = context.engine.graph
+    if context.options.fairness and direction == Direction.MIN:
+        return graph.prob1(left - right, ~graph.exists_until(left, right), Direction.MAX)
+    return graph.prob0(left, right, direction)
+
+
+def _surely(context: Context, path: UntilPath, direction: Direction | None) -> StateSet | None:
+    """Where the probability is 1."""
+    if not path.window.trivial:
+        return None
+    graph = context.engine.graph
+    if context.options.fairness and direction == Direction.MIN:
+        return graph.prob0(
+            path.left - path.right, ~graph.exists_until(path.left, path.right), Direction.MAX
+        )
+    return graph.prob1(path.left, path.right, direction)

@@ -1,0 +1,77 @@
+"""Rational arithmetic where floating point cannot decide: the same model and formula, bound again exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from symcheck.check.context import Context
+from symcheck.errors import UnsupportedError
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression
+from symcheck.syntax.traversal import nodes
+
+if TYPE_CHECKING:
+    from symcheck.engines.rational.engine import ExactEngine
+
+__all__ = ["exact_twin", "exactly_bound"]
+
+
+def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expression]:
+    """The context over the model explored exactly, and the part of the formula that is being checked, bound to it.
+
+    Raises UnsupportedError where the model cannot be explored so.
+    """
+    engine = _exact_engine(context)
+    return replace(context, engine=engine, matter=None), _twin(context, engine.model, formula)
+
+
+def exactly_bound(model: BoundModel) -> BoundModel:
+    """The model with its numbers as the fractions that its text writes."""
+    from symcheck.semantics.binding.bind import bind
+
+    if model.exact:
+        return model
+    given = {
+        c.name: model.constants[c.name]
+        for c in model.program.constants
+        if c.value is None and c.name in model.constants
+    }
+    exact = bind(model.program, given, model_type=model.type, exact=True)
+    return exact if model.derivation is None else model.derivation(exact)
+
+
+def _exact_engine(context: Context) -> ExactEngine:
+    """The model explored exactly; once per check."""
+    from symcheck.engines.rational.engine import ExactEngine, explore_exactly
+
+    if not isinstance(context.notes.exact_engine, ExactEngine):
+        # A model that was read state by state has no text to bind again, and brings its own rationals.
+        own = getattr(context.engine, "rational", None)
+        if own is not None:
+            context.notes.exact_engine = engine = own()
+            return engine  # type: ignore[no-any-return]
+        model = exactly_bound(context.engine.model)
+        engine = explore_exactly(
+            model, check_sums=context.options.check_sums, limit=context.engine.states
+        )
+        if engine.states != context.engine.states:
+            raise UnsupportedError(
+                "explored exactly, the model has other states than in floating point"
+            )
+        context.notes.exact_engine = engine
+    return context.notes.exact_engine
+
+
+def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:
+    """The part of the exactly bound formula that stands where `formula` stands in the one bound in floating point.
+
+    Binding folds constants (1/6 becomes a double), so the formula is bound again; parts are found by their place in the text.
+    """
+    if context.rebind is None:
+        return formula
+    whole = context.rebind(model)
+    for node in nodes(whole):
+        if type(node) is type(formula) and node.span == formula.span and node.span.text:
+            return node
+    return formula

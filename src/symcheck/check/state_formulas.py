@@ -1,0 +1,322 @@
+"""The recursion over formulas: which states satisfy a formula, and which value it has at each state."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import partial
+
+from symcheck.check.context import Context
+from symcheck.check.filters import Outcome, apply_filter
+from symcheck.check.omega_regular import ctl
+from symcheck.check.path_formulas import StatesOf, resolve
+from symcheck.check.path_probabilities import probability, qualitative
+from symcheck.check.rational.rebind_exact import exact_twin
+from symcheck.check.reward_queries import reward_values, structure_number
+from symcheck.check.steady_state import steady_values
+from symcheck.check.thresholds import decide
+from symcheck.direction import Direction
+from symcheck.engines.base import StateSet, Values
+from symcheck.errors import Diagnostic, InputError, UnsupportedError
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.syntax.ast import (
+    Binary,
+    Bound,
+    Call,
+    Conditional,
+    Expression,
+    Filter,
+    LabelReference,
+    Literal,
+    ModelType,
+    MultiObjective,
+    Name,
+    PathQuantifier,
+    ProbabilityOperator,
+    RewardOperator,
+    StateFilter,
+    SteadyState,
+    Type,
+    Unary,
+)
+
+__all__ = ["filter_outcome", "is_plain", "modern_filter", "numbers", "satisfying", "states_of"]
+
+_COMPARISONS = frozenset({"<", "<=", ">", ">=", "=", "!="})
+
+
+def is_plain(expression: Expression) -> bool:
+    """Whether a formula is an expression over variables only, which an engine evaluates by itself."""
+    match expression:
+        case Literal() | Name():
+            return True
+        case Unary(_, operand):
+            return is_plain(operand)
+        case Binary(_, left, right):
+            return is_plain(left) and is_plain(right)
+        case Conditional(condition, then, otherwise):
+            return is_plain(condition) and is_plain(then) and is_plain(otherwise)
+        case Call(_, arguments):
+            return all(is_plain(a) for a in arguments)
+        case _:
+            return False
+
+
+def satisfying(context: Context, formula: Expression, matter: StateSet) -> StateSet:
+    """The states that satisfy a boolean formula; right at the states that `matter`.
+
+    Raises NumericalError where a comparison cannot be decided at such a state, UnsupportedError and InputError.
+    """
+    if is_plain(formula):
+        return context.engine.where(formula)
+    here = partial(satisfying, context, matter=matter)
+    match formula:
+        case Unary("!", operand):
+            return ~here(operand)
+        case Binary("&", left, right):
+            return here(left) & here(right)
+        case Binary("|", left, right):
+            return here(left) | here(right)
+        case Binary("=>", left, right):
+            return ~here(left) | here(right)
+        case Binary("<=>", left, right):
+            return _equal(here(left), here(right))
+        case Binary() if formula.operator in _COMPARISONS:
+            return _comparison(context, formula, matter)
+        case Conditional(condition, then, otherwise):
+            chosen = here(condition)
+            return (chosen & here(then)) | (here(otherwise) - chosen)
+        case LabelReference():
+            return _reference(context, formula, matter)
+        case ProbabilityOperator(_, Bound(), _):
+            return _bounded_probability(context, formula, matter)
+        case RewardOperator(_, _, Bound(), _):
+            return _bounded_reward(context, formula, matter)
+        case SteadyState(Bound()):
+            return _bounded_steady(context, formula, matter)
+        case PathQuantifier(quantifier, path):
+            read = resolve(path, states_of(context), context.engine.all)
+            return ctl.forall(context, read) if quantifier == "A" else ctl.exists(context, read)
+        case Filter() | StateFilter():
+            return filter_outcome(context, formula, matter).everywhere  # type: ignore[return-value]
+        case MultiObjective():
+            raise _no_multi()
+        case _:
+            raise AssertionError(f"not a boolean formula: {type(formula).__name__}")
+
+
+def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
+    """The value of a numeric formula at each state, within the accuracy of the context's options."""
+    if is_plain(formula):
+        return context.engine.values(formula, context.type(formula))
+    here = partial(numbers, context, matter=matter)
+    context = context.about(matter)
+    match formula:
+        case Unary("-", operand):
+            return here(operand).map("-")
+        case Binary(operator, left, right):
+            return here(left).map(operator, here(right))
+        case Call(function, (first, *others)):
+            return here(first).map(function, *(here(a) for a in others))
+        case Conditional(condition, then, otherwise):
+            return here(then).choose(satisfying(context, condition, matter), here(otherwise))
+        case LabelReference():
+            return numbers(context.inside(formula), context.referred(formula), matter)
+        case ProbabilityOperator(direction, _, path):
+            read = resolve(path, states_of(context), context.engine.all)
+            return _clipped(
+                context, probability(context, read, _direction(context, formula, direction, None))
+            )
+        case RewardOperator(_, direction, _, _):
+            structure = structure_number(context, formula)
+            return reward_values(
+                context,
+                formula,
+                structure,
+                states_of(context),
+                _direction(context, formula, direction, None),
+            )
+        case SteadyState(_, inner, direction):
+            chosen = _direction(context, formula, direction, None)
+            return _clipped(context, steady_values(context, states_of(context)(inner), chosen))
+        case Filter() | StateFilter():
+            return filter_outcome(context, formula, matter).everywhere  # type: ignore[return-value]
+        case MultiObjective():
+            raise _no_multi()
+        case _:
+            raise AssertionError(f"not a numeric formula: {type(formula).__name__}")
+
+
+def _clipped(context: Context, values: Values) -> Values:
+    """Probabilities without what rounding, or the width of bounds, has put below 0 or above 1: the true ones are never there."""
+    if values.minimum(context.engine.all)[0] < 0:
+        values = values.map("max", 0)
+    return values.map("min", 1) if values.maximum(context.engine.all)[1] > 1 else values
+
+
+def states_of(context: Context) -> StatesOf:
+    """The states of a formula within an operator, where all states matter."""
+    return lambda formula: satisfying(context, formula, context.engine.all)
+
+
+def filter_outcome(context: Context, formula: Filter | StateFilter, matter: StateSet) -> Outcome:
+    """What a filter says, and what it is at each state that matters."""
+    node = formula if isinstance(formula, Filter) else modern_filter(formula)
+    states = context.engine.all if node.states is None else states_of(context)(node.states)
+    kind = context.type(node.formula)
+    also = states | matter if node.operator in ("print", "printall") else states
+    inner = (
+        satisfying(context, node.formula, also)
+        if kind is Type.BOOL
+        else numbers(context, node.formula, also)
+    )
+    return apply_filter(context, node, inner, states, kind)
+
+
+def modern_filter(formula: StateFilter) -> Filter:
+    """The newer form of `P=? [ path {states}{min}{max} ]`."""
+    match sorted(formula.operators):
+        case []:
+            operator = "state"
+        case ["max", "min"]:
+            operator = "range"
+        case [one, *_]:
+            operator = one
+    return Filter(operator, formula.formula, formula.states, span=formula.span)
+
+
+def _equal(left: StateSet, right: StateSet) -> StateSet:
+    return (left & right) | ~(left | right)
+
+
+def _reference(context: Context, reference: LabelReference, matter: StateSet) -> StateSet:
+    if reference.name == "init":
+        return context.engine.initial
+    if reference.name == "deadlock":
+        return context.engine.deadlocks
+    return satisfying(context.inside(reference), context.referred(reference), matter)
+
+
+def _comparison(context: Context, formula: Binary, matter: StateSet) -> StateSet:
+    left, right = formula.left, formula.right
+    if context.type(left) is Type.BOOL:
+        same = _equal(satisfying(context, left, matter), satisfying(context, right, matter))
+        return same if formula.operator == "=" else ~same
+    if isinstance(right, Literal):
+        threshold = Fraction(right.value)
+        return decide(
+            context,
+            lambda c: numbers(c, left, matter),
+            formula.operator,
+            threshold,
+            matter,
+            partial(_exactly, context, formula),
+        )
+
+    def difference(c: Context) -> Values:
+        return numbers(c, left, matter).map("-", numbers(c, right, matter))
+
+    return decide(
+        context, difference, formula.operator, 0, matter, partial(_exactly, context, formula)
+    )
+
+
+def _bounded_probability(
+    context: Context, formula: ProbabilityOperator, matter: StateSet
+) -> StateSet:
+    assert formula.bound is not None
+    operator, threshold = formula.bound.operator, _threshold(formula.bound)
+    direction = _direction(context, formula, formula.direction, operator)
+    path = resolve(formula.path, states_of(context), context.engine.all)
+    context = context.about(matter)
+    by_graph = qualitative(context, path, operator, threshold, direction)
+    if by_graph is not None:
+        return by_graph
+    return decide(
+        context,
+        lambda c: probability(c, path, direction),
+        operator,
+        threshold,
+        matter,
+        partial(_exactly, context, formula),
+    )
+
+
+def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet) -> StateSet:
+    assert formula.bound is not None
+    operator, threshold = formula.bound.operator, _threshold(formula.bound)
+    direction = _direction(context, formula, formula.direction, operator)
+    structure = structure_number(context, formula)
+    context = context.about(matter)
+
+    def compute(c: Context) -> Values:
+        return reward_values(c, formula, structure, states_of(c), direction)
+
+    return decide(
+        context, compute, operator, threshold, matter, partial(_exactly, context, formula)
+    )
+
+
+def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) -> StateSet:
+    assert formula.bound is not None
+    states = states_of(context)(formula.formula)
+    context = context.about(matter)
+    threshold, operator = _threshold(formula.bound), formula.bound.operator
+    direction = _direction(context, formula, formula.direction, operator)
+    return decide(
+        context,
+        lambda c: steady_values(c, states, direction),
+        operator,
+        threshold,
+        matter,
+        partial(_exactly, context, formula),
+    )
+
+
+def _exactly(context: Context, formula: Expression) -> StateSet:
+    """The states that satisfy a part of the formula that is being checked, in rational arithmetic.
+
+    Raises UnsupportedError where the formula cannot be evaluated exactly.
+    """
+    exact, twin = exact_twin(context, formula)
+    return context.engine.from_bools(
+        exact.engine.to_bools(satisfying(exact, twin, exact.engine.all))
+    )
+
+
+def _threshold(bound: Bound) -> Fraction:
+    value = evaluate(bound.threshold, {}, exact=True)
+    if isinstance(value, float):
+        raise InputError(
+            Diagnostic("a threshold must be a finite number", bound.threshold.span, "threshold")
+        )
+    return Fraction(value)
+
+
+def _direction(
+    context: Context,
+    formula: ProbabilityOperator | RewardOperator | SteadyState,
+    given: str | None,
+    operator: str | None,
+) -> Direction | None:
+    """Over which strategies: as given; for a bound without it over all, so that the worst one decides. None without choices."""
+    if context.engine.model.type is not ModelType.MDP:
+        return None
+    if given in ("min", "max"):
+        return Direction(given)
+    letter = {ProbabilityOperator: "P", RewardOperator: "R", SteadyState: "S"}[type(formula)]
+    if given is not None:
+        raise UnsupportedError(
+            f"{letter}{given} is not supported on an mdp; {letter}min and {letter}max are"
+        )
+    if operator is None:
+        message = f"{letter}=? has no single value in an mdp"
+        raise InputError(
+            Diagnostic(message, formula.span, "direction", f"use {letter}min=? or {letter}max=?")
+        )
+    return Direction.MIN if operator in (">", ">=") else Direction.MAX
+
+
+def _no_multi() -> UnsupportedError:
+    return UnsupportedError(
+        "multi(...) is supported as a property of its own, not within a formula or a filter"
+    )

@@ -1,0 +1,1 @@
+"""Strategies of an MDP that attain the value of a property."""

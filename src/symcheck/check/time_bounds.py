@@ -1,0 +1,131 @@
+"""Bounds on steps and time, evaluated: how the `<=k`, `[a,b]`, `>k`, `=k` of a property are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, floor, isfinite
+
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span, UnsupportedError
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.syntax.ast import Expression, PathBound, RewardBound, RewardBounds, TimeBound
+
+__all__ = ["Count", "Steps", "Window", "bound_value", "counts", "window"]
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Times from `lower` to `upper` (None: no end), as the text says; `strict` bounds leave their end out."""
+
+    lower: Fraction = Fraction(0)
+    upper: Fraction | None = None
+    lower_strict: bool = False
+    upper_strict: bool = False
+    span: Span = NO_SPAN
+
+    @property
+    def trivial(self) -> bool:
+        """Whether all times are allowed."""
+        return self.lower == 0 and self.upper is None and not self.lower_strict
+
+    def steps(self) -> Steps:
+        """The window in steps. Raises InputError where a bound is not whole or the window is empty."""
+        lower = _whole(self.lower, self.span) + self.lower_strict
+        upper = None if self.upper is None else _whole(self.upper, self.span) - self.upper_strict
+        if upper is not None and upper < lower:
+            raise InputError(_empty(self.span))
+        return Steps(lower, upper)
+
+    @property
+    def at_once(self) -> bool:
+        """Whether time 0 is in the window."""
+        return self.lower == 0 and not self.lower_strict
+
+    def times(self) -> tuple[float, float | None]:
+        """The window in continuous time, where a single instant has probability 0, so that strictness does not matter."""
+        return float(self.lower), None if self.upper is None else float(self.upper)
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Step numbers from `lower` to `upper` (None: no end), both included."""
+
+    lower: int
+    upper: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """How much of a reward (None: how many steps) there may be."""
+
+    structure: str | Expression | None
+    window: Window
+
+
+def bound_value(expression: Expression) -> Fraction:
+    """The value of a bound, exactly. Raises InputError where it is negative or not a finite number."""
+    value = evaluate(expression, {}, exact=True)
+    if not isfinite(value) or value < 0:
+        raise InputError(
+            Diagnostic(
+                f"a bound on steps or time cannot be {_show(value)}", expression.span, "bound"
+            )
+        )
+    return Fraction(value)
+
+
+def window(bound: PathBound | None) -> Window:
+    """The times that a bound allows.
+
+    Raises InputError where a bound is negative or no time is left, and UnsupportedError for a bound on a reward.
+    """
+    if bound is None:
+        return Window()
+    if not isinstance(bound, TimeBound):
+        raise UnsupportedError(
+            "a bound on a reward is supported for X, F, G, U, W and R over state formulas, checked numerically; not within formulas "
+            "with several temporal operators, in A and E, or by simulation"
+        )
+    return _extent(bound)
+
+
+def counts(bound: RewardBound | RewardBounds) -> tuple[Count, ...]:
+    """The rewards that a bound allows. Raises InputError where one is negative or none is left."""
+    parts = bound.parts if isinstance(bound, RewardBounds) else (bound,)
+    return tuple(Count(p.structure, _extent(p)) for p in parts)
+
+
+def _extent(bound: TimeBound | RewardBound) -> Window:
+    lower = Fraction(0) if bound.lower is None else bound_value(bound.lower)
+    upper = None if bound.upper is None else bound_value(bound.upper)
+    result = Window(
+        lower, upper, bound.lower_strict, bound.upper_strict and upper is not None, bound.span
+    )
+    empty_point = result.lower_strict or result.upper_strict
+    if upper is not None and (upper < lower or (upper == lower and empty_point)):
+        raise InputError(_empty(bound.span))
+    return result
+
+
+def _empty(span: Span) -> Diagnostic:
+    return Diagnostic(
+        "no time satisfies this bound",
+        span,
+        "bound",
+        "the upper bound must not be below the lower one",
+    )
+
+
+def _whole(value: Fraction, span: Span) -> int:
+    if value.denominator != 1:
+        hint = f"{floor(value)} or {ceil(value)} would do; fractions of a step exist in a ctmc only"
+        raise InputError(
+            Diagnostic(f"a number of steps must be whole, not {_show(value)}", span, "bound", hint)
+        )
+    return int(value)
+
+
+def _show(value: object) -> str:
+    return (
+        str(float(value)) if isinstance(value, Fraction) and value.denominator != 1 else str(value)
+    )

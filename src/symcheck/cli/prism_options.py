@@ -1,0 +1,152 @@
+"""Switches of PRISM that mean something else here, or nothing: scripts that were written for PRISM run as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from symcheck.errors import UsageError
+
+__all__ = ["Adapted", "adapt"]
+
+_METHODS = "methods are chosen by structure, and results certified; -method NAME forces one"
+_MEMORY = "there is no Java machine here; -cuddmaxmem limits the memory of diagrams"
+_ANALYSIS = "graph analysis is always made, and never an option"
+_STORAGE = "storage is chosen by size"
+_OTHER = "nothing here corresponds to it"
+
+_GROUPS: tuple[tuple[str, int, str], ...] = (
+    (
+        "power pow pwr jacobi jac gaussseidel gs bgaussseidel bgs pgaussseidel pgs bpgaussseidel bpgs",
+        0,
+        _METHODS,
+    ),
+    (
+        "jor sor bsor psor bpsor valiter politer modpoliter topological intervaliter ii linprog lp pmaxquotient",
+        0,
+        _METHODS,
+    ),
+    (
+        "omega transientmethod ptamethod heuristic fauepsilon faudelta fauarraythreshold fauintervals fauinitival",
+        1,
+        _METHODS,
+    ),
+    ("multimaxpoints paretoepsilon gridresolution", 1, _METHODS),
+    ("javamaxmem javastack javaparams", 1, _MEMORY),
+    ("nopre noprob0 noprob1 noprerel zerorewardcheck nossdetect ssdetect", 0, _ANALYSIS),
+    ("sccmethod", 1, _ANALYSIS),
+    ("nocompact ddsanity extraddinfo extrareachinfo exportordered ordered", 0, _STORAGE),
+    ("sbl sbmax gsl sorl gsmax sormax cuddepsilon ddextrastatevars ddextraactionvars", 1, _STORAGE),
+    ("pathviaautomata nodasimplify simmanual ng", 0, _OTHER),
+    ("aroptions settings sumroundoff", 1, _OTHER),
+)
+_WITHOUT_EFFECT: Mapping[str, tuple[int, str]] = {
+    name: (count, why) for names, count, why in _GROUPS for name in names.split()
+}
+
+_REFUSED: Mapping[str, str] = {
+    "param": "parametric model checking is not offered; -const NAME=LOW:STEP:HIGH gives the values at points",
+    "symm": "symmetry reduction is not offered; -bisim checks on the quotient by strong bisimulation",
+    "importpepa": "PEPA is not read: models are in the PRISM language",
+    "exportmrmc": "MRMC's formats are not written; -exportmodel writes .tra .lab .srew .trew .drn and .umb",
+    "exportunordered": "what is written is always in the order of rows",
+    "exportiterations": "iterates are not written; the library hands each to an observer",
+    "importresults": "results are not read; -exportresults writes them",
+    "exportprodtrans": "products with automata are not written",
+    "exportprodstates": "products with automata are not written",
+    "exportprodvector": "products with automata are not written",
+    "exporttarget": "targets are not written; a label with -exportlabels is",
+    "exportpareto": "write -exportresults FILE: the points are the result",
+    "exportobs": "partially observable models are not checked",
+    "importobs": "partially observable models are not checked",
+}
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """words: for the parser. without_effect: switches that were left out, with the reason. folder: of -dir."""
+
+    words: list[str]
+    without_effect: Mapping[str, str]
+    folder: str | None = None
+
+
+def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
+    """Take the switches that only PRISM has out of a command line, and translate others.
+
+    values: the parser's own switches, with dashes, and how many words follow each (-1: one, if it is no switch). Raises
+    UsageError for a switch that cannot be served, and for one that nobody knows.
+    """
+    kept: list[str] = []
+    files: list[str] = []
+    without: dict[str, str] = {}
+    folder = None
+    rest = _Words(words)
+    while (word := rest.take()) is not None:
+        name = word.lstrip("-") if word.startswith("-") and not _is_number(word) else None
+        if word in values:
+            kept += _joined(word, rest.following(values[word]))
+        elif not name:
+            files.append(word)
+        elif (plain := name.partition(":")[0]) in _WITHOUT_EFFECT:
+            count, why = _WITHOUT_EFFECT[plain]
+            rest.following(count)
+            without[f"-{plain}"] = why
+        elif name in ("exportadv", "exportadvmdp"):
+            mode = "reduce" if name == "exportadv" else "restrict"
+            kept += [
+                "-exportstrat",
+                *(f"{path}:type=induced,mode={mode}" for path in rest.following(1)),
+            ]
+        elif name == "dir":
+            folder = rest.take()
+        elif name in _REFUSED:
+            raise UsageError(f"-{name}: {_REFUSED[name]}")
+        else:
+            raise UsageError(
+                f"there is no switch {word}\n  hint: {_hint(word, values)}symcheck --help lists the switches"
+            )
+    if len(files) > 2:
+        raise UsageError(
+            f"'{files[2]}' is one file too many: a run has a model file and a properties file; -pf gives more properties"
+        )
+    # Files may stand between switches, which argparse does not expect of two that may be missing.
+    return Adapted([*files, *kept], without, folder)
+
+
+class _Words:
+    """The words of a command line, taken one after the other."""
+
+    def __init__(self, words: Sequence[str]) -> None:
+        self._waiting = list(reversed(words))
+
+    def take(self) -> str | None:
+        return self._waiting.pop() if self._waiting else None
+
+    def following(self, count: int) -> list[str]:
+        """The next words; with -1 the next one if it is no switch."""
+        if count < 0:
+            count = 1 if self._waiting and not self._waiting[-1].startswith("-") else 0
+        return [word for _ in range(count) if (word := self.take()) is not None]
+
+
+def _joined(switch: str, following: list[str]) -> list[str]:
+    """A switch and its words; one that looks like a switch itself (`-pf "-x>0"`) is tied to it."""
+    if len(following) == 1 and following[0].startswith("-"):
+        return [f"{switch}={following[0]}"]
+    return [switch, *following]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _hint(word: str, known: Mapping[str, int]) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(word, known, 1, 0.75)
+    return f"did you mean {near[0]}? " if near else ""

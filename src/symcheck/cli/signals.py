@@ -1,0 +1,101 @@
+"""What ends a run from outside: Ctrl-C, SIGTERM (from a scheduler, say), and the limit of time."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any
+
+from symcheck.errors import TimeLimitError
+
+__all__ = ["Stopping", "limited"]
+
+_GRACE = 5.0  # seconds that compiled code has to notice that time is up
+_PATIENCE = 1.0  # seconds until a signal that has had no effect is repeated
+_HANDLED: dict[signal.Signals, Any] = {
+    signal.SIGINT: signal.default_int_handler,
+    signal.SIGTERM: signal.SIG_DFL,
+}
+
+
+class Stopping:
+    """While it is entered, Ctrl-C and SIGTERM raise KeyboardInterrupt in the main thread, again and again until that has an effect.
+
+    What they interrupt may be code that cannot raise, such as a destructor. Signals that somebody else handles are left alone.
+    """
+
+    def __init__(self) -> None:
+        self.signal = signal.SIGINT
+        """The one that came last."""
+        self._timers: list[threading.Timer] = []
+        self._taken: list[signal.Signals] = []
+
+    def __enter__(self) -> Stopping:
+        if threading.current_thread() is threading.main_thread():
+            self._taken = [
+                number for number, usual in _HANDLED.items() if signal.getsignal(number) == usual
+            ]
+        for number in self._taken:
+            signal.signal(number, self._raise)
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        for timer in self._timers:
+            timer.cancel()
+        for number in self._taken:
+            signal.signal(number, _HANDLED[number])
+
+    def _raise(self, number: int, _: FrameType | None) -> None:
+        self.signal = signal.Signals(number)
+        again = threading.Timer(_PATIENCE, os.kill, (os.getpid(), number))
+        again.daemon = True
+        again.start()
+        self._timers.append(again)
+        raise KeyboardInterrupt
+
+    @property
+    def name(self) -> str:
+        """What the user calls it."""
+        return "Ctrl-C" if self.signal is signal.SIGINT else self.signal.name
+
+    @property
+    def advice(self) -> str:
+        """A hint, as it is appended to messages, for whoever did not press a key."""
+        if self.signal is signal.SIGINT:
+            return ""
+        return f"\n  hint: {self.name} came from outside, as from a scheduler; -timeout and -cuddmaxmem end a run before that, and say why"
+
+    @property
+    def status(self) -> int:
+        """The exit status of what it has stopped: 130 or 143, as shells have it."""
+        return 128 + self.signal
+
+
+@contextmanager
+def limited(seconds: float | None, last_resort: Callable[[], None]) -> Iterator[None]:
+    """Raise TimeLimitError in the main thread after some seconds; `last_resort` is called where that has no effect."""
+    if seconds is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def expired(_: int, __: FrameType | None) -> None:
+        raise TimeLimitError(
+            "the time limit was reached\n  hint: -timeout gives more; finished results are kept"
+        )
+
+    watchdog = threading.Timer(seconds + _GRACE, last_resort)
+    watchdog.daemon = True
+    previous = signal.signal(signal.SIGALRM, expired)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    watchdog.start()
+    try:
+        yield
+    finally:
+        watchdog.cancel()
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        with suppress(ValueError):
+            signal.signal(signal.SIGALRM, previous)

@@ -1,0 +1,299 @@
+"""Sets of states as bool arrays, and values as float64 arrays of lower and upper bounds, in index order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from symcheck.engines.base import ROUNDING, bracket
+from symcheck.matrices.rows import Bools, Floats
+
+__all__ = ["ArraySet", "ArrayValues"]
+
+
+@dataclass(frozen=True, eq=False)
+class ArraySet:
+    """A set of states: `members` is bool[states], never written to."""
+
+    members: Bools = field(repr=False)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of states in the set."""
+        return int(np.count_nonzero(self.members))
+
+    def __and__(self, other: ArraySet, /) -> ArraySet:
+        return ArraySet(self.members & other.members)
+
+    def __or__(self, other: ArraySet, /) -> ArraySet:
+        return ArraySet(self.members | other.members)
+
+    def __sub__(self, other: ArraySet, /) -> ArraySet:
+        return ArraySet(self.members & ~other.members)
+
+    def __invert__(self) -> ArraySet:
+        return ArraySet(~self.members)
+
+    def __bool__(self) -> bool:
+        return bool(self.members.any())
+
+    def __eq__(self, other: object, /) -> bool:
+        return isinstance(other, ArraySet) and np.array_equal(self.members, other.members)
+
+    def __le__(self, other: ArraySet, /) -> bool:
+        return not bool(np.any(self.members & ~other.members))
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"<ArraySet of {self.count:,} of {len(self.members):,} states>"
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayValues:
+    """Values between `lower` and `upper`, float64[states] each (the same array where exact).
+
+    `computed` (bool[states], None: nowhere) says which values a floating-point computation made, so that they are known
+    up to rounding only even where lower and upper are equal: within ROUNDING relatively, and `slack` absolutely (a difference
+    has the rounding of its operands, which is large relative to a small value).
+    """
+
+    lower: Floats = field(repr=False)
+    upper: Floats = field(repr=False)
+    computed: Bools | None = field(default=None, repr=False)
+    slack: float = 0.0
+
+    @cached_property
+    def exact(self) -> bool:
+        """Whether lower and upper are the same everywhere."""
+        return self.lower is self.upper or np.array_equal(self.lower, self.upper, equal_nan=True)
+
+    def __repr__(self) -> str:
+        return (
+            f"<ArrayValues of {len(self.lower):,} states, {'exact' if self.exact else 'certified'}>"
+        )
+
+    def rounded(self, states: ArraySet) -> bool:
+        """Whether some value over the set was computed in floating point."""
+        return self.computed is not None and bool(np.any(self.computed & states.members))
+
+    def at(self, states: ArraySet) -> tuple[Floats, Floats]:
+        """Lower and upper values over the set, in index order."""
+        return self.lower[states.members], self.upper[states.members]
+
+    def minimum(self, states: ArraySet) -> tuple[float, float]:
+        """Bounds of the least value over the set."""
+        return float(self.lower[states.members].min()), float(self.upper[states.members].min())
+
+    def maximum(self, states: ArraySet) -> tuple[float, float]:
+        """Bounds of the largest value over the set."""
+        return float(self.lower[states.members].max()), float(self.upper[states.members].max())
+
+    def total(self, states: ArraySet) -> tuple[float, float]:
+        """Bounds of the sum over the set."""
+        return float(self.lower[states.members].sum()), float(self.upper[states.members].sum())
+
+    def _margins(self) -> tuple[Floats, Floats]:
+        """Lower and upper values, made wider by the rounding that a computed value may carry."""
+        if self.computed is None:
+            return self.lower, self.upper
+        with np.errstate(invalid="ignore"):
+            low = np.where(
+                self.computed, self.lower - (ROUNDING * np.abs(self.lower) + self.slack), self.lower
+            )
+            high = np.where(
+                self.computed, self.upper + (ROUNDING * np.abs(self.upper) + self.slack), self.upper
+            )
+        # An infinite value minus an infinite margin is no number.
+        return np.where(np.isinf(self.lower), self.lower, low), np.where(
+            np.isinf(self.upper), self.upper, high
+        )
+
+    def compare(self, operator: str, threshold: float | Fraction) -> tuple[ArraySet, ArraySet]:
+        """The states that surely satisfy the comparison, and those where it is undecided (never where a value is NaN)."""
+        below, above = bracket(threshold)
+        low, high = self._margins()
+        with np.errstate(invalid="ignore"):
+            yes, no = _COMPARISONS[operator](low, high, below, above)
+            nan = np.isnan(low) | np.isnan(high)
+        return ArraySet(yes), ArraySet(~(yes | no | nan))
+
+    def map(self, operator: str, *others: ArrayValues | float) -> ArrayValues:
+        """Interval arithmetic with an operator of the expression language."""
+        operands = [
+            self,
+            *(o if isinstance(o, ArrayValues) else _broadcast(o, len(self.lower)) for o in others),
+        ]
+        computed = _any(o.computed for o in operands)
+        with np.errstate(all="ignore"):
+            if operator in _STEPS:
+                # A value at a jump of floor or ceil may lie on either side of it: rounding must not choose.
+                low, high = self._margins()
+                return ArrayValues(*_same(_STEPS[operator](low), _STEPS[operator](high)))
+            slack = _slack(operator, operands)
+            if slack is not None and all(o.exact for o in operands):
+                value = _point(operator, [o.lower for o in operands])
+                return ArrayValues(value, value, computed, slack)
+            low, high = _interval(operator, [o._margins() for o in operands])
+        return ArrayValues(*_same(low, high))
+
+    def choose(self, states: ArraySet, other: ArrayValues) -> ArrayValues:
+        """These values on the set, the other ones elsewhere."""
+        m = states.members
+        lower = np.where(m, self.lower, other.lower)
+        upper = lower if self.exact and other.exact else np.where(m, self.upper, other.upper)
+        empty = np.zeros(len(m), bool)
+        if self.computed is None and other.computed is None:
+            return ArrayValues(lower, upper)
+        mine, theirs = (empty if c is None else c for c in (self.computed, other.computed))
+        return ArrayValues(lower, upper, np.where(m, mine, theirs), max(self.slack, other.slack))
+
+
+_Pair = tuple[Floats, Floats]
+_Decision = tuple[Bools, Bools]
+
+# Each gives the states where the comparison surely holds, and where it surely fails. For a threshold t that is not a
+# double, `below` < t < `above` are its neighbours, so that v >= t is v >= above, and v > t is v > below.
+_COMPARISONS: dict[str, Callable[[Floats, Floats, float, float], _Decision]] = {
+    ">=": lambda low, high, _, above: (low >= above, high < above),
+    ">": lambda low, high, below, _: (low > below, high <= below),
+    "<=": lambda low, high, below, _: (high <= below, low > below),
+    "<": lambda low, high, _, above: (high < above, low >= above),
+    "=": lambda low, high, below, above: (
+        (low == high) & (low == below) & (below == above),
+        (low > below) | (high < above),
+    ),
+    "!=": lambda low, high, below, above: (
+        (low > below) | (high < above),
+        (low == high) & (low == below) & (below == above),
+    ),
+}
+
+_STEPS: dict[str, Callable[[Floats], Floats]] = {
+    "floor": np.floor,
+    "ceil": np.ceil,
+    "round": lambda x: np.floor(x + 0.5),
+}
+
+
+def _slack(operator: str, operands: list[ArrayValues]) -> float | None:
+    """The absolute error of an operator applied to values with rounding; None where interval arithmetic must tell."""
+    total = sum(o.slack for o in operands)
+    if (
+        all(o.computed is None for o in operands)
+        or len(operands) == 1
+        or operator in ("min", "max")
+    ):
+        return total
+    if operator in ("+", "-"):
+        return total + ROUNDING * sum(_largest(o) for o in operands)
+    return 0.0 if operator in ("*", "/") and total == 0.0 else None
+
+
+def _largest(values: ArrayValues) -> float:
+    """The largest finite absolute value that was computed."""
+    if values.computed is None:
+        return 0.0
+    finite = np.abs(values.lower[values.computed & np.isfinite(values.lower)])
+    return float(finite.max(initial=0.0))
+
+
+def _broadcast(value: float, n: int) -> ArrayValues:
+    array = np.full(n, float(value))
+    return ArrayValues(array, array)
+
+
+def _any(masks: Iterable[Bools | None]) -> Bools | None:
+    result: Bools | None = None
+    for mask in masks:
+        if mask is not None:
+            result = mask if result is None else result | mask
+    return result
+
+
+def _same(low: Floats, high: Floats) -> _Pair:
+    return (low, low) if np.array_equal(low, high, equal_nan=True) else (low, high)
+
+
+def _point(operator: str, values: list[Floats]) -> Floats:
+    """An operator applied to known values."""
+    first, *rest = values
+    if operator == "-" and not rest:
+        return np.asarray(0.0 - first)  # not -first: there is no negative zero
+    for other in rest:
+        first = _POINTS[operator](first, other)
+    return first
+
+
+_POINTS: dict[str, Callable[[Any, Any], Any]] = {
+    "+": np.add,
+    "-": np.subtract,
+    "*": np.multiply,
+    "/": np.divide,
+    "min": np.minimum,
+    "max": np.maximum,
+    "^": np.power,
+    "pow": np.power,
+    "mod": lambda x, y: np.where(y > 0, np.mod(x, y), np.nan),
+    "log": lambda x, base: np.log(x) / np.log(base),
+}
+
+
+def _interval(operator: str, pairs: list[_Pair]) -> _Pair:
+    first, *rest = pairs
+    if operator == "-" and not rest:
+        return 0.0 - first[1], 0.0 - first[0]
+    for other in rest:
+        found = _INTERVALS.get(operator, _corners)(operator, first, other)
+        first = found if operator in ("min", "max") else _outward(*found)  # these two do not round
+    return first
+
+
+def _outward(low: Floats, high: Floats) -> _Pair:
+    """One unit in the last place wider, for the rounding of the operation itself, where the value is not a point."""
+    wide = low != high
+    return np.where(wide, np.nextafter(low, -np.inf), low), np.where(
+        wide, np.nextafter(high, np.inf), high
+    )
+
+
+def _corners(operator: str, x: _Pair, y: _Pair) -> _Pair:
+    """Extreme values at the corners: right for operators that are monotone in each argument, whichever way."""
+    values = [_POINTS[operator](a, b) for a in x for b in y]
+    return np.minimum.reduce(values), np.maximum.reduce(values)
+
+
+def _subtract(_: str, x: _Pair, y: _Pair) -> _Pair:
+    return x[0] - y[1], x[1] - y[0]
+
+
+def _divide(_: str, x: _Pair, y: _Pair) -> _Pair:
+    low, high = _corners("/", x, y)
+    across = (y[0] <= 0) & (y[1] >= 0) & (y[0] != y[1])
+    return np.where(across, -np.inf, low), np.where(across, np.inf, high)
+
+
+def _power(_: str, x: _Pair, y: _Pair) -> _Pair:
+    low, high = _corners("^", x, y)
+    # With a base that may be negative, or zero under a negative exponent, it is not monotone: say that nothing is known.
+    unknown = ((x[0] < 0) | ((x[0] == 0) & (y[0] < 0))) & ((x[0] != x[1]) | (y[0] != y[1]))
+    return np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high)
+
+
+def _modulo(_: str, x: _Pair, y: _Pair) -> _Pair:
+    point = (y[0] == y[1]) & (np.floor(x[0] / y[0]) == np.floor(x[1] / y[1])) & (y[0] > 0)
+    return np.where(point, np.mod(x[0], y[0]), 0.0), np.where(point, np.mod(x[1], y[1]), y[1])
+
+
+_INTERVALS: dict[str, Callable[[str, _Pair, _Pair], _Pair]] = {
+    "-": _subtract,
+    "/": _divide,
+    "^": _power,
+    "pow": _power,
+    "mod": _modulo,
+}

@@ -1,0 +1,63 @@
+"""What engines have in common whose states are listed one by one: a row of a matrix each, and sets that are arrays."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
+
+__all__ = ["Enumerated"]
+
+
+class Enumerated:
+    """Sizes and sets of an engine over the rows of `matrix` (see `symcheck.engines.base.Engine`)."""
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities (rates), deadlocks fixed, as doubles."""
+        raise NotImplementedError
+
+    @property
+    def states(self) -> int:
+        """Number of reachable states."""
+        return self.matrix.states
+
+    @property
+    def transitions(self) -> int:
+        """Number of stored transitions."""
+        return self.matrix.entries
+
+    @property
+    def choices(self) -> int:
+        """Number of choices (states, where there is no nondeterminism)."""
+        return self.matrix.rows
+
+    @cached_property
+    def all(self) -> ArraySet:
+        """Every reachable state."""
+        return ArraySet(np.ones(self.states, bool))
+
+    @cached_property
+    def none(self) -> ArraySet:
+        """The empty set."""
+        return ArraySet(np.zeros(self.states, bool))
+
+    def from_bools(self, members: Bools) -> ArraySet:
+        """The states at which the array (in index order) is True."""
+        return ArraySet(np.asarray(members, dtype=bool))
+
+    def to_bools(self, states: ArraySet) -> Bools:
+        """Membership of each state, in index order."""
+        return states.members
+
+    def first(self, states: ArraySet) -> ArraySet:
+        """The singleton of the state with the lowest index."""
+        return self._of(np.array([int(np.argmax(states.members))]))
+
+    def _of(self, indices: Int64s) -> ArraySet:
+        members = np.zeros(self.states, bool)
+        members[indices] = True
+        return ArraySet(members)

@@ -1,0 +1,259 @@
+"""The explicit engine: states as rows of a table, transitions as compressed rows, sets as bool arrays; no diagrams."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.explicit.base import Enumerated
+from symcheck.engines.explicit.graph import ExplicitGraph
+from symcheck.kernels.rows.sparse import multiply
+from symcheck.kernels.rows.submatrix import groups_among, select_states, sum_among, take_rows
+from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression, Type
+
+if TYPE_CHECKING:
+    from symcheck.engines.explicit.product import ExplicitProduct
+    from symcheck.explicit.model import ExplicitModel
+
+__all__ = ["ExplicitEngine", "ExplicitSystem", "SparseOperator"]
+
+
+_REMEMBERED = 16
+_REMEMBERED_BYTES = 2**28
+"""Sets of states that are kept, and their memory."""
+
+_MANY = 1_000_000
+"""Transitions from which on the transposed matrix is not kept while equations over most of the states are solved."""
+
+
+@dataclass(frozen=True)
+class ExplicitEngine(Enumerated):
+    """An explored model as an engine."""
+
+    explored: ExplicitModel
+    name: str = "explicit"
+    exact: bool = False
+    has_rows: bool = True
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        return self.explored.model
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities (rates), deadlocks fixed."""
+        return self.explored.matrix
+
+    @cached_property
+    def initial(self) -> ArraySet:
+        """The initial states."""
+        return self._of(self.explored.initial)
+
+    @cached_property
+    def deadlocks(self) -> ArraySet:
+        """States that had no transition before they were given a self-loop."""
+        return self._of(self.explored.deadlocks)
+
+    @cached_property
+    def graph(self) -> ExplicitGraph:
+        """Questions that need no numbers."""
+        return ExplicitGraph(self)
+
+    @cached_property
+    def _known(self) -> dict[Expression, ArraySet]:
+        """Sets that were asked for last: several properties speak of the same labels."""
+        return {}
+
+    def where(self, expression: Expression) -> ArraySet:
+        """The states that satisfy a boolean expression over the variables."""
+        if expression not in self._known:
+            value = np.asarray(self.explored.evaluate(expression))
+            while self._known and len(self._known) >= min(
+                _REMEMBERED, _REMEMBERED_BYTES // self.states
+            ):
+                self._known.pop(next(iter(self._known)))
+            self._known[expression] = ArraySet(
+                np.array(np.broadcast_to(value, (self.states,)), dtype=bool)
+            )
+        return self._known[expression]
+
+    def values(self, expression: Expression, type: Type) -> ArrayValues:  # noqa: ARG002 (doubles hold all three types)
+        """The value of an expression over the variables, at each state (1 and 0 for a bool)."""
+        value = np.asarray(self.explored.evaluate(expression))
+        array = np.array(np.broadcast_to(value, (self.states,)), dtype=np.float64)
+        return ArrayValues(array, array)
+
+    def constant(
+        self, lower: float, upper: float | None = None, *, rounded: bool = False
+    ) -> ArrayValues:
+        """The same value (or bounds of it) everywhere."""
+        low = np.full(self.states, float(lower))
+        high = low if upper is None or upper == lower else np.full(self.states, float(upper))
+        return ArrayValues(low, high, self.all.members if rounded else None)
+
+    def indicator(self, states: ArraySet) -> ArrayValues:
+        """1 on the set and 0 elsewhere."""
+        array = states.members.astype(np.float64)
+        return ArrayValues(array, array)
+
+    def system(self, states: ArraySet) -> ExplicitSystem:
+        """The equations over some states."""
+        if self.transitions > _MANY and 2 * states.count > self.states:
+            self.graph.forget()
+        return ExplicitSystem(self, states)
+
+    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+        """State rewards [states] and transition rewards per row [rows] of a reward structure (from 0)."""
+        return self.explored.state_rewards[structure], self.explored.choice_rewards[structure]
+
+    def valuations(
+        self, states: ArraySet, limit: int | None = None
+    ) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order."""
+        indices = np.flatnonzero(states.members)[:limit]
+        table = self.explored.states
+        rows = table.rows[indices]
+        columns = [
+            _plain(table.layout.column(rows, i), v.type) for i, v in enumerate(self.model.variables)
+        ]
+        return zip(*columns, strict=True) if columns else iter([()] * len(indices))
+
+    def product(self, letters: Sequence[ArraySet], automaton: Any) -> ExplicitProduct:
+        """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
+        from symcheck.engines.explicit.product import product
+
+        name = f"{self.name} product"
+        return product(self, letters, automaton, lambda pairs: ExplicitEngine(pairs, name))  # type: ignore[arg-type]
+
+
+def _plain(column: Int64s, type: Type) -> list[bool | int]:
+    values: list[bool | int] = (column.astype(bool) if type is Type.BOOL else column).tolist()
+    return values
+
+
+@dataclass(frozen=True)
+class SparseOperator:
+    """A matrix as an operator."""
+
+    matrix: SparseMatrix
+
+    def multiply(self, x: Floats) -> Floats:
+        """The product with a vector: a value per row."""
+        out = np.empty(self.matrix.rows)
+        multiply(self.matrix.indptr, self.matrix.indices, self.matrix.data, x, out)
+        return out
+
+
+@dataclass(frozen=True)
+class ExplicitSystem:
+    """The equations over some states (see `symcheck.engines.base.System`)."""
+
+    engine: ExplicitEngine = field(repr=False)
+    states: ArraySet
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return self.states.count
+
+    @cached_property
+    def groups(self) -> Int64s | None:
+        """Which of the rows belong to which state; None where each has one."""
+        groups = self.engine.matrix.groups
+        return groups if groups is None or self._whole else groups_among(groups, self._mask)
+
+    @cached_property
+    def matrix(self) -> SparseMatrix:
+        """The matrix among the states."""
+        whole = self.engine.matrix
+        if self._whole:
+            return whole
+        parts = select_states(whole.indptr, whole.indices, whole.data, whole.groups, self._mask)
+        return SparseMatrix(*parts, self.n, self.groups)
+
+    @property
+    def _whole(self) -> bool:
+        return self.n == self.engine.states
+
+    @property
+    def _mask(self) -> NDArray[np.uint8]:
+        return self.states.members.view(np.uint8)
+
+    @property
+    def has_rows(self) -> bool:
+        """Rows are what this engine works with."""
+        return True
+
+    @property
+    def operator(self) -> SparseOperator:
+        """The matrix as an operator."""
+        return SparseOperator(self.matrix)
+
+    def into(self, target: ArraySet) -> Floats:
+        """Per row: the one-step probability (rate) of entering the target."""
+        return self._sums(target.members, None)
+
+    def into_values(self, values: ArrayValues) -> tuple[Floats, Floats]:
+        """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
+        outside = ~self.states.members
+        lower = self._sums(outside, values.lower)
+        return lower, lower if values.exact else self._sums(outside, values.upper)
+
+    def _sums(self, columns: Bools, values: Floats | None) -> Floats:
+        whole = self.engine.matrix
+        return sum_among(
+            whole.indptr,
+            whole.indices,
+            whole.data,
+            whole.groups,
+            self._mask,
+            columns.view(np.uint8),
+            values,
+        )
+
+    def row_sums(self) -> Floats:
+        """Per row: the total probability (exit rate)."""
+        return self.into(self.engine.all)
+
+    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+        """State rewards per state and transition rewards per row."""
+        states, rows = self.engine.rewards(structure)
+        if self._whole:
+            return states, rows
+        groups, inside = self.engine.matrix.groups, self.states.members
+        return states[inside], rows[inside] if groups is None else take_rows(
+            rows, groups, self._mask
+        )
+
+    def restrict(self, values: ArrayValues | ArraySet) -> Floats:
+        """A lower value (or 0/1 membership) per state of the system."""
+        array = values.members if isinstance(values, ArraySet) else values.lower
+        return array[self.states.members].astype(np.float64, copy=False)
+
+    def lift(
+        self,
+        lower: Floats,
+        upper: Floats | None,
+        rest: Sequence[tuple[ArraySet, float]] = (),
+        exact: bool = False,
+    ) -> ArrayValues:
+        """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
+        low = self._spread(lower, rest)
+        high = low if upper is None or upper is lower else self._spread(upper, rest)
+        return ArrayValues(low, high, self.states.members if exact else None)
+
+    def _spread(self, values: Floats, rest: Sequence[tuple[ArraySet, float]]) -> Floats:
+        out = np.zeros(self.engine.states)
+        for states, constant in rest:
+            out[states.members] = constant
+        out[self.states.members] = values
+        return out

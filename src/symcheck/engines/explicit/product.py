@@ -1,0 +1,220 @@
+"""The product of an explicitly stored model with an automaton: the pairs that may be reached, and their rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.engines.base import Engine
+from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.explicit.graph import Owner
+from symcheck.errors import MemoryLimitError
+from symcheck.explicit.states import StateTable
+from symcheck.kernels.graph import product as pairs
+from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression
+
+if TYPE_CHECKING:
+    from symcheck.engines.product import Automaton
+    from symcheck.explicit.model import ExplicitModel
+
+__all__ = ["Base", "ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
+
+_PAIRS_LIMIT = 2**33
+
+
+class Base(Owner, Protocol):
+    """What a product asks of the engine that it is made with: what graph questions ask, and more."""
+
+    @property
+    def explored(self) -> ExplicitModel:
+        """The explored model."""
+        ...
+
+    @property
+    def deadlocks(self) -> ArraySet:
+        """States that had no transition before they were given a self-loop."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ProductModel:
+    """The pairs as a model: state p is pair (state[p], automaton[p]), in this order; what is asked of a pair is asked of its state."""
+
+    base: Base = field(repr=False)
+    state: Int32s = field(repr=False)
+    automaton: Int32s = field(repr=False)
+    matrix: SparseMatrix = field(repr=False)
+    rows: Int64s = field(repr=False)
+    """The row of the base matrix that each row comes from."""
+    first: int = 0
+    """The automaton's initial state."""
+
+    @property
+    def model(self) -> BoundModel:
+        """The base model, whose variables the pairs have."""
+        return self.base.model
+
+    @cached_property
+    def initial(self) -> Int64s:
+        """Pairs of an initial state and the automaton's initial state."""
+        return np.flatnonzero(
+            self.base.initial.members[self.state] & (self.automaton == self.first)
+        )
+
+    @cached_property
+    def deadlocks(self) -> Int64s:
+        """Pairs of a deadlock state."""
+        return np.flatnonzero(self.base.deadlocks.members[self.state])
+
+    @cached_property
+    def states(self) -> StateTable:
+        """The state of each pair."""
+        table = self.base.explored.states
+        return StateTable(table.layout, table.rows[self.state])
+
+    @property
+    def state_rewards(self) -> list[Floats]:
+        """Per reward structure, the state reward of each pair."""
+        return [r[self.state] for r in self.base.explored.state_rewards]
+
+    @property
+    def choice_rewards(self) -> list[Floats]:
+        """Per reward structure, the transition reward of each row."""
+        return [r[self.rows] for r in self.base.explored.choice_rewards]
+
+    @property
+    def choice_actions(self) -> Int32s:
+        """The action of each row."""
+        actions: Int32s = self.base.explored.choice_actions
+        return actions[self.rows]
+
+    def evaluate(self, expression: Expression) -> NDArray[Any]:
+        """The value of an expression over the variables in each pair."""
+        value = np.asarray(self.base.explored.evaluate(expression))
+        return value if value.ndim == 0 else value[self.state]
+
+
+@dataclass(frozen=True, eq=False)
+class ExplicitProduct:
+    """See `symcheck.engines.product.Product`. `entry`: per base state, the pair with the automaton's initial state."""
+
+    engine: Engine
+    pairs: ProductModel = field(repr=False)
+    entry: Int64s = field(repr=False)
+    letter: Int32s = field(repr=False)
+
+    def lift(self, states: ArraySet) -> ArraySet:
+        """The pairs whose first part is in the set."""
+        return ArraySet(states.members[self.pairs.state])
+
+    def automaton_states(self, states: frozenset[int]) -> ArraySet:
+        """The pairs whose second part is one of these."""
+        return ArraySet(np.isin(self.pairs.automaton, np.array(sorted(states), dtype=np.int32)))
+
+    def edges(self, edges: frozenset[tuple[int, int]]) -> ArraySet:
+        """The pairs (s, q) for which (q, letter of s) is one of these."""
+        if not edges:
+            return ArraySet(np.zeros(len(self.pairs.state), bool))
+        width = int(self.letter.max(initial=0)) + 1
+        wanted = np.zeros((int(self.pairs.automaton.max(initial=0)) + 1, width), np.uint8)
+        for q, letter in edges:
+            if q < len(wanted) and letter < width:
+                wanted[q, letter] = 1
+        members = np.empty(len(self.pairs.state), np.uint8)
+        pairs.matching(self.pairs.state, self.pairs.automaton, self.letter, wanted, members)
+        return ArraySet(members.view(np.bool_))
+
+    def project(self, values: ArrayValues) -> ArrayValues:
+        """For each base state, the value at its pair with the automaton's initial state."""
+        lower = values.lower[self.entry]
+        upper = lower if values.upper is values.lower else values.upper[self.entry]
+        return ArrayValues(
+            lower,
+            upper,
+            None if values.computed is None else values.computed[self.entry],
+            values.slack,
+        )
+
+    def project_set(self, states: ArraySet) -> ArraySet:
+        """The base states whose pair with the automaton's initial state is in the set."""
+        return ArraySet(states.members[self.entry])
+
+
+def product(
+    base: Base,
+    letters: Sequence[ArraySet],
+    automaton: Automaton,
+    over: Callable[[ProductModel], Engine],
+) -> ExplicitProduct:
+    """The pairs reachable from (s, initial state) for every state s of the base model; `over` makes an engine of them.
+
+    Memory while building: a byte for each possible pair. Raises MemoryLimitError beyond 2**33 of them.
+    """
+    table = np.asarray(automaton.table, dtype=np.int32)
+    letter = np.zeros(base.states, np.int32)
+    for i, members in enumerate(letters):
+        letter[members.members] |= 1 << i
+    size = table.shape[0]
+    if base.states * size > _PAIRS_LIMIT:
+        raise MemoryLimitError(
+            f"the product with an automaton of {size} states is too large for the explicit engine"
+        )
+    found = reachable_pairs(base.matrix, table, letter, automaton.initial)
+    count = int(np.count_nonzero(found))
+    if count >= 2**31:
+        raise MemoryLimitError(
+            f"the product with an automaton of {size} states has {count:,} states: too many for the explicit engine"
+        )
+    state, second, number = (
+        np.empty(count, np.int32),
+        np.empty(count, np.int32),
+        np.empty(len(found), np.int32),
+    )
+    pairs.split(found.view(np.uint8), size, state, second, number)
+    del found
+    matrix, rows = pair_matrix(base.matrix, table[second, letter[state]], state, number, size)
+    model = ProductModel(base, state, second, matrix, rows, automaton.initial)
+    entry = number[automaton.initial :: size].astype(np.int64)
+    return ExplicitProduct(over(model), model, entry, letter)
+
+
+def _entries(matrix: SparseMatrix) -> Int64s:
+    """Where the entries of each state begin: int64[states+1]."""
+    return matrix.indptr if matrix.groups is None else matrix.indptr[matrix.groups]
+
+
+def reachable_pairs(
+    matrix: SparseMatrix, table: Int32s, letter: Int32s, initial: int
+) -> NDArray[np.bool_]:
+    """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for some s."""
+    found = np.zeros(matrix.states * table.shape[0], np.uint8)
+    pairs.reach(
+        _entries(matrix), matrix.indices, np.ascontiguousarray(table), letter, initial, found
+    )
+    return found.view(np.bool_)
+
+
+def pair_matrix(
+    matrix: SparseMatrix, following: Int32s, state: Int32s, number: Int32s, size: int
+) -> tuple[SparseMatrix, Int64s]:
+    """The rows of the pairs, in their order, and the base row of each."""
+    if matrix.groups is None:
+        rows, groups, after = state.astype(np.int64), None, following
+    else:
+        per_state = np.diff(matrix.groups)[state]
+        rows = spans(matrix.groups[:-1][state], matrix.groups[1:][state])
+        groups = starts_of(per_state)
+        after = np.repeat(following, per_state)
+    indptr = starts_of(np.diff(matrix.indptr)[rows])
+    indices, data = np.empty(int(indptr[-1]), np.int32), np.empty(int(indptr[-1]))
+    pairs.rows(
+        matrix.indptr, matrix.indices, matrix.data, rows, after, number, size, indptr, indices, data
+    )
+    return SparseMatrix(indptr, indices, data, len(state), groups), rows

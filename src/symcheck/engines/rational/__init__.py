@@ -1,0 +1,1 @@
+"""The exact engine: the explicit engine over rational numbers."""

@@ -1,0 +1,179 @@
+"""Values and matrices of rational numbers: arrays of Fraction objects (infinities and NaN are floats)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import ceil, floor, inf, isinf, nan
+from operator import eq, ge, gt, le, lt, ne
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.matrices.rows import SparseMatrix
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.syntax.ast import Binary, Call, Name
+
+__all__ = ["RationalMatrix", "RationalValues", "Rationals"]
+
+Rationals = NDArray[np.object_]
+Rational = Any
+"""A Fraction, or a float that is infinite or NaN."""
+
+
+@dataclass(frozen=True, eq=False)
+class RationalMatrix:
+    """Rows of rationals: row r has the entries `values[indptr[r]:indptr[r+1]]` at `shape.indices` alike.
+
+    `shape` has the same entries as doubles, and the groups of rows.
+    """
+
+    shape: SparseMatrix
+    values: Rationals = field(repr=False)
+
+    def row(self, r: int) -> list[tuple[int, Fraction]]:
+        """Columns and values of a row."""
+        i, j = int(self.shape.indptr[r]), int(self.shape.indptr[r + 1])
+        return list(zip(self.shape.indices[i:j].tolist(), self.values[i:j], strict=True))
+
+    def rows_of(self, state: int) -> range:
+        """The rows of a state."""
+        groups = self.shape.groups
+        return (
+            range(state, state + 1)
+            if groups is None
+            else range(int(groups[state]), int(groups[state + 1]))
+        )
+
+    def multiply(self, x: Rationals) -> Rationals:
+        """The product with a vector of rationals: a value per row (no row is empty)."""
+        return np.asarray(
+            np.add.reduceat(self.values * x[self.shape.indices], self.shape.indptr[:-1])
+        )
+
+    def scaled(self, factor: Rationals) -> RationalMatrix:
+        """The rows divided by a factor each."""
+        spread = np.repeat(factor, np.diff(self.shape.indptr))
+        values = self.values / spread
+        shape = self.shape
+        return RationalMatrix(
+            SparseMatrix(
+                shape.indptr, shape.indices, values.astype(np.float64), shape.columns, shape.groups
+            ),
+            values,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RationalValues:
+    """An exact value per state (see `symcheck.engines.base.Values`)."""
+
+    array: Rationals = field(repr=False)
+    exact: bool = True
+
+    def __repr__(self) -> str:
+        return f"<RationalValues of {len(self.array):,} states>"
+
+    def rounded(self, states: ArraySet) -> bool:  # noqa: ARG002
+        """Never: the values are rational."""
+        return False
+
+    def at(self, states: ArraySet) -> tuple[Rationals, Rationals]:
+        """The values over the set, twice."""
+        chosen = self.array[states.members]
+        return chosen, chosen
+
+    def minimum(self, states: ArraySet) -> tuple[Rational, Rational]:
+        """The least value over the set, twice."""
+        least = min(self.array[states.members])
+        return least, least
+
+    def maximum(self, states: ArraySet) -> tuple[Rational, Rational]:
+        """The greatest value over the set, twice."""
+        greatest = max(self.array[states.members])
+        return greatest, greatest
+
+    def total(self, states: ArraySet) -> tuple[Rational, Rational]:
+        """The sum over the set, twice."""
+        total = sum(self.array[states.members], Fraction(0))
+        return total, total
+
+    def compare(self, operator: str, threshold: float | Fraction) -> tuple[ArraySet, ArraySet]:
+        """The states that satisfy the comparison; nothing is undecided."""
+        test = _COMPARISONS[operator]
+        members = np.fromiter((test(v, threshold) for v in self.array), bool, len(self.array))
+        return ArraySet(members), ArraySet(np.zeros(len(members), bool))
+
+    def map(self, operator: str, *others: RationalValues | float | Fraction) -> RationalValues:
+        """An operator of the expression language, applied at each state."""
+        if operator == "-" and not others:
+            return RationalValues(_array([-v for v in self.array]))
+        apply = _function(operator)
+        columns = [
+            o.array if isinstance(o, RationalValues) else [o] * len(self.array) for o in others
+        ]
+        return RationalValues(
+            _array([apply(*values) for values in zip(self.array, *columns, strict=True)])
+        )
+
+    def choose(self, states: ArraySet, other: RationalValues) -> RationalValues:
+        """These values on the set, the other ones elsewhere."""
+        return RationalValues(np.where(states.members, self.array, other.array))
+
+
+_COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
+    "<": lt,
+    "<=": le,
+    ">": gt,
+    ">=": ge,
+    "=": eq,
+    "!=": ne,
+}
+
+
+def _function(operator: str) -> Callable[..., Rational]:
+    """The exact meaning of an operator, as the scalar evaluator has it."""
+    direct = _DIRECT.get(operator)
+    if direct is not None:
+        return direct
+
+    def apply(*values: Rational) -> Rational:
+        names = tuple(Name(f"x{i}") for i in range(len(values)))
+        node = Binary(operator, *names) if operator == "^" else Call(operator, names)
+        result = evaluate(node, {n.name: v for n, v in zip(names, values, strict=True)}, exact=True)
+        return Fraction(result) if isinstance(result, int) else result
+
+    return apply
+
+
+def _divide(x: Rational, y: Rational) -> Rational:
+    if y == 0:
+        return nan if x == 0 or x != x else inf if x > 0 else -inf
+    return nan if isinf(x) and isinf(y) else Fraction(0) if isinf(y) else x / y
+
+
+def _times(x: Rational, y: Rational) -> Rational:
+    return nan if (isinf(x) and y == 0) or (isinf(y) and x == 0) else x * y
+
+
+_DIRECT: dict[str, Callable[..., Rational]] = {
+    "+": lambda x, y: x + y,
+    "-": lambda x, y: x - y,
+    "*": _times,
+    "/": _divide,
+    "min": min,
+    "max": max,
+    "floor": lambda x: Fraction(floor(x)),
+    "ceil": lambda x: Fraction(ceil(x)),
+    "round": lambda x: Fraction(floor(x + Fraction(1, 2))),
+    "mod": lambda x, y: x % y,
+}
+
+
+def _array(values: list[Rational]) -> Rationals:
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array

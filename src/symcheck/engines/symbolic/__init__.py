@@ -1,0 +1,1 @@
+"""The symbolic engines: sets as BDDs, the matrix as MTBDDs, blocks or rows."""

@@ -1,0 +1,160 @@
+"""Components on diagrams; enumerated where they are small.
+
+Source: Xie & Beerel (2000) for bottom components by pivots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from symcheck.dd.manager import Bdd
+from symcheck.dd.odd import Odd
+from symcheck.engines.symbolic.diagrams import Diagrams, Step
+from symcheck.engines.symbolic.sets import SymbolicSet
+from symcheck.engines.symbolic.steps import Steps
+from symcheck.engines.symbolic.system import Owner as SystemOwner
+from symcheck.engines.symbolic.system import SymbolicSystem
+from symcheck.matrices.rows import Bools, Int32s
+from symcheck.numerics import graph
+
+__all__ = ["Components", "Owner"]
+
+PIVOTS = 12
+"""Bottom components are looked for with so many pivots on diagrams before the rows of what is left are enumerated."""
+
+
+class Owner(SystemOwner, Protocol):
+    """What components ask of their engine."""
+
+    def lowest(self, states: Bdd) -> Bdd:
+        """The state of the lowest number of a set that is not empty, as a set."""
+        ...
+
+    def system(self, states: SymbolicSet) -> SymbolicSystem:
+        """The equations over some states."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """Strong components and end components of a model."""
+
+    engine: Owner = field(repr=False)
+    steps: Steps = field(repr=False)
+
+    @property
+    def _d(self) -> Diagrams:
+        return self.steps.diagrams
+
+    def _set(self, bdd: Bdd) -> SymbolicSet:
+        return SymbolicSet(self._d, bdd)
+
+    @cached_property
+    def _absorbing(self) -> Bdd:
+        """States whose only successor is themselves."""
+        moving = [step.relation - self._unchanged(step) for step in self._d.steps]
+        moves = self._d.union(
+            [m.exists(s.transition.columns) for m, s in zip(moving, self._d.steps, strict=True)]
+        )
+        return self._d.states - moves
+
+    def _unchanged(self, step: Step) -> Bdd:
+        core = self._d.manager.core
+        pairs = [
+            core.literal(row).equivalent(core.literal(column))
+            for row, column in step.transition.pairs
+        ]
+        return self._d.manager.conjunction(pairs)
+
+    def bsccs(self) -> Iterator[SymbolicSet]:
+        """Bottom strongly connected components."""
+        d = self._d
+        left = d.states
+        if self._absorbing:
+            yield from self._singletons(self._absorbing)
+            left = left - self.steps.backward(self._absorbing, left)
+        inside = left
+        for _ in range(PIVOTS):
+            if not left:
+                return
+            pivot = self.engine.lowest(inside)
+            ahead = self.steps.reachable(pivot)
+            back = self.steps.backward(pivot, ahead)
+            if ahead == back:
+                yield self._set(ahead)
+                left = left - self.steps.backward(ahead, left)
+                inside = left
+            else:
+                left = left - self.steps.backward(pivot, left)
+                inside = ahead - back
+        yield from self.enumerated_bsccs(left)
+
+    def enumerated_bsccs(self, left: Bdd) -> Iterator[SymbolicSet]:
+        """Of a set that nothing leaves but into itself."""
+        if not left:
+            return
+        part = self._part(left)
+        for states in graph.bsccs(part.matrix):
+            yield self._numbered(part.states.odd, states)
+
+    def _part(self, states: Bdd) -> SymbolicSystem:
+        return self.engine.system(self._set(states))
+
+    def _singletons(self, states: Bdd) -> Iterator[SymbolicSet]:
+        odd = Odd(self._d.manager, states, self._d.rows)
+        for number in range(odd.count):
+            yield self._numbered(odd, np.array([number], np.int32))
+
+    def _numbered(self, odd: Odd, states: Int32s) -> SymbolicSet:
+        """The set of the members with these numbers (ascending)."""
+        bits = odd.unrank(states.astype(np.int64))
+        return self._set(self._d.manager.bdd_from_rows(self._d.rows, bits))
+
+    def end_components(self, within: SymbolicSet) -> Iterator[SymbolicSet]:
+        """Maximal end components of the states `within`."""
+        part, found = self._end_components(within.bdd)
+        if part is None:
+            return
+        order = np.argsort(found.of, kind="stable").astype(np.int32)
+        start = np.searchsorted(found.of[order], np.arange(found.count + 1))
+        for c in range(found.count):
+            yield self._numbered(part.states.odd, order[start[c] : start[c + 1]])
+
+    def _end_components(
+        self, within: Bdd
+    ) -> tuple[SymbolicSystem, graph.EndComponents] | tuple[None, graph.EndComponents]:
+        """End components by enumeration of the states that can stay in `within` for ever."""
+        stay = within
+        while True:
+            smaller = stay & self._d.union(self.steps.slots_within(stay))
+            if smaller == stay:
+                break
+            stay = smaller
+        if not stay:
+            return None, graph.EndComponents(np.empty(0, np.int32), np.empty(0, bool), 0)
+        part = self._part(stay)
+        inside = part.into(~part.states) == 0
+        return part, graph.maximal_end_components(part.matrix, np.ones(part.n, bool), inside)
+
+    def accepting_end_components(
+        self, pairs: Sequence[tuple[SymbolicSet, Sequence[SymbolicSet]]]
+    ) -> SymbolicSet:
+        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
+        accepted = []
+        for avoid, visits in pairs:
+            part, found = self._end_components(self._d.states - avoid.bdd)
+            if part is None:
+                continue
+            odd = part.states.odd
+            good = np.ones(found.count, bool)
+            for visit in visits:
+                met = found.of[odd.expand(visit.bdd)]
+                good &= np.bincount(met[met >= 0], minlength=found.count) > 0
+            member: Bools = (found.of >= 0) & np.append(good, False)[found.of]
+            accepted.append(odd.collapse(member))
+        return self._set(self._d.union(accepted))

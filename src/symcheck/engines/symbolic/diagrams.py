@@ -1,0 +1,139 @@
+"""A built model as diagrams, in the form that all symbolic engines share: what a model and its products have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from symcheck.dd.odd import Odd
+from symcheck.symbolic.model import Step
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd, Closure, Cube, DiagramManager, Mtbdd, Renaming, Transition
+    from symcheck.symbolic.model import Transitions
+
+__all__ = ["Diagrams", "Step", "diagrams_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagrams:
+    """States over `rows`, transitions from `rows` to `columns` (alternating, from the top of the diagrams down).
+
+    states: all reachable states. deadlocks: those that had no transition of their own. loops: states with a self-loop
+    that no step has (deadlocks, unless an automaton moves on there).
+    steps: the transitions of positive probability without these loops, of all choices.
+    roots: the matrices on reachable rows, loops included: one, or one per choice slot of an MDP; `guards` (None unless an
+    MDP): the states that have a choice in each slot. actions: (slot, action or None) to the states whose choice it is.
+    state_rewards: per structure. transition_rewards: per structure and slot, weighted by probability (rate).
+    """
+
+    manager: DiagramManager = field(repr=False)
+    rows: tuple[str, ...] = field(repr=False)
+    columns: tuple[str, ...] = field(repr=False)
+    states: Bdd = field(repr=False)
+    initial: Bdd = field(repr=False)
+    deadlocks: Bdd = field(repr=False)
+    loops: Bdd = field(repr=False)
+    steps: tuple[Step, ...] = field(repr=False)
+    roots: Sequence[Mtbdd] = field(repr=False)
+    guards: tuple[Bdd, ...] | None = field(repr=False)
+    actions: Mapping[tuple[int, str | None], Bdd] = field(repr=False)
+    state_rewards: Sequence[Mtbdd] = field(repr=False)
+    transition_rewards: Sequence[tuple[Mtbdd, ...]] = field(repr=False)
+
+    @cached_property
+    def odd(self) -> Odd:
+        """Numbers of all reachable states."""
+        return Odd(self.manager, self.states, self.rows)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of reachable states."""
+        return self.manager.count(self.states, self.row_cube)
+
+    @cached_property
+    def row_cube(self) -> Cube:
+        """The row bits, for quantification."""
+        return self.manager.cube(self.rows)
+
+    @cached_property
+    def column_cube(self) -> Cube:
+        """The column bits, for quantification."""
+        return self.manager.cube(self.columns)
+
+    @cached_property
+    def to_columns(self) -> Renaming:
+        """Row bits to column bits."""
+        return self.manager.renaming(dict(zip(self.rows, self.columns, strict=True)))
+
+    @cached_property
+    def whole(self) -> Transition:
+        """All bits, for images by relations that change any of them."""
+        return self.manager.transition(self.rows, self.columns)
+
+    @cached_property
+    def slot_relations(self) -> tuple[Bdd, ...]:
+        """The transitions of positive probability of each slot, over all bits."""
+        return tuple(root.to_bdd() for root in self.roots)
+
+    @property
+    def slot_guards(self) -> tuple[Bdd, ...]:
+        """Per slot: the states that have a choice in it."""
+        return (self.states,) if self.guards is None else self.guards
+
+    @cached_property
+    def levels(self) -> tuple[tuple[Step, ...], ...]:
+        """Steps by the topmost variable that they change, lowest in the diagrams first."""
+        groups: dict[int, list[Step]] = {}
+        for step in self.steps:
+            groups.setdefault(step.top, []).append(step)
+        return tuple(tuple(groups[top]) for top in sorted(groups, reverse=True))
+
+    @cached_property
+    def transition_count(self) -> int:
+        """Number of non-zero entries of all matrices."""
+        both = self.manager.cube([*self.rows, *self.columns])
+        return sum(self.manager.count(relation, both) for relation in self.slot_relations)
+
+    @cached_property
+    def choice_count(self) -> int:
+        """Number of choices (states, where there is no nondeterminism)."""
+        return sum(self.manager.count(guard, self.row_cube) for guard in self.slot_guards)
+
+    @cached_property
+    def _closures(self) -> dict[bool, Closure]:
+        return {}
+
+    def closure(self, forward: bool) -> Closure:
+        """All steps, prepared for closing sets under them."""
+        if forward not in self._closures:
+            relations = [(step.relation, step.transition) for step in self.steps]
+            self._closures[forward] = self.manager.closure(relations, forward=forward)
+        return self._closures[forward]
+
+    def union(self, sets: Sequence[Bdd]) -> Bdd:
+        """Union of sets."""
+        return self.manager.disjunction(sets)
+
+
+def diagrams_of(transitions: Transitions) -> Diagrams:
+    """The diagrams of a model without automaton."""
+    space = transitions.space
+    symbolic = space.symbolic
+    return Diagrams(
+        symbolic.manager,
+        symbolic.encoding.rows,
+        symbolic.encoding.columns,
+        space.states,
+        symbolic.initial,
+        transitions.fixed,
+        transitions.fixed,
+        symbolic.relations,
+        transitions.roots,
+        None if transitions.matrix is not None else tuple(c.guard for c in transitions.choices),
+        transitions.action_sets,
+        transitions.state_rewards,
+        transitions.transition_rewards,
+    )

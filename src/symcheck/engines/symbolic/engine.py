@@ -1,0 +1,227 @@
+"""The symbolic engines: one set of diagrams, three forms of the matrix (see sparse.py, hybrid.py and mtbdd.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.engines.symbolic.diagrams import Diagrams, diagrams_of
+from symcheck.engines.symbolic.graph import SymbolicGraph
+from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues, constant_piece, values_of
+from symcheck.engines.symbolic.system import SymbolicSystem
+from symcheck.matrices.rows import Bools
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression, ModelType, Type
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd
+    from symcheck.engines.product import Automaton
+    from symcheck.engines.symbolic.acyclic import Acyclic
+    from symcheck.engines.symbolic.deterministic_elimination import ShorterReward, ShorterUntil
+    from symcheck.engines.symbolic.product import SymbolicProduct
+    from symcheck.symbolic.model import StateSpace, Transitions
+
+__all__ = ["SymbolicEngine"]
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicEngine:
+    """A model built as diagrams (see `symcheck.engines.base.Engine`).
+
+    States are numbered in the order of the diagrams: lexicographically in declaration order, unless another order of the
+    variables was chosen. `space` translates expressions; in a product it is the model's, over the same row bits.
+    """
+
+    diagrams: Diagrams = field(repr=False)
+    space: StateSpace = field(repr=False)
+    name: ClassVar[str] = "symbolic"
+    exact: ClassVar[bool] = False
+    has_rows: ClassVar[bool] = False
+    rows_limit: ClassVar[int | None] = 0
+    """Entries up to which the rows of a system are written out to solve equations on them; None: always."""
+
+    @classmethod
+    def of(cls, transitions: Transitions) -> SymbolicEngine:
+        """The engine of a built model."""
+        return cls(diagrams_of(transitions), transitions.space)
+
+    def over(self, diagrams: Diagrams) -> SymbolicEngine:
+        """The same kind of engine over other diagrams, of which those of the space are a part."""
+        return type(self)(diagrams, self.space)
+
+    def operator(self, system: SymbolicSystem) -> Any:
+        """The matrix of a system in this engine's form."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.model.type.value}, {self.states:,} states>"
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        return self.space.symbolic.model
+
+    @property
+    def states(self) -> int:
+        """Number of reachable states."""
+        return self.diagrams.count
+
+    @property
+    def transitions(self) -> int:
+        """Number of transitions."""
+        return self.diagrams.transition_count
+
+    @property
+    def choices(self) -> int:
+        """Number of choices (states, where there is no nondeterminism)."""
+        return self.diagrams.choice_count
+
+    @cached_property
+    def all(self) -> SymbolicSet:
+        """Every reachable state."""
+        return self._set(self.diagrams.states)
+
+    @cached_property
+    def none(self) -> SymbolicSet:
+        """The empty set."""
+        return self._set(self.diagrams.manager.false)
+
+    @cached_property
+    def initial(self) -> SymbolicSet:
+        """The initial states."""
+        return self._set(self.diagrams.initial)
+
+    @cached_property
+    def deadlocks(self) -> SymbolicSet:
+        """States that had no transition before they were given a self-loop."""
+        return self._set(self.diagrams.deadlocks)
+
+    @cached_property
+    def graph(self) -> SymbolicGraph:
+        """Questions that need no numbers."""
+        return SymbolicGraph(self)
+
+    def _set(self, bdd: Bdd) -> SymbolicSet:
+        return SymbolicSet(self.diagrams, bdd)
+
+    def where(self, expression: Expression) -> SymbolicSet:
+        """The states that satisfy a boolean expression over the variables."""
+        return self._set(self.space.where(expression) & self.diagrams.states)
+
+    def values(self, expression: Expression, type: Type) -> SymbolicValues:
+        """The value of an expression over the variables, at each state (1 and 0 for a bool)."""
+        if type is Type.BOOL:
+            return self.indicator(self.where(expression))
+        function = self.space.values(expression)
+        undefined = (
+            self.space.symbolic.translator.undefined(expression) & self.diagrams.states
+        )  # known once translated
+        return values_of(self.diagrams, function, undefined or None)
+
+    def constant(
+        self, lower: float, upper: float | None = None, *, rounded: bool = False
+    ) -> SymbolicValues:
+        """The same value (or bounds of it) everywhere."""
+        return SymbolicValues(
+            self.diagrams, (constant_piece(self.diagrams.states, lower, upper, rounded),)
+        )
+
+    def indicator(self, states: SymbolicSet) -> SymbolicValues:
+        """1 on the set and 0 elsewhere."""
+        parts = [(states.bdd, 1.0), ((~states).bdd, 0.0)]
+        return SymbolicValues(self.diagrams, tuple(constant_piece(s, v) for s, v in parts if s))
+
+    def from_bools(self, members: Bools) -> SymbolicSet:
+        """The states at which the array (in index order) is True."""
+        return self._set(self.diagrams.odd.collapse(np.asarray(members, bool)))
+
+    def to_bools(self, states: SymbolicSet) -> Bools:
+        """Membership of each state, in index order."""
+        return self.diagrams.odd.expand(states.bdd)
+
+    def lowest(self, states: Bdd) -> Bdd:
+        """The state of the lowest number of a set that is not empty, as a set."""
+        manager, rows = self.diagrams.manager, self.diagrams.rows
+        bits = manager.pick(states, rows)
+        if bits is None:
+            raise ValueError("the set of states is empty")
+        return manager.bdd_from_rows(rows, bits.reshape(1, -1))
+
+    def first(self, states: SymbolicSet) -> SymbolicSet:
+        """The singleton of the state with the lowest index."""
+        return self._set(self.lowest(states.bdd))
+
+    @cached_property
+    def _last(self) -> dict[Bdd, SymbolicSystem]:
+        """The system asked for last: one question often asks for it several times, and each has made its rows."""
+        return {}
+
+    def system(self, states: SymbolicSet) -> SymbolicSystem:
+        """The equations over some states."""
+        if states.bdd not in self._last:
+            self._last.clear()
+            self._last[states.bdd] = SymbolicSystem(self, states)
+        return self._last[states.bdd]
+
+    def solve_acyclic(
+        self,
+        states: SymbolicSet,
+        target: SymbolicSet | None,
+        reward: int | None,
+        rest: Sequence[tuple[SymbolicSet, float]],
+    ) -> Acyclic | None:
+        """The equations over very many states of a chain without cycles, solved on diagrams; None elsewhere (symbolic_acyclic.py)."""
+        from symcheck.engines.symbolic.acyclic import solve_acyclic
+
+        return (
+            solve_acyclic(self.diagrams, states, target, reward, rest)
+            if self.model.type is ModelType.DTMC
+            else None
+        )
+
+    def shorter_until(
+        self, left: SymbolicSet, right: SymbolicSet, direction: Direction | None
+    ) -> ShorterUntil | None:
+        """Equations for left U right among very many states most of which have one way on; None elsewhere (symbolic_forced.py)."""
+        return self.graph.until(left, right, direction)
+
+    def shorter_reward(
+        self, structure: int, target: SymbolicSet, direction: Direction | None
+    ) -> ShorterReward | None:
+        """The same for the expected reward until `target` is reached."""
+        return self.graph.reach_reward(structure, target, direction)
+
+    def valuations(
+        self, states: SymbolicSet, limit: int | None = None
+    ) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order."""
+        odd = states.odd
+        numbers = np.arange(odd.count if limit is None else min(limit, odd.count))
+        for start in range(0, len(numbers), 65536):
+            yield from self._decoded(odd.unrank(numbers[start : start + 65536]))
+
+    def _decoded(self, bits: Any) -> Iterator[tuple[bool | int, ...]]:
+        encoding = self.space.symbolic.encoding
+        own = (
+            [self.diagrams.rows.index(name) for name in encoding.rows]
+            if self.diagrams.rows != encoding.rows
+            else slice(None)
+        )
+        columns = encoding.codes(bits[:, own]).T
+        kinds = [v.is_bool for v in encoding.variables]
+        lists = [
+            (c.astype(bool) if is_bool else c).tolist()
+            for c, is_bool in zip(columns, kinds, strict=True)
+        ]
+        yield from zip(*lists, strict=True) if lists else iter([()] * len(bits))
+
+    def product(self, letters: Sequence[SymbolicSet], automaton: Automaton) -> SymbolicProduct:
+        """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
+        from symcheck.engines.symbolic.product import product
+
+        return product(self, letters, automaton)

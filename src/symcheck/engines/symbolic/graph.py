@@ -1,0 +1,394 @@
+"""Graph questions on diagrams: fixpoints of images and preimages; on rows where these are few, or few are left without forced states.
+
+Source: Bianco & de Alfaro (1995) for prob0/prob1 of MDPs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from time import perf_counter
+from typing import Protocol
+
+from symcheck.dd.manager import Bdd
+from symcheck.direction import Direction
+from symcheck.engines.symbolic.components import Components
+from symcheck.engines.symbolic.components import Owner as ComponentsOwner
+from symcheck.engines.symbolic.deterministic_elimination import (
+    Shorter,
+    ShorterReward,
+    ShorterUntil,
+    forced_states,
+    shorter,
+)
+from symcheck.engines.symbolic.diagrams import Diagrams
+from symcheck.engines.symbolic.sets import SymbolicSet
+from symcheck.engines.symbolic.steps import Steps, TooSlowError, check
+from symcheck.machine import memory
+from symcheck.matrices.rows import Bools
+from symcheck.numerics import graph
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["Owner", "SymbolicGraph"]
+
+PATIENCE = 0.25
+"""Seconds that a search on diagrams gets before it is done on rows, where these are few."""
+
+FEW_ROWS = 10_000_000
+"""Transitions that are few enough for that, unless the engine has a limit of its own."""
+
+LARGE = 5_000_000
+"""States from which on a question that diagrams are slow to answer may be asked without its forced states (`Shorter`)."""
+
+PATIENCE_PER_STATE = 3e-8
+"""Seconds more that diagrams get then: a third of what the answer without forced states takes."""
+
+SHORTER_SHARE = 0.5
+"""Of the machine's memory that this may take."""
+
+REMEMBERED = 4
+"""Answers of diagrams that are kept: who asks for values may have asked for 0 and 1 before."""
+
+Question = tuple[str, Bdd, Bdd, Direction | None]
+"""'possible' (E [left U right]), 'prob0' or 'prob1'; left, right, and the direction."""
+
+OnDiagrams = Callable[[float | None], Bdd]
+"""An answer by fixpoints on diagrams; past a deadline, TooSlowError."""
+
+
+class Owner(ComponentsOwner, Protocol):
+    """What graph questions ask of their engine."""
+
+    @property
+    def transitions(self) -> int:
+        """Number of transitions."""
+        ...
+
+    @property
+    def all(self) -> SymbolicSet:
+        """Every reachable state."""
+        ...
+
+    def to_bools(self, states: SymbolicSet) -> Bools:
+        """Membership of each state, in index order."""
+        ...
+
+    def valuations(self, states: SymbolicSet) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicGraph:
+    """See `symcheck.engines.base.Graph`. `observer` is told of each set on the way to a fixpoint, and what it is."""
+
+    engine: Owner = field(repr=False)
+    observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
+
+    @property
+    def _d(self) -> Diagrams:
+        return self.engine.diagrams
+
+    def _set(self, bdd: Bdd) -> SymbolicSet:
+        return SymbolicSet(self._d, bdd)
+
+    @cached_property
+    def _steps(self) -> Steps:
+        return Steps(self._d, self.observer)
+
+    # on rows, where diagrams are slow
+
+    @cached_property
+    def _affordable(self) -> bool:
+        limit = self.engine.rows_limit
+        return self.observer is None and self.engine.transitions <= (
+            FEW_ROWS if limit is None else min(limit, FEW_ROWS)
+        )
+
+    @cached_property
+    def _rows(self) -> graph.Incidence:
+        return graph.Incidence(self.engine.system(self.engine.all).matrix)
+
+    def _answer(
+        self,
+        question: Question,
+        on_diagrams: OnDiagrams,
+        on_rows: Callable[[graph.Incidence], Bools],
+    ) -> SymbolicSet:
+        """An answer found on diagrams (which get a time to give up at), or else on rows, all or without the forced states."""
+        if "_rows" not in vars(self):
+            try:
+                return self._set(self._on_diagrams(question, on_diagrams, self._deadline))
+            except TooSlowError:
+                pass
+        if self._affordable:
+            return self._set(self._d.odd.collapse(on_rows(self._rows)))
+        kind, left, right, direction = question
+        parts = self._shorter(left, right)
+        if parts is None:
+            return self._set(self._on_diagrams(question, on_diagrams, None))
+        match kind:
+            case "possible":
+                members = ~parts.prob0(Direction.MAX)
+            case "prob0":
+                members = parts.prob0(direction)
+            case _:
+                members = parts.prob1(direction)
+        return self._set(parts.states(members))
+
+    @property
+    def _deadline(self) -> float | None:
+        """When to stop asking diagrams."""
+        if self._affordable:
+            return perf_counter() + PATIENCE
+        return (
+            perf_counter() + PATIENCE + PATIENCE_PER_STATE * self._d.count
+            if self._shortens
+            else None
+        )
+
+    @cached_property
+    def _answers(self) -> dict[Question, Bdd]:
+        return {}
+
+    def _on_diagrams(
+        self, question: Question, on_diagrams: OnDiagrams, deadline: float | None
+    ) -> Bdd:
+        if question not in self._answers:
+            found = on_diagrams(deadline)
+            if len(self._answers) >= REMEMBERED:
+                self._answers.pop(next(iter(self._answers)))
+            self._answers[question] = found
+        return self._answers[question]
+
+    # without forced states, where there are very many
+
+    @cached_property
+    def _shortens(self) -> bool:
+        unlimited = self.observer is None and self.engine.rows_limit is None
+        return unlimited and self.engine.model.type is not ModelType.CTMC and self._d.count >= LARGE
+
+    def _shorter(self, left: Bdd, right: Bdd, reward: int | None = None) -> Shorter | None:
+        """The question without its forced states, where memory reaches."""
+        return (
+            shorter(self._d, left, right, int(SHORTER_SHARE * memory()), reward)
+            if self._shortens
+            else None
+        )
+
+    def until(
+        self, left: SymbolicSet, right: SymbolicSet, direction: Direction | None
+    ) -> ShorterUntil | None:
+        """Equations for the probabilities of left U right without forced states.
+
+        None where diagrams answer the graph questions soon and leave few unknowns, or hardly a forced one; where memory does not
+        reach; and where the engine is not one of rows.
+        """
+        if not self._shortens or self._affordable:
+            return None
+        deadline = self._deadline
+        try:
+            no, yes = (
+                self._certain(kind, left.bdd, right.bdd, direction, deadline)
+                for kind in ("prob0", "prob1")
+            )
+        except TooSlowError:
+            return self._equations(left.bdd, right.bdd, direction)
+        unknown = self._d.states - no - yes
+        return (
+            self._equations(unknown | yes, yes, direction) if self._mostly_forced(unknown) else None
+        )
+
+    def reach_reward(
+        self, structure: int, target: SymbolicSet, direction: Direction | None
+    ) -> ShorterReward | None:
+        """The same for the expected reward until `target` is reached; None too where a reward is negative or infinite."""
+        if not self._shortens or self._affordable:
+            return None
+        against = direction and direction.dual
+        certain = self._d.states
+        try:
+            certain = self._certain("prob1", certain, target.bdd, against, self._deadline)
+        except TooSlowError:
+            pass
+        else:
+            if not self._mostly_forced(certain - target.bdd):
+                return None
+        parts = self._shorter(certain, target.bdd, structure)
+        return None if parts is None else ShorterReward.of(parts, direction)
+
+    def _mostly_forced(self, unknown: Bdd) -> bool:
+        """Whether many states are unknown, and without forced ones half as many or less."""
+        count = self._set(unknown).count
+        return count >= LARGE and 2 * self._set(unknown & forced_states(self._d)).count >= count
+
+    def _certain(
+        self, kind: str, left: Bdd, right: Bdd, direction: Direction | None, deadline: float | None
+    ) -> Bdd:
+        find = self._prob0 if kind == "prob0" else self._prob1
+        return self._on_diagrams(
+            (kind, left, right, direction), partial(find, left, right, direction), deadline
+        )
+
+    def _equations(self, left: Bdd, right: Bdd, direction: Direction | None) -> ShorterUntil | None:
+        parts = self._shorter(left, right)
+        return None if parts is None else ShorterUntil.of(parts, direction)
+
+    # reachability
+
+    def reachable(self, sources: Bdd) -> Bdd:
+        """All states that paths from `sources` lead to."""
+        return self._steps.reachable(sources)
+
+    def predecessors(self, states: SymbolicSet) -> SymbolicSet:
+        """States with some transition (of some choice) into the set."""
+        return self._set(self._steps.before(states.bdd))
+
+    def all_successors_in(self, states: SymbolicSet) -> SymbolicSet:
+        """States all of whose transitions (of all choices) lead into the set."""
+        return ~self.predecessors(~states)
+
+    def exists_until(self, left: SymbolicSet, right: SymbolicSet) -> SymbolicSet:
+        """E [ left U right ]."""
+        to_bools = self.engine.to_bools
+        return self._answer(
+            ("possible", left.bdd, right.bdd, None),
+            partial(self._steps.backward, right.bdd, left.bdd),
+            lambda rows: graph.backward_reachable(rows, to_bools(right), to_bools(left)),
+        )
+
+    def exists_globally(self, states: SymbolicSet) -> SymbolicSet:
+        """E [ G states ]."""
+        inside = states.bdd
+        while True:
+            smaller = inside & self._steps.before(inside)
+            if smaller == inside:
+                return self._set(inside)
+            inside = smaller
+
+    # probability 0 and 1
+
+    def prob0(
+        self, left: SymbolicSet, right: SymbolicSet, direction: Direction | None
+    ) -> SymbolicSet:
+        """States whose (min/max) probability of left U right is 0."""
+        to_bools = self.engine.to_bools
+        return self._answer(
+            ("prob0", left.bdd, right.bdd, direction),
+            partial(self._prob0, left.bdd, right.bdd, direction),
+            lambda rows: graph.prob0(rows, to_bools(left), to_bools(right), direction),
+        )
+
+    def prob1(
+        self, left: SymbolicSet, right: SymbolicSet, direction: Direction | None
+    ) -> SymbolicSet:
+        """States whose (min/max) probability of left U right is 1."""
+        to_bools = self.engine.to_bools
+        return self._answer(
+            ("prob1", left.bdd, right.bdd, direction),
+            partial(self._prob1, left.bdd, right.bdd, direction),
+            lambda rows: graph.prob1(rows, to_bools(left), to_bools(right), direction),
+        )
+
+    def _prob0(
+        self, left: Bdd, right: Bdd, direction: Direction | None, deadline: float | None
+    ) -> Bdd:
+        if direction != Direction.MIN or self._d.guards is None:
+            return self._d.states - self._steps.backward(right, left, deadline)
+        return self._d.states - self._unavoidable(left, right, deadline)
+
+    def _prob1(
+        self, left: Bdd, right: Bdd, direction: Direction | None, deadline: float | None
+    ) -> Bdd:
+        if direction == Direction.MAX and self._d.guards is not None:
+            return self._almost_sure(left, right, deadline)
+        # Whoever can get to where it may be missed for ever, before it is reached, may miss it.
+        no = self._certain("prob0", left, right, direction, deadline)
+        return self._d.states - self._steps.backward(no, left - right, deadline)
+
+    def _unavoidable(self, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
+        """States from where all strategies have a positive probability of left U right."""
+        reach = right
+        while reach:
+            check(deadline)
+            before = self._steps.slots_before(reach)
+            escape = self._d.union(
+                [guard - b for guard, b in zip(self._d.slot_guards, before, strict=True)]
+            )
+            more = reach | (left & self._d.union(before) - escape)
+            if more == reach:
+                return reach
+            reach = more
+            self._steps.tell("every strategy reaches", reach)
+        return reach
+
+    def _almost_sure(self, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
+        """States from where some strategy has probability 1 of left U right."""
+        candidates = self._steps.backward(right, left, deadline)
+        if not self._steps.before(self._d.states - candidates) & (candidates - right):
+            return candidates  # whatever is chosen, there is a way on: sooner or later it is taken
+        while candidates:
+            self._steps.tell("candidates", candidates)
+            sure = self._surely_within(candidates, left, right, deadline)
+            if sure == candidates:
+                return sure
+            candidates = sure
+        return candidates
+
+    def _surely_within(self, candidates: Bdd, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
+        """States with a path into `right`, in `left` before, by choices that surely stay within `candidates`."""
+        within = [w & left for w in self._steps.slots_within(candidates)]
+        sure = fresh = right
+        while fresh:
+            check(deadline)
+            before = self._steps.slots_before(fresh)
+            fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - sure
+            sure = sure | fresh
+            self._steps.tell("sure", sure)
+        return sure
+
+    # components
+
+    @cached_property
+    def components(self) -> Components:
+        """Components, and how they are found."""
+        return Components(self.engine, self._steps)
+
+    def bsccs(self) -> Iterator[SymbolicSet]:
+        """Bottom strongly connected components."""
+        return self.components.bsccs()
+
+    def end_components(self, within: SymbolicSet) -> Iterator[SymbolicSet]:
+        """Maximal end components of the states `within`."""
+        return self.components.end_components(within)
+
+    def accepting_end_components(
+        self, pairs: Sequence[tuple[SymbolicSet, Sequence[SymbolicSet]]]
+    ) -> SymbolicSet:
+        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
+        return self.components.accepting_end_components(pairs)
+
+    # paths
+
+    def witness(
+        self, left: SymbolicSet, right: SymbolicSet
+    ) -> Sequence[Mapping[str, int | bool]] | None:
+        """A shortest path from an initial state that satisfies left U right, as states; None if there is none."""
+        d = self._d
+        layers = [d.initial]
+        seen = d.initial
+        while not layers[-1] & right.bdd:
+            following = d.union([step.image(layers[-1] & left.bdd) for step in d.steps]) - seen
+            if not following:
+                return None
+            seen = seen | following
+            layers.append(following)
+        path = [self.engine.lowest(layers[-1] & right.bdd)]
+        for layer in layers[-2::-1]:
+            path.append(self.engine.lowest(self._steps.before(path[-1]) & layer & left.bdd))
+        names = [v.name for v in self.engine.model.variables]
+        return [
+            dict(zip(names, next(iter(self.engine.valuations(self._set(s)))), strict=True))
+            for s in reversed(path)
+        ]

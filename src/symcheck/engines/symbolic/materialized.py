@@ -1,0 +1,202 @@
+"""From diagrams to arrays: a model that was built symbolically, written out as states and compressed rows.
+
+Diagrams explore in milliseconds what a search takes seconds for; but a fixpoint of many iterations on them, such as prob0 of
+a deep model, takes seconds where one pass over rows takes milliseconds. So a model whose rows fit well into memory is
+explored as a diagram and checked as arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.symbolic.system import SymbolicSystem
+from symcheck.explicit.model import evaluate_states
+from symcheck.explicit.states import Layout, Rows, StateTable
+from symcheck.matrices.blocks import flatten, quad_dag
+from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression
+
+if TYPE_CHECKING:
+    from symcheck.engines.symbolic.engine import SymbolicEngine
+
+__all__ = ["WrittenEngine", "WrittenModel", "stored_states", "written_out"]
+
+
+@dataclass(frozen=True)
+class WrittenEngine(ExplicitEngine):
+    """States and rows as arrays; which states satisfy an expression is still asked of the diagrams, where it costs nothing."""
+
+    source: SymbolicEngine | None = None
+
+    @property
+    def states(self) -> int:
+        """Number of reachable states."""
+        assert self.source is not None
+        return self.source.states
+
+    @property
+    def transitions(self) -> int:
+        """Number of stored transitions."""
+        assert self.source is not None
+        return self.source.transitions
+
+    @property
+    def choices(self) -> int:
+        """Number of choices (states, where there is no nondeterminism)."""
+        assert self.source is not None
+        return self.source.choices
+
+    def where(self, expression: Expression) -> ArraySet:
+        """The states that satisfy a boolean expression over the variables."""
+        assert self.source is not None
+        return ArraySet(self.source.to_bools(self.source.where(expression)))
+
+    def valuations(
+        self, states: ArraySet, limit: int | None = None
+    ) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order."""
+        assert self.source is not None
+        if limit is None:
+            return super().valuations(states)
+        return self.source.valuations(self.source.from_bools(states.members), limit)
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenModel:
+    """An explored model (see `symcheck.explicit.model.ExplicitModel`) of which only the rows are arrays, written when first asked for.
+
+    Rewards and actions are read off the diagrams whenever they are asked for, and not kept: most properties ask for none of
+    them, and each takes as much memory as a vector of values.
+    """
+
+    source: SymbolicEngine = field(repr=False)
+    system: SymbolicSystem = field(repr=False)
+
+    @cached_property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities (rates), deadlocks fixed."""
+        source, system = (
+            self.source,
+            self.system,
+        )  # whose own `matrix` would keep the distinct sub-matrices too
+        indptr, indices, data = flatten(
+            quad_dag(system.roots, system.odd, system.odd, source.diagrams.columns), system.layout
+        )
+        return SparseMatrix(indptr, indices, data, system.n, system.groups)
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        return self.source.model
+
+    @cached_property
+    def states(self) -> StateTable:
+        """The states in the order of their numbers."""
+        return stored_states(self.source)
+
+    @cached_property
+    def initial(self) -> Int64s:
+        """Numbers of the initial states, ascending."""
+        return np.flatnonzero(self.source.to_bools(self.source.initial))
+
+    @cached_property
+    def deadlocks(self) -> Int64s:
+        """Numbers of the states that had no transition, ascending."""
+        return np.flatnonzero(self.source.to_bools(self.source.deadlocks))
+
+    @property
+    def state_rewards(self) -> Sequence[Floats]:
+        """Per structure, the reward of each state: float64[states]."""
+        functions = self.source.diagrams.state_rewards
+        return _Asked(len(functions), lambda i: self.system.odd.to_vector(functions[i]))
+
+    @property
+    def choice_rewards(self) -> Sequence[Floats]:
+        """Per structure, the expected transition reward of each row: float64[rows]."""
+        functions = self.source.diagrams.transition_rewards
+        return _Asked(len(functions), lambda i: self.system.per_row(functions[i]))
+
+    @property
+    def choice_actions(self) -> Int32s:
+        """Per row, the number of its action among the model's, -1 for none."""
+        actions = self.system.row_actions()
+        return np.full(self.matrix.rows, -1, np.int32) if actions is None else actions
+
+    def evaluate(self, expression: Expression) -> NDArray[Any]:
+        """The value of an expression over the variables in each state. Raises ModelFault if it has none in some state."""
+        return evaluate_states(self.model, self.states, expression)
+
+
+class _Asked(Sequence[Floats]):
+    """Arrays that are made each time one is asked for."""
+
+    def __init__(self, size: int, make: Callable[[int], Floats]) -> None:
+        self._size, self._make = size, make
+
+    def __len__(self) -> int:
+        return self._size
+
+    @overload
+    def __getitem__(self, index: int) -> Floats: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Floats]: ...
+    def __getitem__(self, index: int | slice) -> Floats | Sequence[Floats]:
+        numbers = range(self._size)[index]
+        return self._make(numbers) if isinstance(numbers, int) else [self._make(i) for i in numbers]
+
+
+def written_out(engine: SymbolicEngine) -> WrittenEngine:
+    """The same model with its rows as arrays, under the name 'sparse'. Its states must be in declaration order.
+
+    Raises OverflowError for more than 2**31 - 1 states, ModelFault for a reward that has no value.
+    """
+    if engine.states >= 2**31:
+        raise OverflowError(f"{engine.states:,} states are too many for rows of 32-bit numbers")
+    diagrams = engine.diagrams
+    for rewards in (diagrams.state_rewards, diagrams.transition_rewards):
+        list(rewards)  # what is wrong with one is said now
+    # A system of its own, which does not keep its rows: the engine keeps its last one, and that would be a second copy.
+    model = WrittenModel(engine, SymbolicSystem(engine, engine.all))
+    return WrittenEngine(model, name="sparse", source=engine)  # type: ignore[arg-type]
+
+
+def stored_states(engine: SymbolicEngine) -> StateTable:
+    """The reachable states in the order of their numbers, as a table that is filled when it is first looked into."""
+    return _States(engine)
+
+
+class _States(StateTable):
+    """The reachable states as packed rows, made when they are first asked for: most checks never do."""
+
+    def __init__(self, engine: SymbolicEngine) -> None:
+        object.__setattr__(self, "layout", Layout.of(engine.model.variables))
+        object.__setattr__(self, "_engine", engine)
+
+    def __len__(self) -> int:
+        return self._source.states
+
+    @property
+    def _source(self) -> SymbolicEngine:
+        engine: SymbolicEngine = self.__dict__["_engine"]
+        return engine
+
+    @cached_property
+    def rows(self) -> Rows:
+        """uint64[states, words]."""
+        encoding, odd = self._source.space.symbolic.encoding, self._source.diagrams.odd
+        columns: list[Int64s] = []
+        for variable in encoding.variables:
+            weights = np.zeros(len(odd.rows), np.int64)
+            for place, bit in enumerate(reversed(variable.rows)):
+                weights[odd.rows.index(bit)] = 1 << place
+            columns.append(odd.weigh(weights, variable.low))
+        return self.layout.pack(columns)

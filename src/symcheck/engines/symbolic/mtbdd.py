@@ -1,0 +1,118 @@
+"""The MTBDD engine: vectors are diagrams too, so that what a product costs grows with their structure and not with states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.engines.symbolic.engine import SymbolicEngine
+from symcheck.engines.symbolic.system import SymbolicSystem
+from symcheck.matrices.blocks import BlockMatrix
+from symcheck.matrices.rows import Floats
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Mtbdd
+
+__all__ = ["DiagramOperator", "MtbddEngine"]
+
+STEPS = 10
+"""Steps of a sweep: so often a vector is multiplied as a diagram before it is an array again."""
+
+TINY = 1e-307
+
+
+@dataclass(frozen=True, eq=False)
+class DiagramOperator:
+    """The matrix as a diagram (one per slot): products of diagrams, arrays at both ends."""
+
+    system: SymbolicSystem = field(repr=False)
+
+    @property
+    def longest(self) -> int:
+        """A bound on the entries of a row, for the rounding of sums."""
+        blocks: BlockMatrix = self.system.blocks
+        return blocks.longest
+
+    def apply(self, x: Mtbdd) -> tuple[Mtbdd, ...]:
+        """A x for each slot, as functions of the row bits; `x` too is one, 0 outside of the states."""
+        d = self.system.engine.diagrams
+        columns = x.rename(d.to_columns)
+        return tuple(root.multiply_sum(columns, d.column_cube) for root in self.system.roots)
+
+    def multiply(self, x: Floats) -> Floats:
+        """A x: a value per row."""
+        return self.system.per_row(self.apply(self.system.odd.from_vector(x)))
+
+    def sweep(
+        self,
+        x: Floats,
+        constant: Floats,
+        direction: Direction | None,
+        slip: float,
+        *,
+        upper: bool,
+        divisor: Floats | None = None,
+    ) -> None:
+        """Some steps of x = opt(A x / divisor + constant) on bounds, in place, all on diagrams (see BlockMatrix.sweep)."""
+        odd = self.system.odd
+        add = self._by_slot(constant)
+        scale = None if divisor is None else self._by_slot(1.0 / divisor)
+        bounds = odd.from_vector(x)
+        for _ in range(STEPS):
+            rows = self.apply(bounds)
+            if scale is not None:
+                rows = tuple(row * by for row, by in zip(rows, scale, strict=True))
+            found = self._best([row + b for row, b in zip(rows, add, strict=True)], direction)
+            if upper:
+                after = bounds.minimum(
+                    found * (1.0 + slip) + found.compare(">", 0.0).to_mtbdd(TINY)
+                )
+            else:
+                after = bounds.maximum(found * (1.0 - slip))
+            if after == bounds:
+                break
+            bounds = after
+        x[:] = odd.to_vector(bounds)
+
+    def _by_slot(self, values: Floats) -> list[Mtbdd]:
+        """A value per row as a function of the state per slot."""
+        layout, odd = self.system.layout, self.system.odd
+        if layout is None:
+            return [odd.from_vector(values)]
+        found = []
+        for present, rows in layout.each():
+            full = np.zeros(self.system.n)
+            full[present] = values[rows]
+            found.append(odd.from_vector(full))
+        return found
+
+    def _best(self, rows: Sequence[Mtbdd], direction: Direction | None) -> Mtbdd:
+        """The best choice of each state; 0 outside of the states."""
+        guards, states = self.system.engine.diagrams.guards, self.system.states.bdd
+        if guards is None:
+            return rows[0].times_bdd(states)
+        worst = -np.inf if direction == Direction.MAX else np.inf
+        best: Any = None
+        for row, guard in zip(rows, guards, strict=True):
+            here = guard.ite(row, worst)
+            if best is None:
+                best = here
+            else:
+                best = best.maximum(here) if direction == Direction.MAX else best.minimum(here)
+        found: Mtbdd = states.ite(best, 0.0)
+        return found
+
+
+class MtbddEngine(SymbolicEngine):
+    """Products are made on diagrams, except in small systems: on these arrays are better, and a direct solution best."""
+
+    name: ClassVar[str] = "mtbdd"
+    rows_limit: ClassVar[int | None] = 200_000
+
+    def operator(self, system: SymbolicSystem) -> DiagramOperator | BlockMatrix:
+        """The diagrams as an operator, or the blocks of a small system."""
+        return system.blocks if system.has_rows else DiagramOperator(system)

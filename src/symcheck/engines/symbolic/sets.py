@@ -1,0 +1,345 @@
+"""Sets of states as BDDs, and values as pieces: constants on sets, and arrays on sets where values differ.
+
+A value per state of a model of 66 million states is seldom 66 million numbers: most are 0 or 1 by graph analysis, and
+only the states between need an array, numbered by an ODD of their own. What is done with the numbers is left to
+`ArrayValues`, piece by piece, so that all engines agree on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from symcheck.dd.manager import Bdd, Mtbdd
+from symcheck.dd.odd import Odd
+from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.symbolic.diagrams import Diagrams
+from symcheck.matrices.rows import Bools, Floats, Int64s
+
+__all__ = [
+    "FEW_LEAVES",
+    "MANY_STATES",
+    "LazyValues",
+    "Piece",
+    "SymbolicSet",
+    "SymbolicValues",
+    "array_piece",
+    "constant_piece",
+    "constants_on",
+    "merged",
+    "picked",
+    "values_of",
+]
+
+FEW_LEAVES = 256
+"""A function with at most so many values is stored as constants on sets."""
+
+MANY_STATES = 50_000_000
+"""A function on more states than this is stored as constants on sets, however many values it has."""
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicSet:
+    """A set of reachable states as a BDD over row bits."""
+
+    diagrams: Diagrams = field(repr=False)
+    bdd: Bdd = field(repr=False)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of states in the set."""
+        return self.diagrams.manager.count(self.bdd, self.diagrams.row_cube)
+
+    @cached_property
+    def odd(self) -> Odd:
+        """Numbers of the states."""
+        return (
+            self.diagrams.odd
+            if self.bdd == self.diagrams.states
+            else Odd(self.diagrams.manager, self.bdd, self.diagrams.rows)
+        )
+
+    def _with(self, bdd: Bdd) -> SymbolicSet:
+        return SymbolicSet(self.diagrams, bdd)
+
+    def __and__(self, other: SymbolicSet, /) -> SymbolicSet:
+        return self._with(self.bdd & other.bdd)
+
+    def __or__(self, other: SymbolicSet, /) -> SymbolicSet:
+        return self._with(self.bdd | other.bdd)
+
+    def __sub__(self, other: SymbolicSet, /) -> SymbolicSet:
+        return self._with(self.bdd - other.bdd)
+
+    def __invert__(self) -> SymbolicSet:
+        return self._with(self.diagrams.states - self.bdd)
+
+    def __bool__(self) -> bool:
+        return bool(self.bdd)
+
+    def __eq__(self, other: object, /) -> bool:
+        return isinstance(other, SymbolicSet) and self.bdd == other.bdd
+
+    def __hash__(self) -> int:
+        return hash(self.bdd)
+
+    def __le__(self, other: SymbolicSet, /) -> bool:
+        return self.bdd <= other.bdd
+
+    def __repr__(self) -> str:
+        return f"<SymbolicSet of {self.count:,} of {self.diagrams.count:,} states, {self.bdd.node_count} nodes>"
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Values on a set that is not empty: one for all its states (arrays of length 1, `odd` None) or one for each."""
+
+    states: Bdd = field(repr=False)
+    values: ArrayValues
+    odd: Odd | None
+
+    @property
+    def constant(self) -> bool:
+        """Whether all states have the same value."""
+        return self.odd is None
+
+    def over(self, states: Bdd, odd: Odd) -> ArrayValues:
+        """The values on a subset, one for each state."""
+        v, n = self.values, odd.count
+        if self.odd is None:
+            low = np.broadcast_to(v.lower, (n,))
+            high = low if v.upper is v.lower else np.broadcast_to(v.upper, (n,))
+            return ArrayValues(
+                low,
+                high,
+                None if v.computed is None else np.broadcast_to(v.computed, (n,)),
+                v.slack,
+            )
+        if states == self.states:
+            return v
+        return picked(v, odd.places(self.odd))
+
+
+def picked(values: ArrayValues, places: Int64s) -> ArrayValues:
+    """The values at some places."""
+    low = values.lower[places]
+    high = low if values.upper is values.lower else values.upper[places]
+    return ArrayValues(
+        low, high, None if values.computed is None else values.computed[places], values.slack
+    )
+
+
+def constant_piece(
+    states: Bdd, lower: float, upper: float | None = None, computed: bool = False
+) -> Piece:
+    """One value (or bounds of it) on a set."""
+    low = np.array([float(lower)])
+    high = low if upper is None or upper == lower else np.array([float(upper)])
+    return Piece(states, ArrayValues(low, high, np.ones(1, bool) if computed else None), None)
+
+
+def constants_on(states: Bdd, parts: Sequence[tuple[SymbolicSet, float]]) -> Iterator[Piece]:
+    """Pieces that cover `states`: the value of the last part that a state is in, 0 elsewhere."""
+    for part, value in reversed(parts):
+        if part.bdd & states:
+            yield constant_piece(part.bdd & states, value)
+            states = states - part.bdd
+    if states:
+        yield constant_piece(states, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicValues:
+    """A number per reachable state (see `symcheck.engines.base.Values`). The pieces are disjoint and cover all states."""
+
+    diagrams: Diagrams = field(repr=False)
+    pieces: tuple[Piece, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        numbers = sum(len(p.values.lower) for p in self.pieces)
+        return f"<SymbolicValues: {len(self.pieces)} pieces with {numbers:,} numbers, {'exact' if self.exact else 'certified'}>"
+
+    @cached_property
+    def exact(self) -> bool:
+        """Whether lower and upper are the same everywhere."""
+        return all(p.values.exact for p in self.pieces)
+
+    def rounded(self, states: SymbolicSet) -> bool:
+        """Whether some value over the set was computed in floating point."""
+        return any(
+            v.computed is not None and bool(v.computed.any()) for _, v in self._parts(states)
+        )
+
+    def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, ArrayValues]]:
+        """The values on a set: for each piece that meets it, the common states and their values (one if constant)."""
+        for piece in self.pieces:
+            common = piece.states & states.bdd
+            if not common:
+                continue
+            if piece.odd is None or common == piece.states:
+                yield common, piece.values
+            else:
+                yield (
+                    common,
+                    piece.over(common, Odd(self.diagrams.manager, common, self.diagrams.rows)),
+                )
+
+    def at(self, states: SymbolicSet) -> tuple[Floats, Floats]:
+        """Lower and upper values over the set, in index order."""
+        low, high = np.empty(states.odd.count), np.empty(states.odd.count)
+        for common, values in self._parts(states):
+            where = slice(None) if common == states.bdd else states.odd.expand(common)
+            low[where] = values.lower
+            high[where] = values.upper
+        return low, low if self.exact else high
+
+    def minimum(self, states: SymbolicSet) -> tuple[float, float]:
+        """Bounds of the least value over the set."""
+        found = [(v.lower.min(), v.upper.min()) for _, v in self._parts(states)]
+        return float(np.min([low for low, _ in found])), float(np.min([high for _, high in found]))
+
+    def maximum(self, states: SymbolicSet) -> tuple[float, float]:
+        """Bounds of the largest value over the set."""
+        found = [(v.lower.max(), v.upper.max()) for _, v in self._parts(states)]
+        return float(np.max([low for low, _ in found])), float(np.max([high for _, high in found]))
+
+    def total(self, states: SymbolicSet) -> tuple[float, float]:
+        """Bounds of the sum over the set."""
+        low = high = 0.0
+        for common, values in self._parts(states):
+            times = (
+                self.diagrams.manager.count(common, self.diagrams.row_cube)
+                if len(values.lower) == 1
+                else 1
+            )
+            low += times * float(values.lower.sum())
+            high += times * float(values.upper.sum())
+        return low, high
+
+    def compare(
+        self, operator: str, threshold: float | Fraction
+    ) -> tuple[SymbolicSet, SymbolicSet]:
+        """The states that surely satisfy the comparison, and those where it is undecided."""
+        sure, open_ = [], []
+        for piece in self.pieces:
+            yes, undecided = piece.values.compare(operator, threshold)
+            sure.append(self._states(piece, yes))
+            open_.append(self._states(piece, undecided))
+        return SymbolicSet(self.diagrams, self.diagrams.union(sure)), SymbolicSet(
+            self.diagrams, self.diagrams.union(open_)
+        )
+
+    def _states(self, piece: Piece, members: ArraySet) -> Bdd:
+        if piece.odd is not None:
+            return piece.odd.collapse(members.members)
+        return piece.states if members else self.diagrams.manager.false
+
+    def map(self, operator: str, *others: SymbolicValues | float) -> SymbolicValues:
+        """Interval arithmetic with an operator of the expression language."""
+        numbers = [o for o in others if not isinstance(o, SymbolicValues)]
+        operands = [self, *(o for o in others if isinstance(o, SymbolicValues))]
+        pieces = []
+        for states, parts in self._common(operands):
+            if all(p.constant for p in parts):
+                odd, arrays = None, [p.values for p in parts]
+            else:
+                odd = next((p.odd for p in parts if p.odd is not None and p.states == states), None)
+                odd = odd or Odd(self.diagrams.manager, states, self.diagrams.rows)
+                arrays = [p.over(states, odd) for p in parts]
+            rest = iter(arrays[1:])
+            known = iter(numbers)
+            arguments = [
+                next(rest) if isinstance(o, SymbolicValues) else next(known) for o in others
+            ]
+            pieces.append(Piece(states, arrays[0].map(operator, *arguments), odd))
+        return SymbolicValues(self.diagrams, merged(self.diagrams, pieces))
+
+    def _common(self, operands: list[SymbolicValues]) -> list[tuple[Bdd, list[Piece]]]:
+        """The coarsest common refinement: sets with one piece of each operand."""
+        cells: list[tuple[Bdd, list[Piece]]] = [(p.states, [p]) for p in operands[0].pieces]
+        for operand in operands[1:]:
+            finer = []
+            for states, parts in cells:
+                rest = states
+                for piece in operand.pieces:
+                    common = rest & piece.states
+                    if common:
+                        finer.append((common, [*parts, piece]))
+                        rest = rest - common
+                    if not rest:
+                        break
+            cells = finer
+        return cells
+
+    def choose(self, states: SymbolicSet, other: SymbolicValues) -> SymbolicValues:
+        """These values on the set, the other ones elsewhere."""
+        inside = [self._piece(common, v) for common, v in self._parts(states)]
+        outside = [self._piece(common, v) for common, v in other._parts(~states)]
+        return SymbolicValues(self.diagrams, merged(self.diagrams, [*inside, *outside]))
+
+    def _piece(self, states: Bdd, values: ArrayValues) -> Piece:
+        odd = Odd(self.diagrams.manager, states, self.diagrams.rows)
+        return Piece(states, values, odd if len(values.lower) == odd.count else None)
+
+
+class LazyValues(SymbolicValues):
+    """Values whose pieces are made on first use: a result is often wanted at one state only."""
+
+    def __init__(self, diagrams: Diagrams, make: Callable[[], tuple[Piece, ...]]) -> None:
+        vars(self).update(diagrams=diagrams, _make=make)
+
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """All values. Raises what making them raises."""
+        make: Callable[[], tuple[Piece, ...]] = vars(self)["_make"]
+        return make()
+
+
+def merged(diagrams: Diagrams, pieces: Iterable[Piece]) -> tuple[Piece, ...]:
+    """The pieces with constants of the same value joined."""
+    result: list[Piece] = []
+    groups: dict[tuple[object, ...], list[Piece]] = {}
+    for piece in pieces:
+        v = piece.values
+        if piece.odd is not None:
+            result.append(piece)
+        else:
+            computed = v.computed is not None and bool(v.computed[0])
+            groups.setdefault((v.lower.tobytes(), v.upper.tobytes(), computed, v.slack), []).append(
+                piece
+            )
+    joined = (
+        g[0] if len(g) == 1 else Piece(diagrams.union([p.states for p in g]), g[0].values, None)
+        for g in groups.values()
+    )
+    return (*result, *joined)
+
+
+def array_piece(
+    states: Bdd, odd: Odd, lower: Floats, upper: Floats | None, computed: bool
+) -> Piece:
+    """A value for each state of a set."""
+    mask: Bools | None = np.ones(len(lower), bool) if computed else None
+    return Piece(states, ArrayValues(lower, lower if upper is None else upper, mask), odd)
+
+
+def values_of(diagrams: Diagrams, function: Mtbdd, undefined: Bdd | None = None) -> SymbolicValues:
+    """A function of the row bits on the reachable states, taken as exact; NaN on `undefined`."""
+    states = diagrams.states if undefined is None else diagrams.states - undefined
+    pieces = []
+    if undefined is not None and undefined & diagrams.states:
+        pieces.append(constant_piece(undefined & diagrams.states, float("nan")))
+    leaves = function.leaves
+    if states and len(leaves) > FEW_LEAVES and diagrams.count <= MANY_STATES:
+        odd = Odd(diagrams.manager, states, diagrams.rows)
+        pieces.append(array_piece(states, odd, odd.to_vector(function), None, False))
+    else:
+        for leaf in leaves.tolist():
+            here = function.equal(leaf) & states
+            if here:
+                pieces.append(constant_piece(here, leaf))
+    return SymbolicValues(diagrams, tuple(pieces))

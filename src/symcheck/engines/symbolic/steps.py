@@ -1,0 +1,110 @@
+"""Steps on diagrams, backward and forward, and what is closed under them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from time import perf_counter
+
+from symcheck.dd.manager import Bdd
+from symcheck.dd.saturation import close
+from symcheck.engines.symbolic.diagrams import Diagrams
+
+__all__ = ["Steps", "TooSlowError", "check"]
+
+REMEMBERED = 4
+"""Results of backward searches that are kept."""
+
+
+class TooSlowError(Exception):
+    """A search on diagrams takes long; never leaves the graph questions."""
+
+
+def check(deadline: float | None) -> None:
+    """Raise TooSlowError past the `deadline` (of time.perf_counter)."""
+    if deadline is not None and perf_counter() > deadline:
+        raise TooSlowError
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """The steps of a model. `observer` is told of each set on the way to a fixpoint, and what it is."""
+
+    diagrams: Diagrams = field(repr=False)
+    observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
+
+    def tell(self, what: str, states: Bdd) -> None:
+        """Tell the observer, if there is one."""
+        if self.observer is not None:
+            self.observer(what, states)
+
+    def before(self, states: Bdd) -> Bdd:
+        """Reachable states with a transition into the set."""
+        d = self.diagrams
+        return (d.union([step.preimage(states) for step in d.steps]) & d.states) | (
+            d.loops & states
+        )
+
+    def reachable(self, sources: Bdd) -> Bdd:
+        """All states that paths from `sources` lead to."""
+        return self.close(sources, forward=True, within=self.diagrams.manager.true)
+
+    def close(
+        self, start: Bdd, *, forward: bool, within: Bdd, deadline: float | None = None
+    ) -> Bdd:
+        """The least set with `start` and what steps (forward or backward) add to it `within` a set."""
+        if not start or within <= start:  # nothing to begin with, or nothing to add
+            return start
+        if self.observer is None:
+            closed = close(self.diagrams.closure(forward), start, within, deadline)
+            if closed is not None:
+                return closed
+            check(deadline)
+        return self._in_turns(start, forward, within, deadline)
+
+    def _in_turns(self, start: Bdd, forward: bool, within: Bdd, deadline: float | None) -> Bdd:
+        """The same, told step by step: steps take turns, each on what is new since its last turn."""
+        steps = [step for level in self.diagrams.levels for step in level]
+        done = [self.diagrams.manager.false] * len(steps)
+        states = start
+        while True:
+            before = states
+            for number, step in enumerate(steps):
+                check(deadline)
+                fresh = states - done[number]
+                if fresh:
+                    done[number] = states
+                    states = states | (
+                        (step.image(fresh) if forward else step.preimage(fresh)) & within
+                    )
+            if states == before:
+                return states
+            self.tell("closure", states)
+
+    @cached_property
+    def _known(self) -> dict[tuple[Bdd, Bdd], Bdd]:
+        """The last results of `backward`: prob0 and prob1 of one formula ask the same."""
+        return {}
+
+    def backward(self, target: Bdd, through: Bdd, deadline: float | None = None) -> Bdd:
+        """States with a path into `target` whose states before are in `through`; with `target` itself."""
+        if (target, through) not in self._known:
+            if len(self._known) >= REMEMBERED:
+                self._known.pop(next(iter(self._known)))
+            self._known[target, through] = self.close(
+                target, forward=False, within=through, deadline=deadline
+            )
+        return self._known[target, through]
+
+    def slots_before(self, states: Bdd) -> list[Bdd]:
+        """Per slot: the states whose choice may lead into the set."""
+        return [
+            self.diagrams.whole.preimage(states, relation)
+            for relation in self.diagrams.slot_relations
+        ]
+
+    def slots_within(self, states: Bdd) -> list[Bdd]:
+        """Per slot: the states whose choice surely leads into the set."""
+        outside = self.slots_before(self.diagrams.states - states)
+        return [guard - out for guard, out in zip(self.diagrams.slot_guards, outside, strict=True)]

@@ -1,0 +1,214 @@
+"""The equations over some states, from diagrams: only what these states need is ever written out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from symcheck.dd.manager import Mtbdd
+from symcheck.dd.odd import Odd
+from symcheck.engines.symbolic.diagrams import Diagrams
+from symcheck.engines.symbolic.sets import (
+    Piece,
+    SymbolicSet,
+    SymbolicValues,
+    array_piece,
+    constants_on,
+    merged,
+)
+from symcheck.kernels.diagrams.quad_dag import Quad
+from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
+from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
+
+__all__ = ["Owner", "SymbolicSystem"]
+
+
+class Owner(Protocol):
+    """What a system asks of its engine."""
+
+    @property
+    def diagrams(self) -> Diagrams:
+        """The matrices."""
+        ...
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    @property
+    def rows_limit(self) -> int | None:
+        """Entries up to which the rows of a system are written out to solve equations on them; None: always."""
+        ...
+
+    def operator(self, system: SymbolicSystem) -> Any:
+        """The matrix of a system in the engine's form."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicSystem:
+    """See `symcheck.engines.base.System`. States are numbered by an ODD of their own."""
+
+    engine: Owner = field(repr=False)
+    states: SymbolicSet
+
+    @property
+    def _d(self) -> Diagrams:
+        return self.engine.diagrams
+
+    @property
+    def odd(self) -> Odd:
+        """Numbers of the unknowns."""
+        return self.states.odd
+
+    @cached_property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return self.odd.count
+
+    @cached_property
+    def layout(self) -> RowLayout | None:
+        """Rows of each state and slot of each row; None where each state has one row."""
+        if self._d.guards is None:
+            return None
+        return RowLayout.of([self.odd.expand(guard) for guard in self._d.guards], self.n)
+
+    @property
+    def groups(self) -> Int64s | None:
+        """Which of the rows belong to which state; None where each has one."""
+        return None if self.layout is None else self.layout.groups
+
+    @cached_property
+    def actions(self) -> Int32s | None:
+        """Per row of an MDP: the number of its action among the model's, -1 for none."""
+        return self.row_actions()
+
+    def row_actions(self) -> Int32s | None:
+        """`actions`, made anew and not kept."""
+        if self.layout is None:
+            return None
+        numbers = {name: i for i, name in enumerate(self.engine.model.actions)}
+        out = np.full(self.layout.rows, -1, np.int32)
+        for slot, (present, rows) in enumerate(self.layout.each()):
+            for (of, action), states in self._d.actions.items():
+                if of == slot and action is not None:
+                    out[rows[self.odd.expand(states)[present]]] = numbers[action]
+        return out
+
+    @cached_property
+    def roots(self) -> tuple[Mtbdd, ...]:
+        """The matrices on the rows of the states, columns anywhere."""
+        if self.states.bdd == self._d.states:
+            return tuple(self._d.roots)
+        return tuple(root.times_bdd(self.states.bdd) for root in self._d.roots)
+
+    @cached_property
+    def dag(self) -> Quad:
+        """The distinct sub-matrices among the states."""
+        return quad_dag(self.roots, self.odd, self.odd, self._d.columns)
+
+    @cached_property
+    def matrix(self) -> SparseMatrix:
+        """The matrix among the states, as compressed rows."""
+        indptr, indices, data = flatten(self.dag, self.layout)
+        return SparseMatrix(indptr, indices, data, self.n, self.groups)
+
+    @property
+    def has_rows(self) -> bool:
+        """Whether equations should be solved on `matrix`: it has no more entries than the engine is ready to write out."""
+        limit = self.engine.rows_limit
+        return limit is None or int(self.dag.entries.sum()) <= limit
+
+    @cached_property
+    def blocks(self) -> BlockMatrix:
+        """The matrix among the states, as blocks."""
+        return blocks(self.dag, self.layout)
+
+    @cached_property
+    def operator(self) -> Any:
+        """The matrix in the engine's own form."""
+        return self.engine.operator(self)
+
+    def per_row(self, functions: Sequence[Mtbdd]) -> Floats:
+        """A value per row from a function of the state per slot."""
+        if self.layout is None:
+            return self.odd.to_vector(functions[0])
+        out = np.empty(self.layout.rows)
+        for function, (present, rows) in zip(functions, self.layout.each(), strict=True):
+            out[rows] = self.odd.to_vector(function)[present]
+        return out
+
+    def into(self, target: SymbolicSet) -> Floats:
+        """Per row: the one-step probability (rate) of entering the target."""
+        d = self._d
+        columns = target.bdd.rename(d.to_columns).to_mtbdd()
+        return self.per_row([root.multiply_sum(columns, d.column_cube) for root in self.roots])
+
+    def into_values(self, values: SymbolicValues) -> tuple[Floats, Floats]:
+        """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
+        outside = ~self.states
+        lower: Floats = np.zeros(self.layout.rows if self.layout is not None else self.n)
+        upper = lower if values.exact else lower.copy()
+        for piece in values.pieces:
+            target = SymbolicSet(self._d, piece.states & outside.bdd)
+            if not target:
+                continue
+            add_low, add_high = self._weighted(piece, target)
+            lower += add_low
+            if upper is not lower:
+                upper += add_high
+        return lower, upper
+
+    def _weighted(self, piece: Piece, target: SymbolicSet) -> tuple[Floats, Floats]:
+        if piece.constant:
+            weight = self.into(target)
+            low, high = float(piece.values.lower[0]), float(piece.values.upper[0])
+            with np.errstate(invalid="ignore"):  # nothing times infinity is nothing here
+                return np.where(weight > 0, weight * low, 0.0), np.where(
+                    weight > 0, weight * high, 0.0
+                )
+        values = piece.over(target.bdd, target.odd)
+        dag = quad_dag(self.roots, self.odd, target.odd, self._d.columns)
+        matrix = blocks(dag, self.layout)
+        low_part = matrix.multiply(values.lower)
+        return low_part, low_part if values.upper is values.lower else matrix.multiply(values.upper)
+
+    def row_sums(self) -> Floats:
+        """Per row: the total probability (exit rate)."""
+        return self.per_row([root.sum_over(self._d.column_cube) for root in self.roots])
+
+    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+        """State rewards per state and transition rewards per row."""
+        return self.odd.to_vector(self._d.state_rewards[structure]), self.per_row(
+            self._d.transition_rewards[structure]
+        )
+
+    def restrict(self, values: SymbolicValues | SymbolicSet) -> Floats:
+        """A lower value (or 0/1 membership) per state of the system."""
+        if isinstance(values, SymbolicSet):
+            return self.odd.expand(values.bdd).astype(np.float64)
+        return values.at(self.states)[0]
+
+    def lift(
+        self,
+        lower: Floats,
+        upper: Floats | None,
+        rest: Sequence[tuple[SymbolicSet, float]] = (),
+        exact: bool = False,
+    ) -> SymbolicValues:
+        """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
+        d = self._d
+        pieces = []
+        if self.states:
+            same = upper is None or upper is lower
+            pieces.append(
+                array_piece(self.states.bdd, self.odd, lower, None if same else upper, exact)
+            )
+        pieces.extend(constants_on(d.states - self.states.bdd, rest))
+        return SymbolicValues(d, merged(d, pieces))

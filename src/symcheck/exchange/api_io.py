@@ -1,0 +1,87 @@
+"""Models in and out, for the API: `symcheck.export(model, "die.all")` and `symcheck.load_explicit("die.all")`."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NoReturn
+
+from symcheck.api import Model
+from symcheck.check.context import Context
+from symcheck.check.options import Options
+from symcheck.check.state_formulas import satisfying
+from symcheck.engines.base import Engine, StateSet
+from symcheck.errors import UnsupportedError, told_in_memory
+from symcheck.exchange import export as targets
+from symcheck.exchange.explicit_data import Given, imported_engine
+from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.formats.prism_reader import read_files
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import LabelReference, ModelType
+
+__all__ = ["ReadModel", "export", "load_explicit"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReadModel(Model):
+    """A model that was read state by state: its program declares names, and has no commands that could be followed."""
+
+    given: Given | None = None
+
+    @cached_property
+    def bound(self) -> BoundModel:
+        """Names and types; labels are sets of states."""
+        return self.engine.model
+
+    @cached_property
+    def engine(self) -> Engine:
+        """The explicit engine, or the rational one. Raises ModelFault, UnsupportedError."""
+        assert self.given is not None
+        engine = imported_engine(self.given, fix_deadlocks=self.options.fix_deadlocks)
+        return engine.rational() if self.options.exact else engine
+
+    def with_options(self, **changes: Any) -> Model:
+        """The same model, to be checked otherwise."""
+        return replace(self, options=replace(self.options, **changes))
+
+    def simulate(self, *_: Any, **__: Any) -> NoReturn:
+        """Not offered. Raises UnsupportedError."""
+        raise UnsupportedError(
+            "a random path follows the commands of a model in the PRISM language; what was read state by state has none"
+        )
+
+    def estimate(self, *_: Any, **__: Any) -> NoReturn:
+        """Not offered. Raises UnsupportedError."""
+        self.simulate()
+
+
+@told_in_memory()
+def export(model: Model, target: str) -> list[str]:
+    """Write a built model: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`, `die.umb` (see -exportmodel); gives the files.
+
+    Raises UsageError for what cannot be written, and what building raises.
+    """
+    wanted, context = targets.parse_target(target, "model"), Context(model.engine, model.options)
+
+    def states(name: str) -> StateSet:
+        return satisfying(context, LabelReference(name), model.engine.all)
+
+    return list(
+        targets.export(
+            snapshot(model.engine, list(model.engine.model.labels), states), wanted, sys.stdout
+        )
+    )
+
+
+@told_in_memory("a .umb file is read with less than text is")
+def load_explicit(files: str, *, type: ModelType | None = None, **options: Any) -> Model:
+    """Read a model that is given state by state in PRISM's explicit files, such as `die.all` or `die.tra,lab`, or as `die.umb`.
+
+    `options` are the fields of `symcheck.Options`. Raises SyntaxFault at the place of what is wrong, and UsageError for
+    files that cannot be read.
+    """
+    chosen = Options(**options)
+    given = read_files(files, type, check_sums=chosen.check_sums)
+    program = imported_engine(given).model.program
+    return ReadModel(program, {}, chosen, given.type, given)

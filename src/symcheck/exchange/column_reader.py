@@ -1,0 +1,216 @@
+"""Text files of numbers, read column by column; what is wrong is pointed at by file, line and column."""
+
+from __future__ import annotations
+
+import gc
+import io
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
+from symcheck.matrices.rows import Floats, Int64s
+
+__all__ = ["Fields", "number_table", "read_fields"]
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """The lines of a file, taken apart at blanks, without empty lines and comments; `comments`: those, without `#`.
+
+    numbers: the number of each line in the file, from 0. body: where, in the text, the second of these lines begins.
+    """
+
+    source: Source
+    body: int = field(repr=False)
+    first: Sequence[str] = field(repr=False)
+    comments: Sequence[str] = field(repr=False)
+
+    @cached_property
+    def _lines(self) -> tuple[list[int], list[list[str]]]:
+        """Numbers and words of all lines: slow, and made only where a file is not a plain table or has a fault."""
+        numbers, rows = [], []
+        # Millions of small lists: looking for cycles among them would take longer than all the rest.
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            for i, line in enumerate(self.source.text.split("\n")):
+                words = (line.partition("#")[0] if "#" in line else line).split()
+                if words:
+                    numbers.append(i)
+                    rows.append(words)
+        finally:
+            if collecting:
+                gc.enable()
+        return numbers, rows
+
+    @property
+    def numbers(self) -> list[int]:
+        """The number of each line in the file, from 0."""
+        return self._lines[0]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """The words of each line."""
+        return self._lines[1]
+
+    @cached_property
+    def table(self) -> Floats | None:
+        """The lines after the first, float64[lines, words]; None where they are not all numbers, of one width, below 2**53."""
+        return number_table(self.source.text[self.body :])
+
+    @property
+    def count(self) -> int:
+        """Number of lines after the first."""
+        return len(self.rows) - 1 if self.table is None else len(self.table)
+
+    def fault(
+        self, line: int, message: str, code: str, word: int | None = None, hint: str | None = None
+    ) -> NoReturn:
+        """Raise SyntaxFault for a line (by its place in `rows`), or for one of its words."""
+        if not self.numbers:
+            start = end = 0
+        else:
+            texts = self.source.text.split("\n")
+            number = self.numbers[min(line, len(self.numbers) - 1)]
+            text = texts[number]
+            start = sum(len(t) + 1 for t in texts[:number])
+            words = list(re.finditer(r"\S+", text))
+            chosen = words[min(word, len(words) - 1)] if word is not None and words else None
+            start, end = (
+                (start + chosen.start(), start + chosen.end())
+                if chosen
+                else (start, start + len(text))
+            )
+        raise SyntaxFault(Diagnostic(message, Span(self.source, start, end), code, hint))
+
+    def header(self, widths: Sequence[int], what: str) -> list[int]:
+        """The whole numbers in the first line."""
+        if not self.first:
+            self.fault(0, f"the file is empty: its first line should hold {what}", "header")
+        first = self.first
+        if len(first) not in widths:
+            self.fault(0, f"the first line should hold {what}", "header")
+        for i, word in enumerate(first):
+            if not word.isdigit():
+                self.fault(
+                    0, f"'{word}' is not a number of states, choices or transitions", "header", i
+                )
+        return [int(word) for word in first]
+
+    def widths(self, allowed: Sequence[int], what: str) -> None:
+        """Check the number of words of each line after the first."""
+        if self.table is not None and self.table.shape[1] in allowed:
+            return
+        for i, row in enumerate(self.rows[1:], 1):
+            if len(row) not in allowed:
+                self.fault(i, f"a line should hold {what}", "fields")
+
+    def integers(self, word: int, limit: int, what: str) -> Int64s:
+        """A column of whole numbers from 0 to limit - 1, of the lines after the first."""
+        found = self._integers(word)
+        for i in np.flatnonzero((found < 0) | (found >= limit))[:1].tolist():
+            self.fault(
+                i + 1,
+                f"{what} {found[i]} does not exist: there are {limit}, numbered from 0",
+                "index",
+                word,
+            )
+        return found
+
+    def _integers(self, word: int) -> Int64s:
+        if self.table is not None:
+            plain = self.table[:, word]
+            if np.all(plain == np.floor(plain)):
+                return plain.astype(np.int64)
+        column = [row[word] for row in self.rows[1:]]
+        try:
+            return np.array(list(map(int, column)), np.int64)
+        except (ValueError, OverflowError):
+            self._first(column, _is_integer, word, "'{}' is not a whole number")
+            raise
+
+    def reals(self, word: int) -> Floats:
+        """A column of numbers (decimal, or a/b), of the lines after the first."""
+        if self.table is not None:
+            return np.ascontiguousarray(self.table[:, word])
+        column = [row[word] for row in self.rows[1:]]
+        try:
+            return np.array(list(map(float, column)), np.float64)
+        except ValueError:
+            pass
+        self._first(column, _is_real, word, "'{}' is not a number")
+        return np.array([float(_real(x)) for x in column], np.float64)
+
+    def _first(
+        self, column: Sequence[str], good: Callable[[str], Any], word: int, message: str
+    ) -> None:
+        for i, text in enumerate(column):
+            if not good(text):
+                self.fault(i + 1, message.format(text), "number", word)
+
+    def expect(self, count: int, what: str) -> None:
+        """Check that as many lines follow the first as it says."""
+        if self.count != count:
+            self.fault(
+                0,
+                f"the first line tells of {count} {what}, and {self.count} follow",
+                "count",
+                len(self.first) - 1,
+            )
+
+
+def _is_integer(text: str) -> bool:
+    return re.fullmatch(r"-?\d+", text) is not None
+
+
+def _is_real(text: str) -> bool:
+    try:
+        _real(text)
+    except (ValueError, ZeroDivisionError):
+        return False
+    return True
+
+
+def _real(text: str) -> Fraction | float:
+    return Fraction(text) if "/" in text else float(text)
+
+
+def read_fields(path: Path) -> Fields:
+    """Read a file. Raises UsageError where it cannot be read."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(
+            f"cannot read '{path}': {getattr(error, 'strerror', None) or error}"
+        ) from None
+    comments: list[str] = []
+    first: list[str] = []
+    start = 0
+    while start < len(text) and not first:
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        words = text[start:end].split()
+        if words and words[0].startswith("#"):
+            comments.append(text[start:end].strip().lstrip("#").strip())
+        else:
+            first = words
+        start = end + 1
+    return Fields(Source(str(path), text), start, first, comments)
+
+
+def number_table(text: str) -> Floats | None:
+    """Lines of numbers as float64[lines, words]; None where they are not all numbers, of one width, below 2**53."""
+    if not text.strip():
+        return None
+    try:
+        table = np.loadtxt(io.StringIO(text), dtype=np.float64, comments="#", ndmin=2)
+    except ValueError:
+        return None
+    return table if len(table) and bool(np.all(np.abs(table) < 2.0**53)) else None

@@ -1,0 +1,240 @@
+"""A model that was given state by state: no text, but all that the checker asks of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, told_in_memory
+from symcheck.explicit.model import ExplicitModel
+from symcheck.explicit.states import Layout, StateTable
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Expression, Literal, ModelType, Name, Type
+from symcheck.syntax.declarations import (
+    Label,
+    Module,
+    Program,
+    RewardStructure,
+    VariableDeclaration,
+)
+
+__all__ = ["Given", "GivenRewards", "ImportedEngine", "expected_rewards", "imported_engine"]
+
+_LARGEST_DENOMINATOR = 10**6
+_TRUE = Literal(True, Type.BOOL)
+
+
+class GivenRewards(NamedTuple):
+    """A reward structure: a reward per state, per row the weighted sum over its transitions, and per transition (None: a row's own)."""
+
+    name: str | None
+    states: Any
+    rows: Any
+    entries: Any = None
+
+
+def expected_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Floats:
+    """Per row (float64[rows]): the sum of probability (rate) times reward, of rewards per transition (float64[entries])."""
+    of = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
+    total: Floats = np.bincount(of, matrix.data * rewards, matrix.rows).astype(np.float64)
+    if kind is ModelType.CTMC:
+        return total
+    # Where all transitions of a row have the same reward, it is the expected one: rounding must not blur it.
+    least, most = np.full(matrix.rows, np.inf), np.full(matrix.rows, -np.inf)
+    np.minimum.at(least, of, rewards)
+    np.maximum.at(most, of, rewards)
+    return np.where(least == most, least, total)
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """A model of n states as it was read: see `Snapshot`; `labels` may hold "init" and "deadlock".
+
+    columns: per variable its name, type, and int64[n]. matrix: rows of states without transitions are missing where it
+    is a chain's (then the row is empty) or an MDP's (then the group is empty).
+    """
+
+    type: ModelType
+    columns: Sequence[tuple[str, Type, Int64s]]
+    matrix: SparseMatrix
+    actions: tuple[str, ...]
+    row_actions: Int32s
+    labels: Mapping[str, Bools]
+    rewards: Sequence[GivenRewards]
+
+
+@dataclass(frozen=True, repr=False)
+class _ImportedModel(BoundModel):
+    """A bound model whose actions are known, as there are no commands to tell them."""
+
+    names: tuple[str, ...] = ()
+
+    @property
+    def actions(self) -> tuple[str, ...]:
+        """The action names."""
+        return self.names
+
+
+@dataclass(frozen=True)
+class ImportedEngine(ExplicitEngine):
+    """The explicit engine on a model that was read: labels are sets of states, not expressions.
+
+    entry_rewards: per reward structure the reward of each transition (None: those of its row are all the row's).
+    """
+
+    members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
+    entry_rewards: Sequence[Any] = field(default=(), repr=False)
+
+    def where(self, expression: Expression) -> ArraySet:
+        """The states that satisfy an expression over the variables, or have a label."""
+        known = self.members.get(expression)
+        return super().where(expression) if known is None else ArraySet(known)
+
+    def rational(self) -> Any:
+        """The same model in rational arithmetic: each double is read as a/b with a small b where that is the same double.
+
+        So what was 1/3 when it was written is 1/3 again. Raises UnsupportedError where probabilities then do not sum to 1.
+        """
+        from symcheck.engines.rational.values import RationalMatrix
+
+        m = self.matrix
+        values = _rationals(m.data)
+        if self.model.type is not ModelType.CTMC and any(
+            s != 1 for s in np.add.reduceat(values, m.indptr[:-1])
+        ):
+            raise UnsupportedError(
+                "the probabilities in the files are rounded, and do not sum to 1 exactly"
+            )
+        explored = self.explored
+        return _rational_engine()(
+            replace(self.model, exact=True),
+            tuple(explored.states),
+            RationalMatrix(m, values),
+            self.initial,
+            self.deadlocks,
+            tuple(map(_rationals, explored.state_rewards)),
+            tuple(map(_rationals, explored.choice_rewards)),
+            members=self.members,
+            row_actions=explored.choice_actions,
+            entry_rewards=tuple(None if r is None else _rationals(r) for r in self.entry_rewards),
+        )
+
+
+def _rational_engine() -> Any:
+    from symcheck.engines.rational.engine import ExactEngine
+
+    @dataclass(frozen=True, eq=False)
+    class ImportedExactEngine(ExactEngine):
+        members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
+        row_actions: Int32s | None = field(default=None, repr=False)
+        entry_rewards: Sequence[Any] = field(default=(), repr=False)
+
+        def where(self, expression: Expression) -> ArraySet:
+            known = self.members.get(expression)
+            return super().where(expression) if known is None else ArraySet(known)
+
+    return ImportedExactEngine
+
+
+def _rationals(values: Any) -> Any:
+    out = np.empty(len(values), dtype=object)
+    out[:] = [_rational(v) for v in values.tolist()]
+    return out
+
+
+def _rational(value: float) -> Fraction | float:
+    if np.isinf(value):
+        return value
+    whole = Fraction(value)
+    near = whole.limit_denominator(_LARGEST_DENOMINATOR)
+    return near if float(near) == value else Fraction(repr(value))
+
+
+@told_in_memory("the rows are listed as they were read: there is no engine that needs less")
+def imported_engine(given: Given, *, fix_deadlocks: bool = True) -> ImportedEngine:
+    """The explicit engine on a model that was read. Raises ModelFault for a deadlock that is not to be fixed."""
+    fixed, row_actions, rewards, dead = _fixed(given, fix_deadlocks)
+    members = dict(given.labels)
+    initial = members.pop("init", None)
+    deadlock = dead | members.pop("deadlock", np.zeros(given.matrix.states, bool))
+    marks: dict[str, Expression] = {name: Name(f'"{name}"') for name in members}
+    model = _model(given, marks)
+    layout = Layout.of(model.variables)
+    explored = ExplicitModel(
+        model,
+        StateTable(layout, layout.pack([c for _, _, c in given.columns])),
+        fixed,
+        row_actions,
+        np.flatnonzero(initial) if initial is not None else np.zeros(1, np.int64),
+        np.flatnonzero(deadlock),
+        [np.asarray(r.states, np.float64) for r in rewards],
+        [np.asarray(r.rows, np.float64) for r in rewards],
+    )
+    return ImportedEngine(
+        explored,
+        members={marks[name]: found for name, found in members.items()},
+        entry_rewards=[r.entries for r in rewards],
+    )
+
+
+def _model(given: Given, marks: Mapping[str, Expression]) -> BoundModel:
+    declared = []
+    for name, kind, column in given.columns:
+        low, high = (Literal(int(x), Type.INT) for x in (column.min(), column.max()))
+        whole = kind is Type.INT
+        declared.append(
+            VariableDeclaration(name, kind, low if whole else None, high if whole else None, None)
+        )
+    program = Program(
+        given.type,
+        labels=tuple(Label(name, _TRUE) for name in marks),
+        modules=(Module("imported", tuple(declared), ()),),
+        rewards=tuple(RewardStructure(r.name, ()) for r in given.rewards),
+    )
+    bound = bind(program)
+    values = {f.name: getattr(bound, f.name) for f in fields(bound)}
+    return _ImportedModel(**{**values, "labels": dict(marks)}, names=given.actions)
+
+
+def _fixed(
+    given: Given, fix_deadlocks: bool
+) -> tuple[SparseMatrix, Int32s, list[GivenRewards], Bools]:
+    """The matrix, actions and rewards with a self-loop where there was no transition, and where that is."""
+    m = given.matrix
+    n = m.states
+    counts = np.diff(m.indptr) if m.groups is None else np.diff(m.groups)
+    dead = counts == 0
+    if not dead.any():
+        return m, given.row_actions, list(given.rewards), dead
+    if not fix_deadlocks:
+        raise ModelFault(
+            Diagnostic(
+                f"the model has {int(dead.sum())} deadlock states, such as {int(np.argmax(dead))}",
+                code="deadlock",
+            )
+        )
+    states = np.flatnonzero(dead)
+    at = m.indptr[:-1][states] if m.groups is None else m.indptr[m.groups[:-1][states]]
+    indices = np.insert(m.indices, at, states.astype(np.int32))
+    data = np.insert(m.data, at, 1.0)
+    rewards = [
+        r._replace(entries=None if r.entries is None else np.insert(r.entries, at, 0.0))
+        for r in given.rewards
+    ]
+    if m.groups is None:
+        lengths = np.where(dead, 1, np.diff(m.indptr))
+        return SparseMatrix(starts_of(lengths), indices, data, n), given.row_actions, rewards, dead
+    rows = m.groups[:-1][states]
+    lengths = np.insert(np.diff(m.indptr), rows, 1)
+    groups = starts_of(np.where(dead, 1, counts))
+    actions = np.insert(given.row_actions, rows, -1).astype(np.int32)
+    rewards = [r._replace(rows=np.insert(r.rows, rows, 0.0)) for r in rewards]
+    return SparseMatrix(starts_of(lengths), indices, data, n, groups), actions, rewards, dead

@@ -1,0 +1,323 @@
+"""A built model as plain arrays, whatever the engine: what every format is written from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.engines.base import Engine, StateSet
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
+from symcheck.semantics.model import Variable
+from symcheck.syntax.ast import ModelType, Type
+
+__all__ = ["Rewards", "Snapshot", "snapshot", "state_order"]
+
+SetOf = Callable[[str], StateSet]
+
+
+@dataclass(frozen=True, eq=False)
+class Rewards:
+    """A reward structure: a reward per state [n], and per row the probability-(rate-)weighted sum of transition rewards.
+
+    entries: the reward of each transition, where a model that was read tells it.
+    """
+
+    name: str | None
+    states: NDArray[Any] = field(repr=False)
+    rows: NDArray[Any] = field(repr=False)
+    entries: NDArray[Any] | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A model with n states in lexicographic order of the variables; the entries of a row in the order of their columns.
+
+    columns: int64[n] per variable. values: probabilities (rates) of the entries: the matrix's doubles, or rationals.
+    row_actions: per row a number among `actions`, -1 for none; None unless the model is an MDP. labels: bool[n] each,
+    "init" and "deadlock" (states that had no transition) first; `property_labels`: those of them that a properties file has.
+    apart: gives the rewards of the transitions of a chain, per structure; None where a row has one reward.
+    """
+
+    type: ModelType
+    variables: tuple[Variable, ...]
+    columns: Sequence[Int64s] = field(repr=False)
+    matrix: SparseMatrix = field(repr=False)
+    values: NDArray[Any] = field(repr=False)
+    actions: tuple[str, ...]
+    row_actions: Int32s | None = field(repr=False)
+    labels: Mapping[str, Bools] = field(repr=False)
+    rewards: Sequence[Rewards] = field(repr=False)
+    property_labels: frozenset[str] = frozenset()
+    apart: Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None = field(default=None, repr=False)
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.matrix.states
+
+    @cached_property
+    def state_of_row(self) -> Int64s:
+        """The state of each row."""
+        groups = self.matrix.groups
+        return (
+            np.arange(self.n) if groups is None else np.repeat(np.arange(self.n), np.diff(groups))
+        )
+
+    @cached_property
+    def row_of_entry(self) -> Int64s:
+        """The row of each entry."""
+        return np.repeat(np.arange(self.matrix.rows), np.diff(self.matrix.indptr))
+
+    @cached_property
+    def choice_of_row(self) -> Int64s:
+        """The number of each row among the choices of its state."""
+        groups = self.matrix.groups
+        return (
+            np.zeros(self.n, np.int64)
+            if groups is None
+            else np.arange(self.matrix.rows) - groups[self.state_of_row]
+        )
+
+    @cached_property
+    def row_sums(self) -> Floats:
+        """Per row: the total probability (rate)."""
+        return (
+            np.add.reduceat(self.matrix.data, self.matrix.indptr[:-1])
+            if self.matrix.rows
+            else np.empty(0)
+        )
+
+    def action_texts(self) -> list[str]:
+        """Per row the name of its action, empty for none."""
+        names = np.array([*self.actions, ""], dtype=object)
+        chosen: list[str] = (
+            ([""] * self.matrix.rows)
+            if self.row_actions is None
+            else names[self.row_actions].tolist()
+        )
+        return chosen
+
+    def state_texts(self, start: int, stop: int) -> list[str]:
+        """The values of the variables in some states, as `(1,true)`."""
+        parts = [
+            _texts(c[start:stop], v.type) for c, v in zip(self.columns, self.variables, strict=True)
+        ]
+        return (
+            [f"({','.join(row)})" for row in zip(*parts, strict=True)]
+            if parts
+            else ["()"] * (stop - start)
+        )
+
+    @cached_property
+    def _apart(self) -> Sequence[NDArray[Any]]:
+        assert self.apart is not None
+        return self.apart(self.matrix)
+
+    def entry_rewards(self, number: int) -> NDArray[Any]:
+        """The reward of each transition in structure `number`."""
+        structure = self.rewards[number]
+        if structure.entries is not None:
+            return structure.entries
+        if self.apart is not None and bool(np.any(structure.rows != 0)):
+            return self._apart[number]
+        return self.transition_rewards(structure)[self.row_of_entry]
+
+    def transition_rewards(self, structure: Rewards) -> NDArray[Any]:
+        """A reward per row that every transition of the row may carry, so that its expected value is the row's."""
+        if self.type is not ModelType.CTMC:
+            return structure.rows
+        return np.asarray(
+            np.where(structure.rows == 0, 0.0, structure.rows.astype(np.float64) / self.row_sums)
+        )
+
+
+def _texts(column: Int64s, type: Type) -> list[str]:
+    return (
+        np.where(column != 0, "true", "false").tolist()
+        if type is Type.BOOL
+        else list(map(str, column.tolist()))
+    )
+
+
+def snapshot(
+    engine: Engine,
+    labels: Sequence[str] = (),
+    states: SetOf | None = None,
+    *,
+    property_labels: Sequence[str] = (),
+) -> Snapshot:
+    """The arrays of a built model. `states` gives the states of the labels that are named, and of those of the properties.
+
+    The built-in labels come by themselves.
+    """
+    model = engine.model
+    columns = _columns(engine)
+    members = {
+        "init": engine.to_bools(engine.initial),
+        "deadlock": engine.to_bools(engine.deadlocks),
+    }
+    if states is not None:
+        members |= {name: engine.to_bools(states(name)) for name in (*labels, *property_labels)}
+    rationals: Any = engine
+    system = None if engine.exact else engine.system(engine.all)
+    matrix: SparseMatrix = rationals.matrix if system is None else system.matrix
+    found = Snapshot(
+        model.type,
+        model.variables,
+        columns,
+        matrix,
+        rationals.rationals.values if system is None else matrix.data,
+        model.actions,
+        _row_actions(engine, system, matrix) if model.type is ModelType.MDP else None,
+        members,
+        [
+            Rewards(r.name, *_rewards(engine, system, i), _told(engine, i))
+            for i, r in enumerate(model.rewards)
+        ],
+        frozenset(property_labels),
+        _apart(engine),
+    )
+    return _sorted(found, state_order(engine, columns))
+
+
+def _told(engine: Any, structure: int) -> NDArray[Any] | None:
+    """The rewards of single transitions, of a model that was read."""
+    told = getattr(engine, "entry_rewards", ())
+    return told[structure] if told else None
+
+
+def _apart(engine: Engine) -> Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None:
+    """How the transitions of a chain get their own rewards; only commands tell."""
+    model = engine.model
+    if (
+        model.type is ModelType.MDP
+        or not model.events
+        or all(i.on_states for r in model.rewards for i in r.items)
+    ):
+        return None
+
+    def find(matrix: SparseMatrix) -> Sequence[NDArray[Any]]:
+        from symcheck.exchange.transition_rewards import transition_rewards
+
+        return transition_rewards(engine, matrix)
+
+    return find
+
+
+def state_order(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int64s | None:
+    """The engine's numbers of the states in lexicographic order of the variables; None where they are in order already.
+
+    A model that was read keeps the order of its files.
+    """
+    if getattr(engine, "members", None) is not None:
+        return None
+    columns = _columns(engine) if columns is None else columns
+    order = np.lexsort(list(columns)[::-1]) if columns else np.arange(engine.states)
+    return None if np.array_equal(order, np.arange(engine.states)) else order
+
+
+def _columns(engine: Engine) -> list[Int64s]:
+    explored = getattr(engine, "explored", None)
+    count = len(engine.model.variables)
+    if explored is not None:
+        return [explored.states.column(i) for i in range(count)]
+    flat = np.fromiter(
+        (int(x) for state in engine.valuations(engine.all) for x in state),
+        np.int64,
+        engine.states * count,
+    )
+    return list(flat.reshape(engine.states, count).T)
+
+
+def _rewards(engine: Any, system: Any, structure: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    if system is None:
+        return engine.state_rewards[structure], engine.row_rewards[structure]
+    states, rows = system.rewards(structure)
+    return states, rows
+
+
+def _row_actions(engine: Engine, system: Any, matrix: SparseMatrix) -> Int32s:
+    """The action of each row: kept by some engines, and found by steps of the semantics for the rational one."""
+    own = getattr(engine, "row_actions", None)
+    if own is not None:
+        return np.asarray(own, np.int32)
+    explored = getattr(engine, "explored", None)
+    if explored is not None:
+        kept: Int32s = explored.choice_actions
+        return kept
+    actions = getattr(system, "actions", None)
+    if actions is not None:
+        return np.asarray(actions, np.int32)
+    assert matrix.groups is not None
+    return _rational_actions(engine, matrix.groups)
+
+
+def _rational_actions(engine: Engine, groups: Int64s) -> Int32s:
+    from symcheck.semantics.interpreter import transitions
+
+    number = {name: i for i, name in enumerate(engine.model.actions)}
+    out: list[int] = []
+    for state, count in zip(engine.valuations(engine.all), np.diff(groups).tolist(), strict=True):
+        found = [
+            number.get(row.action or "", -1)
+            for row in transitions(engine.model, state, check_sums=False)
+        ]
+        out.extend(found or [-1] * count)
+    return np.array(out, np.int32)
+
+
+def _sorted(found: Snapshot, order: Int64s | None) -> Snapshot:
+    """States and entries in their canonical order (a symbolic engine may order the variables otherwise)."""
+    if order is not None:
+        found = _permuted(found, order)
+    m = found.matrix
+    inside = np.diff(m.indices) > 0
+    inside[m.indptr[1:-1][(m.indptr[1:-1] > 0) & (m.indptr[1:-1] < m.entries)] - 1] = True
+    if inside.all():
+        return found
+    by = np.lexsort((m.indices, found.row_of_entry))
+    matrix = SparseMatrix(m.indptr, m.indices[by], m.data[by], m.columns, m.groups)
+    rewards = [
+        replace(r, entries=None if r.entries is None else r.entries[by]) for r in found.rewards
+    ]
+    return replace(found, matrix=matrix, values=found.values[by], rewards=rewards)
+
+
+def _permuted(found: Snapshot, order: Int64s) -> Snapshot:
+    """The states in another order: new state i is the old `order[i]`."""
+    m = found.matrix
+    place = np.empty(found.n, np.int32)
+    place[order] = np.arange(found.n, dtype=np.int32)
+    counts = np.ones(found.n, np.int64) if m.groups is None else np.diff(m.groups)
+    starts = np.arange(found.n) if m.groups is None else m.groups[:-1]
+    rows = spans(starts[order], starts[order] + counts[order])
+    entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
+    matrix = SparseMatrix(
+        starts_of(np.diff(m.indptr)[rows]),
+        place[m.indices[entries]],
+        m.data[entries],
+        m.columns,
+        None if m.groups is None else starts_of(counts[order]),
+    )
+    return replace(
+        found,
+        columns=[c[order] for c in found.columns],
+        matrix=matrix,
+        values=found.values[entries],
+        row_actions=None if found.row_actions is None else found.row_actions[rows],
+        labels={name: members[order] for name, members in found.labels.items()},
+        rewards=[
+            Rewards(
+                r.name,
+                r.states[order],
+                r.rows[rows],
+                None if r.entries is None else r.entries[entries],
+            )
+            for r in found.rewards
+        ],
+    )

@@ -1,0 +1,61 @@
+"""The graph of a model in the DOT language of Graphviz."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from symcheck.exchange.explicit_export import Snapshot
+from symcheck.exchange.text import FULL_PRECISION, lines, number_texts
+
+__all__ = ["dot_file"]
+
+
+def dot_file(
+    model: Snapshot, *, states: bool = False, precision: int = FULL_PRECISION
+) -> Iterator[str]:
+    """Nodes are states (with their values where `states`); each choice of an MDP is a point between state and successors."""
+    yield 'digraph M {\nnode [label="",shape="box"];\n'
+    described = model.state_texts if states else None
+    m = model.matrix
+    for start in range(0, model.n, 4096):
+        stop = min(start + 4096, model.n)
+        names = described(start, stop) if described else []
+        yield from lines(
+            '%d [label="%s"];', stop - start, np.arange(start, stop),
+            [f"{start + i}\\n{text}" for i, text in enumerate(names)] if described else [str(s) for s in range(start, stop)],
+        )  # fmt: skip
+    if m.groups is None:
+        yield from lines(
+            '%d -> %d [label="%s"];',
+            m.entries,
+            model.row_of_entry,
+            m.indices,
+            model.values,
+            precision=precision,
+        )
+    else:
+        yield from _choices(model, precision)
+    yield "}\n"
+
+
+def _choices(model: Snapshot, precision: int) -> Iterator[str]:
+    m = model.matrix
+    points = [
+        f"n{s}_{c}"
+        for s, c in zip(model.state_of_row.tolist(), model.choice_of_row.tolist(), strict=True)
+    ]
+    names = [
+        f"{c}:{a}" if a else str(c)
+        for c, a in zip(model.choice_of_row.tolist(), model.action_texts(), strict=True)
+    ]
+    yield from lines(
+        '%d -> %s [label="%s",arrowhead="none"];', m.rows, model.state_of_row, points, names
+    )
+    yield from lines('%s [shape=point,width=0.1,height=0.1,label=""];', m.rows, points)
+    of = model.row_of_entry
+    yield from lines(
+        '%s -> %d [label="%s"];', m.entries,
+        lambda a, b: [points[r] for r in of[a:b]], m.indices, lambda a, b: number_texts(model.values[a:b], precision),
+    )  # fmt: skip

@@ -1,0 +1,91 @@
+"""Storm's DRN format: the whole model in one text (https://www.stormchecker.org/documentation/background/drn.html)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from symcheck.exchange.explicit_export import Rewards, Snapshot
+from symcheck.exchange.text import FULL_PRECISION, number_text, number_texts
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["drn_file"]
+
+_STATES = 4096
+
+
+def drn_file(model: Snapshot, *, precision: int = FULL_PRECISION) -> Iterator[str]:
+    """States with their labels and rewards, their choices, and the successors of these.
+
+    A reward of a transition stands at its choice (its expected value, as in a row). In a CTMC the rewards of transitions
+    are added to those of states, per unit of time, as Storm has none on the choices of a CTMC.
+    """
+    kind = model.type.name
+    names = [r.name or f"reward{i + 1}" for i, r in enumerate(model.rewards)]
+    yield f"@type: {kind}\n@parameters\n\n@reward_models\n{' '.join(names)}\n"
+    yield f"@nr_states\n{model.n}\n@nr_choices\n{model.matrix.rows}\n@model\n"
+    for start in range(0, model.n, _STATES):
+        yield "".join(_states(model, start, min(start + _STATES, model.n), precision))
+
+
+def _states(model: Snapshot, start: int, stop: int, precision: int) -> Iterator[str]:
+    m = model.matrix
+    groups = (
+        np.arange(start, stop + 1) if m.groups is None else m.groups[start : stop + 1]
+    ).tolist()
+    first, last = groups[0], groups[-1]
+    indptr = m.indptr[first : last + 1].tolist()
+    begin, end = indptr[0], indptr[-1]
+    values = number_texts(model.values[begin:end], precision)
+    entries = [
+        f"\t\t{t} : {v}\n" for t, v in zip(m.indices[begin:end].tolist(), values, strict=True)
+    ]
+    actions = _actions(model, first, last)
+    rewards = [_rewards(model, r, start, stop, first, last, precision) for r in model.rewards]
+    rates = (
+        number_texts(model.row_sums[first:last], precision)
+        if model.type is ModelType.CTMC
+        else None
+    )
+    labels = [
+        (f' "{n}"' if not n.isidentifier() else f" {n}", members[start:stop])
+        for n, members in model.labels.items()
+    ]
+    for i in range(stop - start):
+        text = f"state {start + i}" + (f" !{rates[i]}" if rates is not None else "")
+        text += f" [{', '.join(r[0][i] for r in rewards)}]" if rewards else ""
+        yield text + "".join(n for n, members in labels if members[i]) + "\n"
+        for r in range(groups[i] - first, groups[i + 1] - first):
+            yield (
+                f"\taction {actions[r]}"
+                + (f" [{', '.join(x[1][r] for x in rewards)}]" if rewards else "")
+                + "\n"
+            )
+            yield from entries[indptr[r] - begin : indptr[r + 1] - begin]
+
+
+def _actions(model: Snapshot, first: int, last: int) -> list[str]:
+    if model.row_actions is None:
+        return ["0"] * (last - first)
+    return [
+        model.actions[a] if a >= 0 else "__NOLABEL__"
+        for a in model.row_actions[first:last].tolist()
+    ]
+
+
+def _rewards(
+    model: Snapshot,
+    structure: Rewards,
+    start: int,
+    stop: int,
+    first: int,
+    last: int,
+    precision: int,
+) -> tuple[list[str], list[str]]:
+    states, rows = structure.states[start:stop], structure.rows[first:last]
+    if model.type is ModelType.CTMC:
+        states, rows = states + rows, np.zeros(last - first)
+    return [number_text(v, precision) for v in states.tolist()], [
+        number_text(v, precision) for v in rows.tolist()
+    ]

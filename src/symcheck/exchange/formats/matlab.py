@@ -1,0 +1,84 @@
+"""A chain as a program for Matlab or Octave: sparse matrices and vectors, numbered from 1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from symcheck.errors import UnsupportedError
+from symcheck.exchange.explicit_export import Snapshot
+from symcheck.exchange.text import FULL_PRECISION, lines
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["labels", "state_rewards", "states", "transition_rewards", "transitions"]
+
+
+def transitions(model: Snapshot, *, precision: int = FULL_PRECISION) -> Iterator[str]:
+    """The matrix `P` (of rates: `R`). Raises UnsupportedError for an MDP, which is no single matrix."""
+    name = "R" if model.type is ModelType.CTMC else "P"
+    yield from _matrix(
+        model, name, np.ones(model.matrix.entries, np.bool_), model.values, precision
+    )
+
+
+def transition_rewards(
+    model: Snapshot, number: int, *, precision: int = FULL_PRECISION
+) -> Iterator[str]:
+    """The matrix `C1` (`C2` and so on for further structures). Raises UnsupportedError for an MDP."""
+    rewards = model.entry_rewards(number)
+    yield from _matrix(model, f"C{number + 1}", rewards != 0, rewards, precision)
+
+
+def state_rewards(
+    model: Snapshot, number: int, *, precision: int = FULL_PRECISION
+) -> Iterator[str]:
+    """The column `c1` (`c2` and so on)."""
+    name, values = f"c{number + 1}", model.rewards[number].states
+    some = np.flatnonzero(values != 0)
+    yield f"{name} = sparse({model.n},1);\n"
+    yield from lines(f"{name}(%d)=%s;", len(some), some + 1, values[some], precision=precision)
+
+
+def states(model: Snapshot) -> Iterator[str]:
+    """The matrix `states`: a row per state, a column per variable (true is 1)."""
+    yield f"% ({','.join(v.name for v in model.variables)})\nstates=[\n"
+    yield from lines(
+        "%s",
+        model.n,
+        lambda a, b: [
+            ",".join(map(str, row))
+            for row in zip(*(c[a:b].tolist() for c in model.columns), strict=True)
+        ],
+    )
+    yield "];\n"
+
+
+def labels(model: Snapshot, names: Sequence[str]) -> Iterator[str]:
+    """A column `l_NAME` for each label, 1 where it holds."""
+    columns = [
+        "l_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in name) for name in names
+    ]
+    yield "".join(f"{column}=sparse({model.n},1);\n" for column in columns) + "\n"
+    for name, column in zip(names, columns, strict=True):
+        members = np.flatnonzero(model.labels[name])
+        yield from lines(f"{column}(%d)=1;", len(members), members + 1)
+
+
+def _matrix(
+    model: Snapshot,
+    name: str,
+    some: np.ndarray[tuple[int], np.dtype[np.bool_]],
+    values: object,
+    precision: int,
+) -> Iterator[str]:
+    if model.matrix.groups is not None:
+        raise UnsupportedError(
+            "an MDP is no single matrix, and is not written for Matlab\n  hint: the formats .tra, .drn and .umb hold it"
+        )
+    chosen, numbers = np.flatnonzero(some), np.asarray(values)
+    yield f"{name} = sparse({model.n},{model.n});\n"
+    row, column = model.row_of_entry[chosen] + 1, model.matrix.indices[chosen] + 1
+    yield from lines(
+        f"{name}(%d,%d)=%s;", len(chosen), row, column, numbers[chosen], precision=precision
+    )

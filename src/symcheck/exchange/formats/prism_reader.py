@@ -1,0 +1,467 @@
+"""PRISM's explicit files, read: .tra .sta .lab .srew .trew (see prism.py)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import count, takewhile
+from pathlib import Path
+
+import numpy as np
+
+from symcheck.errors import UsageError
+from symcheck.exchange.column_reader import Fields, number_table, read_fields
+from symcheck.exchange.explicit_data import Given, GivenRewards, expected_rewards
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.semantics.state_faults import SUM_TOLERANCE
+from symcheck.syntax.ast import ModelType, Type
+
+__all__ = ["ModelFiles", "model_files", "read_files", "read_model"]
+
+_INT_LIMIT = 1 << 62
+_KINDS = ("tra", "sta", "lab", "srew", "trew")
+
+
+@dataclass(frozen=True)
+class ModelFiles:
+    """The files of one model; a state and a transition reward file for each reward structure (None: it has no such file)."""
+
+    transitions: Path
+    states: Path | None = None
+    labels: Path | None = None
+    rewards: tuple[tuple[Path | None, Path | None], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Transitions:
+    """What a .tra file holds: the matrix, and per row its action."""
+
+    type: ModelType
+    matrix: SparseMatrix
+    actions: tuple[str, ...]
+    row_actions: Int32s
+    row_sums: Floats = field(repr=False)
+
+
+def model_files(argument: str) -> ModelFiles:
+    """The files that `base.all` or `base.tra,sta,…` mean. Raises UsageError for unknown kinds and missing files.
+
+    `.all` takes those that exist; rewards are `base.srew` and `base.trew`, or `base1.srew`, `base2.srew`, … for several.
+    """
+    base, dot, listed = argument.rpartition(".")
+    kinds = listed.split(",")
+    if not dot or any(k not in (*_KINDS, "rew", "all") for k in kinds):
+        raise UsageError(
+            f"-importmodel: '{argument}' does not end in .all, .umb, or some of .{',.'.join(_KINDS)}"
+        )
+    everything = "all" in kinds
+    asked = {*kinds, *(("srew", "trew") if "rew" in kinds else ())}
+
+    def one(kind: str) -> Path | None:
+        path = Path(f"{base}.{kind}")
+        return path if kind in asked or (everything and path.is_file()) else None
+
+    wanted = [everything or kind in asked for kind in ("srew", "trew")]
+    rewards = [pair for i in ("", 1) if (pair := _pair(base, i, wanted)) is not None]
+    if rewards and rewards[-1] == _pair(base, 1, wanted):
+        following = (_pair(base, i, wanted) for i in count(2))
+        rewards += takewhile(lambda pair: pair is not None, following)  # type: ignore[arg-type]
+    if not rewards and not everything and any(wanted):
+        raise UsageError(
+            f"-importmodel: there is no reward file '{base}.srew', '{base}1.srew', or the same with .trew"
+        )
+    return ModelFiles(Path(f"{base}.tra"), one("sta"), one("lab"), tuple(rewards))
+
+
+def _pair(
+    base: str, number: str | int, wanted: Sequence[bool]
+) -> tuple[Path | None, Path | None] | None:
+    """The reward files of one structure that exist and are wanted; None where there is none."""
+    paths = [Path(f"{base}{number}.{kind}") for kind in ("srew", "trew")]
+    states, transitions = (
+        p if want and p.is_file() else None for p, want in zip(paths, wanted, strict=True)
+    )
+    return (states, transitions) if states or transitions else None
+
+
+def read_files(argument: str, kind: ModelType | None = None, *, check_sums: bool = True) -> Given:
+    """The model that -importmodel names: `base.all` and the like (see `model_files`), or `file.umb`.
+
+    Raises UsageError, SyntaxFault, UnsupportedError.
+    """
+    names, _, options = argument.rpartition(":")
+    if options == "format=umb" or argument.endswith(".umb"):
+        from symcheck.exchange.formats.umb_reader import read_umb
+
+        return read_umb(
+            Path(names if options == "format=umb" else argument), kind, check_sums=check_sums
+        )
+    files = model_files(names if options == "format=explicit" else argument)
+    return read_model(files, kind, check_sums=check_sums)
+
+
+def read_model(
+    files: ModelFiles, kind: ModelType | None = None, *, check_sums: bool = True
+) -> Given:
+    """The model in some files.
+
+    Without a type: what a comment of the transitions file says; else an MDP where transitions have choices, a DTMC where
+    all rows sum to 1, and a CTMC otherwise. Raises SyntaxFault at the place of what is wrong.
+    """
+    found = _read_transitions(files.transitions, kind, check_sums)
+    n = found.matrix.states
+    columns = _read_states(files.states, n) if files.states else [("x", Type.INT, np.arange(n))]
+    labels = _read_labels(files.labels, n) if files.labels else {}
+    rewards = [_read_rewards(pair, found) for pair in files.rewards]
+    return Given(
+        found.type, columns, found.matrix, found.actions, found.row_actions, labels, rewards
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------ transitions
+
+
+def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _Transitions:
+    file = read_fields(path)
+    size = file.header(
+        (2, 3), "the numbers of states and transitions, or of states, choices and transitions"
+    )
+    has_choices = len(size) == 3
+    if size[0] == 0:
+        file.fault(0, "a model has at least one state", "count", 0)
+    if kind is not None and (kind is ModelType.MDP) != has_choices:
+        holds = (
+            "an MDP has states, choices and transitions"
+            if kind is ModelType.MDP
+            else f"a {kind.name} has states and transitions"
+        )
+        file.fault(
+            0, f"{holds} in the first line", "header", None, f"it was asked for by -{kind.value}"
+        )
+    file.expect(size[-1], "transitions")
+    return _mdp(file, size, check_sums) if has_choices else _chain(file, size[0], kind, check_sums)
+
+
+def _chain(file: Fields, n: int, kind: ModelType | None, check_sums: bool) -> _Transitions:
+    file.widths((3, 4), "source, target, probability or rate, and perhaps an action")
+    source, target, values = (
+        file.integers(0, n, "state"),
+        file.integers(1, n, "state"),
+        _weights(file, 2),
+    )
+    order = np.lexsort((target, source))
+    if file.table is not None or all(len(row) == 3 for row in file.rows[1:]):
+        _unique(file, order, source, target)
+    sums: Floats = np.bincount(source, values, n).astype(np.float64)
+    told = kind or _told(file)
+    if told is None:
+        told = (
+            ModelType.DTMC
+            if np.all((np.abs(sums - 1) <= SUM_TOLERANCE) | (sums == 0))
+            else ModelType.CTMC
+        )
+    if told is ModelType.DTMC and check_sums:
+        _check_sums(file, sums, source, "probabilities out of state {}")
+    keep = order[values[order] > 0]
+    # With actions, a pair of states may have several lines: what commands of different actions do adds up.
+    distinct, place = np.unique(source[keep] * n + target[keep], return_inverse=True)
+    indptr = starts_of(np.bincount(distinct // n, minlength=n))
+    total: Floats = np.bincount(place, values[keep], len(distinct)).astype(np.float64)
+    matrix = SparseMatrix(indptr, (distinct % n).astype(np.int32), total, n)
+    return _Transitions(told, matrix, (), np.full(n, -1, np.int32), sums)
+
+
+def _mdp(file: Fields, size: Sequence[int], check_sums: bool) -> _Transitions:
+    n, rows, _ = size
+    file.widths((4, 5), "source, choice, target, probability, and perhaps an action")
+    source, target, values = (
+        file.integers(0, n, "state"),
+        file.integers(2, n, "state"),
+        _weights(file, 3),
+    )
+    choice = file.integers(1, _INT_LIMIT, "choice")
+    order = np.lexsort((target, choice, source))
+    _unique(file, order, source, choice, target)
+    s, c = source[order], choice[order]
+    new = np.ones(len(order), bool)
+    new[1:] = (np.diff(s) != 0) | (np.diff(c) != 0)
+    starts = np.flatnonzero(new)
+    if len(starts) != rows:
+        file.fault(
+            0, f"the first line tells of {rows} choices, and {len(starts)} follow", "count", 1
+        )
+    groups = starts_of(np.bincount(s[starts], minlength=n))
+    expected = np.arange(rows) - groups[s[starts]]
+    for i in np.flatnonzero(c[starts] != expected)[:1].tolist():
+        file.fault(
+            int(order[starts[i]]) + 1,
+            f"choice {expected[i]} of state {s[starts[i]]} is missing before this one",
+            "choice",
+            1,
+        )
+    row = np.cumsum(new) - 1
+    sums: Floats = np.bincount(row, values[order], rows).astype(np.float64)
+    if check_sums:
+        _check_sums(
+            file, sums, source, "probabilities of a choice of state {}", s[starts], order[starts]
+        )
+    actions, row_actions = _read_actions(file, order, row, rows)
+    keep = values[order] > 0
+    indptr = starts_of(np.bincount(row[keep], minlength=rows))
+    chosen = order[keep]
+    matrix = SparseMatrix(indptr, target[chosen].astype(np.int32), values[chosen], n, groups)
+    return _Transitions(ModelType.MDP, matrix, actions, row_actions, sums)
+
+
+def _weights(file: Fields, word: int) -> Floats:
+    values = file.reals(word)
+    for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
+        file.fault(
+            i + 1, "a probability or rate is a number that is not negative", "negative", word
+        )
+    return values
+
+
+def _unique(file: Fields, order: Int64s, *keys: Int64s) -> None:
+    same = np.ones(max(len(order) - 1, 0), bool)
+    for key in keys:
+        same &= np.diff(key[order]) == 0
+    for i in np.flatnonzero(same)[:1].tolist():
+        file.fault(
+            max(int(order[i]), int(order[i + 1])) + 1,
+            "this transition is in the file already",
+            "repeated",
+        )
+
+
+def _check_sums(
+    file: Fields,
+    sums: Floats,
+    source: Int64s,
+    text: str,
+    states: Int64s | None = None,
+    places: Int64s | None = None,
+) -> None:
+    """Sums of probabilities, per state (then `source` tells where its lines are) or per row (then `places` does)."""
+    wrong = np.flatnonzero(
+        (np.abs(sums - 1) > SUM_TOLERANCE) & ((sums != 0) | (places is not None))
+    )
+    for i in wrong[:1].tolist():
+        line = int(np.flatnonzero(source == i)[0]) if places is None else int(places[i])
+        state = i if states is None else int(states[i])
+        file.fault(
+            line + 1, f"the {text.format(state)} sum to {sums[i]:.12g}, not to 1", "update-sum"
+        )
+
+
+def _read_actions(
+    file: Fields, order: Int64s, row: Int64s, rows: int
+) -> tuple[tuple[str, ...], Int32s]:
+    """The actions in order of appearance, and each row's; the lines of a row must agree."""
+    texts = [r[4] if len(r) > 4 else "" for r in file.rows[1:]]
+    names = tuple(dict.fromkeys(t for t in texts if t))
+    number = {"": -1} | {name: i for i, name in enumerate(names)}
+    codes = np.array([number[t] for t in texts], np.int32)[order]
+    first = np.searchsorted(row, np.arange(rows))
+    found: Int32s = codes[first]
+    for i in np.flatnonzero(codes != found[row])[:1].tolist():
+        file.fault(
+            int(order[i]) + 1, "the transitions of one choice have different actions", "action"
+        )
+    return names, found
+
+
+def _told(file: Fields) -> ModelType | None:
+    """The type of model that a comment such as `Transitions (CTMC)` tells."""
+    for comment in file.comments:
+        if match := re.fullmatch(r"Transitions \((DTMC|CTMC|MDP)\)", comment):
+            return ModelType(match[1].lower())
+    return None
+
+
+# ----------------------------------------------------------------------------------------------------- states and labels
+
+
+def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
+    file = read_fields(path)
+    text = "".join(file.first)
+    match = re.fullmatch(r"\(([^()]*)\)", text)
+    if match is None:
+        file.fault(0, "the first line should hold the names of the variables, as (x,y)", "header")
+    names = [x for x in match[1].split(",") if x]
+    if len(set(names)) < len(names):
+        file.fault(0, "two variables have the same name", "repeated")
+    plain = _plain_states(file, names, n)
+    if plain is not None:
+        return plain
+    if len(file.rows) - 1 != n:
+        file.fault(
+            len(file.rows) - 1,
+            f"the transitions file has {n} states, and this file {len(file.rows) - 1}",
+            "count",
+        )
+    values: list[list[str]] = [[""] * len(names) for _ in range(n)]
+    for i, words in enumerate(file.rows[1:], 1):
+        found = re.fullmatch(r"(\d+):\(([^()]*)\)", "".join(words))
+        own = [x for x in found[2].split(",") if x] if found else []
+        if found is None or len(own) != len(names):
+            file.fault(i, f"a state is written as number:({','.join(names)})", "fields")
+        number = int(found[1])
+        if number >= n:
+            file.fault(i, f"state {number} does not exist: there are {n}, numbered from 0", "index")
+        if names and values[number][0]:
+            file.fault(i, f"state {number} is in the file already", "repeated")
+        values[number] = own
+    return [_column(file, name, [v[j] for v in values]) for j, name in enumerate(names)] or [
+        ("x", Type.INT, np.arange(n))
+    ]
+
+
+def _plain_states(
+    file: Fields, names: Sequence[str], n: int
+) -> list[tuple[str, Type, Int64s]] | None:
+    """The states where the file has them all in order, without a fault; None otherwise (then it is read line by line)."""
+    body = file.source.text[file.body :]
+    if (
+        not names
+        or body.count(":(") != n
+        or body.count(")\n") + body.endswith(")") != n
+        or body.count(",") != n * (len(names) - 1)
+    ):
+        return None
+    switches = [
+        word in ("true", "false") for word in re.split(r"[(),:\s]+", body[: body.find("\n")])[1:-1]
+    ]
+    if body.count("true") + body.count("false") != n * sum(switches) or len(switches) != len(names):
+        return None
+    numbers = (
+        body.translate(str.maketrans("(),:", "    ")).replace("true", "1").replace("false", "0")
+    )
+    table = number_table(numbers)
+    if (
+        table is None
+        or table.shape != (n, len(names) + 1)
+        or not np.array_equal(table[:, 0], np.arange(n))
+    ):
+        return None
+    if not np.array_equal(table, np.floor(table)):
+        return None
+    return [
+        (name, Type.BOOL if switch else Type.INT, table[:, i].astype(np.int64))
+        for i, (name, switch) in enumerate(zip(names, switches, strict=True), 1)
+    ]
+
+
+def _column(file: Fields, name: str, texts: list[str]) -> tuple[str, Type, Int64s]:
+    if all(t in ("true", "false") for t in texts):
+        return name, Type.BOOL, np.array([t == "true" for t in texts], np.int64)
+    try:
+        return name, Type.INT, np.array(list(map(int, texts)), np.int64)
+    except (ValueError, OverflowError):
+        bad = next(t for t in texts if not re.fullmatch(r"-?\d{1,18}", t))
+        line = next(
+            i for i, row in enumerate(file.rows[1:], 1) if bad in re.split(r"[(),:]", "".join(row))
+        )
+        file.fault(line, f"'{bad}' is not a value of the variable {name}", "number")
+
+
+def _read_labels(path: Path, n: int) -> dict[str, Bools]:
+    file = read_fields(path)
+    declared = re.findall(r'(\d+)="([^"]*)"', " ".join(file.first))
+    if not declared:
+        file.fault(0, 'the first line should hold the labels, as 0="init" 1="deadlock"', "header")
+    names = {int(i): name for i, name in declared}
+    members = {name: np.zeros(n, bool) for name in names.values()}
+    for i, words in enumerate(file.rows[1:], 1):
+        state, colon, rest = " ".join(words).partition(":")
+        numbers = rest.split()
+        if not colon or not all(_is_number(x) for x in (state.strip(), *numbers)):
+            file.fault(i, "a line should hold a state, a colon, and numbers of labels", "fields")
+        if int(state) >= n:
+            file.fault(
+                i, f"state {state} does not exist: there are {n}, numbered from 0", "index", 0
+            )
+        for number in map(int, numbers):
+            if number not in names:
+                file.fault(i, f"label {number} is not in the first line", "index")
+            members[names[number]][int(state)] = True
+    if "init" in members and not members["init"].any():
+        file.fault(0, 'no state has the label "init"', "initial")
+    return members
+
+
+def _is_number(text: str) -> bool:
+    return text.isdigit()
+
+
+# ---------------------------------------------------------------------------------------------------------------- rewards
+
+
+def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) -> GivenRewards:
+    m = model.matrix
+    found = GivenRewards(None, np.zeros(m.states), np.zeros(m.rows))
+    if pair[0] is not None:
+        file = read_fields(pair[0])
+        size = file.header((2,), "the numbers of states and of rewards")
+        _same_size(file, size[:1], (m.states,))
+        file.expect(size[1], "rewards")
+        file.widths((2,), "a state and a reward")
+        found.states[file.integers(0, m.states, "state")] = file.reals(1)
+        found = found._replace(name=_reward_name(file))
+    if pair[1] is not None:
+        file = read_fields(pair[1])
+        entries = _transition_rewards(file, model)
+        found = found._replace(
+            name=found.name or _reward_name(file),
+            rows=expected_rewards(model.type, m, entries),
+            entries=entries,
+        )
+    return found
+
+
+def _reward_name(file: Fields) -> str | None:
+    for comment in file.comments:
+        if match := re.fullmatch(r'Reward structure:? "([^"]*)"', comment):
+            return match[1]
+    return None
+
+
+def _same_size(file: Fields, found: Sequence[int], wanted: Sequence[int]) -> None:
+    for i, (a, b, what) in enumerate(zip(found, wanted, ("states", "choices"), strict=False)):
+        if a != b:
+            file.fault(
+                0, f"the transitions file has {b} {what}, and this file tells of {a}", "count", i
+            )
+
+
+def _transition_rewards(file: Fields, model: _Transitions) -> Floats:
+    """The reward of each transition of the model."""
+    m = model.matrix
+    chain = m.groups is None
+    size = file.header(
+        (2,) if chain else (2, 3),
+        "the numbers of states" + ("" if chain else ", of choices") + " and of rewards",
+    )
+    _same_size(file, size[:-1], (m.states, m.rows))
+    file.expect(size[-1], "rewards")
+    file.widths((3,) if chain else (4,), "a transition and its reward")
+    source, target = (
+        file.integers(0, m.states, "state"),
+        file.integers(1 if chain else 2, m.states, "state"),
+    )
+    rewards = file.reals(2 if chain else 3)
+    row = source
+    if m.groups is not None:
+        choice = file.integers(1, _INT_LIMIT, "choice")
+        for i in np.flatnonzero(choice >= np.diff(m.groups)[source])[:1].tolist():
+            file.fault(i + 1, f"state {source[i]} has no choice {choice[i]}", "index", 1)
+        row = m.groups[source] + choice
+    keys = np.repeat(np.arange(m.rows), np.diff(m.indptr)) * m.states + m.indices
+    wanted = row * m.states + target
+    place = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
+    for i in np.flatnonzero(keys[place] != wanted)[:1].tolist():
+        file.fault(i + 1, "there is no such transition", "index")
+    found = np.zeros(m.entries)
+    found[place] = rewards
+    return found

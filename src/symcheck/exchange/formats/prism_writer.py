@@ -1,0 +1,174 @@
+"""PRISM's explicit files, written: .tra .sta .lab .srew .trew.
+
+The formats are those of the appendix 'Explicit Model Files' of the PRISM manual (version 4.8 and later).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.exchange.explicit_export import Rewards, Snapshot
+from symcheck.exchange.text import CHUNK, FULL_PRECISION, lines, number_texts
+from symcheck.matrices.rows import Int64s
+from symcheck.semantics.state_faults import SUM_TOLERANCE
+from symcheck.syntax.ast import ModelType
+
+__all__ = [
+    "labels_file",
+    "state_rewards_file",
+    "states_file",
+    "transition_rewards_file",
+    "transitions_file",
+]
+
+
+def states_file(model: Snapshot) -> Iterator[str]:
+    """`.sta`: the names of the variables, then the states, as `0:(1,true)`."""
+    yield f"({','.join(v.name for v in model.variables)})\n"
+    yield from lines("%d:%s", model.n, np.arange(model.n), model.state_texts)
+
+
+def transitions_file(
+    model: Snapshot,
+    *,
+    precision: int = FULL_PRECISION,
+    actions: bool = True,
+    rows: bool = False,
+    headers: bool = True,
+) -> Iterator[str]:
+    """`.tra`: the size, then a line per transition; `rows`: a line per row. An MDP has the number of the choice and its action."""
+    m = model.matrix
+    if (
+        headers
+        and model.type is ModelType.CTMC
+        and bool(np.all(np.abs(model.row_sums - 1) <= SUM_TOLERANCE))
+    ):
+        yield "# Transitions (CTMC)\n"  # else a reader takes it for a DTMC
+    yield f"{_size(model)} {m.entries}\n"
+    if rows:
+        yield from _row_lines(model, model.values, np.ones(m.entries, bool), precision, actions)
+        return
+    of = model.row_of_entry
+    if m.groups is None:
+        yield from lines("%d %d %s", m.entries, of, m.indices, model.values, precision=precision)
+        return
+    names = np.array(
+        [f" {name}" if name and actions else "" for name in model.action_texts()], dtype=object
+    )
+
+    def action(start: int, stop: int) -> list[str]:
+        found: list[str] = names[of[start:stop]].tolist()
+        return found
+
+    source, choice = model.state_of_row[of], model.choice_of_row[of]
+    yield from lines(
+        "%d %d %d %s%s",
+        m.entries,
+        source,
+        choice,
+        m.indices,
+        model.values,
+        action,
+        precision=precision,
+    )
+
+
+def labels_file(model: Snapshot, names: Sequence[str] | None = None) -> Iterator[str]:
+    """`.lab`: the numbers of the labels (all, or those named), then the states that have some."""
+    names = list(model.labels) if names is None else names
+    yield " ".join(f'{i}="{name}"' for i, name in enumerate(names)) + "\n"
+    table = np.array([model.labels[name] for name in names]).reshape(len(names), model.n)
+    having = np.flatnonzero(table.any(axis=0))
+
+    def numbers(start: int, stop: int) -> list[str]:
+        return [
+            " ".join(map(str, np.flatnonzero(column).tolist()))
+            for column in table[:, having[start:stop]].T
+        ]
+
+    yield from lines("%d: %s", len(having), having, numbers)
+
+
+def state_rewards_file(
+    model: Snapshot, structure: Rewards, *, precision: int = FULL_PRECISION, headers: bool = True
+) -> Iterator[str]:
+    """`.srew`: the number of states and of rewards that are not 0, then these."""
+    some = np.flatnonzero(structure.states != 0)
+    yield _heading(structure, "State rewards") if headers else ""
+    yield f"{model.n} {len(some)}\n"
+    yield from lines("%d %s", len(some), some, structure.states[some], precision=precision)
+
+
+def transition_rewards_file(
+    model: Snapshot,
+    number: int,
+    *,
+    precision: int = FULL_PRECISION,
+    headers: bool = True,
+    rows: bool = False,
+) -> Iterator[str]:
+    """`.trew`: like `.tra`, for the transitions whose reward in structure `number` is not 0."""
+    m = model.matrix
+    rewards = model.entry_rewards(number)
+    some = np.flatnonzero(rewards != 0)
+    yield _heading(model.rewards[number], "Transition rewards") if headers else ""
+    yield f"{_size(model)} {len(some)}\n"
+    if rows:
+        yield from _row_lines(model, rewards, rewards != 0, precision, actions=False)
+        return
+    of = model.row_of_entry[some]
+    source, target = model.state_of_row[of], m.indices[some]
+    if m.groups is None:
+        yield from lines("%d %d %s", len(some), source, target, rewards[some], precision=precision)
+    else:
+        yield from lines(
+            "%d %d %d %s",
+            len(some),
+            source,
+            model.choice_of_row[of],
+            target,
+            rewards[some],
+            precision=precision,
+        )
+
+
+def _size(model: Snapshot) -> str:
+    return f"{model.n}" if model.matrix.groups is None else f"{model.n} {model.matrix.rows}"
+
+
+def _heading(structure: Rewards, what: str) -> str:
+    name = f' "{structure.name}"' if structure.name else ""
+    return f"# Reward structure{name}\n# {what}\n"
+
+
+def _row_lines(
+    model: Snapshot, values: NDArray[Any], some: NDArray[np.bool_], precision: int, actions: bool
+) -> Iterator[str]:
+    """A line per row: its state and `value:target` of the entries that are chosen."""
+    m = model.matrix
+    names = model.action_texts()
+    for start in range(0, m.rows, CHUNK):
+        stop = min(start + CHUNK, m.rows)
+        first = int(m.indptr[start])
+        chosen = first + np.flatnonzero(some[first : int(m.indptr[stop])])
+        texts = [
+            f"{v}:{t}"
+            for v, t in zip(
+                number_texts(values[chosen], precision), m.indices[chosen].tolist(), strict=True
+            )
+        ]
+        ends: Int64s = np.searchsorted(chosen, m.indptr[start : stop + 1])
+        yield "".join(
+            " ".join([str(s), *texts[a:b], *([names[r]] if actions and names[r] else [])]) + "\n"
+            for r, s, a, b in zip(
+                range(start, stop),
+                model.state_of_row[start:stop].tolist(),
+                ends[:-1].tolist(),
+                ends[1:].tolist(),
+                strict=True,
+            )
+        )

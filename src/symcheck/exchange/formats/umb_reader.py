@@ -1,0 +1,207 @@
+"""UMB files, read through the package `umbi` (https://github.com/pmc-tools/umb)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symcheck.errors import SymcheckError, UnsupportedError, UsageError
+from symcheck.exchange.explicit_data import Given, GivenRewards, expected_rewards
+from symcheck.exchange.formats.umb_writer import umbi_package
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.semantics.state_faults import SUM_TOLERANCE
+from symcheck.syntax.ast import ModelType, Type
+
+__all__ = ["read_umb"]
+
+
+def read_umb(path: Path, kind: ModelType | None = None, *, check_sums: bool = True) -> Given:
+    """The model in a UMB file: a DTMC, CTMC or MDP with numbers (no intervals), and variables that are bool or int.
+
+    Raises UsageError where the file cannot be read or is at odds with itself, UnsupportedError for other models.
+    """
+    raw = _raw(path)
+    found = _type(raw)
+    if kind is not None and kind is not found:
+        raise UsageError(f"'{path}' holds a {found.name}, and -{kind.value} was asked for")
+    try:
+        return _given(raw, found, path, check_sums)
+    except (IndexError, KeyError, TypeError, ValueError) as error:
+        raise UsageError(
+            f"'{path}' is at odds with itself: {type(error).__name__}: {error}"
+        ) from None
+
+
+def _raw(path: Path) -> Any:
+    umbi_package()
+    import umbi.umb
+
+    if not path.is_file():
+        raise UsageError(f"cannot read '{path}': there is no such file")
+    try:
+        return umbi.umb.read(path)
+    except (SymcheckError, MemoryError):  # a limit of time or memory
+        raise
+    except (
+        Exception
+    ) as error:  # the package has no errors of its own: what it meets in a wrong file is anything
+        raise UsageError(f"cannot read '{path}': {str(error) or type(error).__name__}") from None
+
+
+def _type(raw: Any) -> ModelType:
+    system = raw.index.transition_system
+    match str(getattr(system.time, "value", system.time)), system.num_players:
+        case "discrete", 0:
+            return ModelType.DTMC
+        case "discrete", 1:
+            return ModelType.MDP
+        case "stochastic", 0:
+            return ModelType.CTMC
+        case time, players:
+            raise UnsupportedError(
+                f"UMB models with {time} time and {players} players are not read: a DTMC, CTMC or MDP is"
+            )
+
+
+def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> Given:
+    n = int(raw.index.transition_system.num_states)
+    if n == 0:
+        raise UsageError(f"'{path}' has no states")
+    matrix, row_of_branch, by = _matrix(raw, kind, n, path)
+    if check_sums and kind is not ModelType.CTMC:
+        _check_sums(matrix, path)
+    actions, row_actions = _actions(raw, matrix, kind)
+    labels = {"init": _bools(raw.state_is_initial, n, "initial states", path)}
+    for name, values in _annotations(raw, "aps").items():
+        if "states" in values:
+            labels[name] = _bools(values["states"], n, f'label "{name}"', path)
+    rewards = [
+        _rewards(name, values, matrix, kind, row_of_branch[by], by)
+        for name, values in _annotations(raw, "rewards").items()
+    ]
+    return Given(kind, _columns(raw, n), matrix, actions, row_actions, labels, rewards)
+
+
+def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix, Int64s, Int64s]:
+    """The matrix; the row of each branch; and the branches in the order of the entries, without those that never happen."""
+    choices, branches = (
+        np.asarray(raw.state_to_choices, np.int64),
+        np.asarray(raw.choice_to_branches, np.int64),
+    )
+    targets = np.asarray(raw.branch_to_target, np.int64)
+    values = np.array([float(p) for p in raw.branch_to_probability])
+    counts = np.diff(choices)
+    if (
+        len(choices) != n + 1
+        or len(values) != len(targets)
+        or targets.min(initial=0) < 0
+        or targets.max(initial=-1) >= n
+    ):
+        raise UsageError(f"'{path}' is at odds with itself: its parts have different sizes")
+    if kind is not ModelType.MDP and counts.max(initial=0) > 1:
+        raise UsageError(f"'{path}' is at odds with itself: a state of a chain has several choices")
+    row = np.repeat(np.arange(len(branches) - 1), np.diff(branches))
+    if kind is ModelType.CTMC:
+        values = values * np.repeat(_exit_rates(raw, counts), np.diff(branches))
+    rows = len(branches) - 1
+    if kind is not ModelType.MDP:
+        row, rows = np.flatnonzero(counts)[row], n
+    for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
+        raise UsageError(f"'{path}': {values[i]:g} is no probability or rate (branch {i})")
+    by = np.lexsort((targets, row))
+    by = by[values[by] > 0]  # a matrix holds no zeros
+    keys = row[by] * n + targets[by]
+    if np.any(np.diff(keys) == 0):
+        raise UnsupportedError(f"'{path}' has several branches of one choice to one state")
+    indptr = starts_of(np.bincount(row[by], minlength=rows))
+    groups = choices if kind is ModelType.MDP else None
+    return SparseMatrix(indptr, targets[by].astype(np.int32), values[by], n, groups), row, by
+
+
+def _exit_rates(raw: Any, counts: Int64s) -> Floats:
+    """Per choice: the exit rate of its state."""
+    rates = np.array([float(r) for r in raw.state_to_exit_rate])
+    return np.repeat(rates, counts)
+
+
+def _check_sums(matrix: SparseMatrix, path: Path) -> None:
+    filled = np.flatnonzero(np.diff(matrix.indptr))
+    sums = np.add.reduceat(matrix.data, matrix.indptr[:-1][filled]) if len(filled) else np.ones(0)
+    for i in np.flatnonzero(np.abs(sums - 1) > SUM_TOLERANCE)[:1].tolist():
+        raise UsageError(
+            f"'{path}': the probabilities of choice {filled[i]} sum to {sums[i]:.12g}, not to 1"
+        )
+
+
+def _actions(raw: Any, matrix: SparseMatrix, kind: ModelType) -> tuple[tuple[str, ...], Int32s]:
+    none = np.full(matrix.rows, -1, np.int32)
+    if kind is not ModelType.MDP or raw.choice_to_choice_action is None:
+        return (), none
+    names: Sequence[str] = raw.choice_action_to_string or [
+        f"a{i}" for i in range(int(max(raw.choice_to_choice_action)) + 1)
+    ]
+    kept = tuple(name for name in dict.fromkeys(names) if name)
+    number = np.array([kept.index(name) if name else -1 for name in names], np.int32)
+    return kept, number[np.asarray(raw.choice_to_choice_action, np.int64)]
+
+
+def _annotations(raw: Any, group: str) -> Mapping[str, Mapping[str, Any]]:
+    """What a group tells, under the names that people gave (the aliases) where there are some."""
+    found = (raw.annotations or {}).get(group, {})
+    told = (raw.index.annotations or {}).get(group, {})
+    return {
+        getattr(told.get(name), "alias", None) or name: values for name, values in found.items()
+    }
+
+
+def _bools(values: Any, n: int, what: str, path: Path) -> Bools:
+    found = np.asarray(values, np.bool_)
+    if found.shape != (n,):
+        raise UsageError(f"'{path}' is at odds with itself: {what} for {found.size} states of {n}")
+    return found
+
+
+def _rewards(
+    name: str,
+    values: Mapping[str, Any],
+    matrix: SparseMatrix,
+    kind: ModelType,
+    row_of_entry: Int64s,
+    by: Int64s,
+) -> GivenRewards:
+    """Rewards of choices and of branches are both earned on a transition; in a CTMC they are weighted with its rate."""
+
+    def numbers(part: str, count: int) -> Floats:
+        return np.array([float(x) for x in values[part]]) if values.get(part) else np.zeros(count)
+
+    states = numbers("states", matrix.states)
+    if not values.get("choices") and not values.get("branches"):
+        return GivenRewards(name, states, np.zeros(matrix.rows))
+    choices = numbers("choices", matrix.rows)
+    if len(choices) != matrix.rows:  # a chain's states without a choice are rows here
+        filled = np.zeros(matrix.rows)
+        filled[np.unique(row_of_entry)] = choices
+        choices = filled
+    entries = choices[row_of_entry] + (
+        numbers("branches", 0)[by] if values.get("branches") else 0.0
+    )
+    return GivenRewards(name, states, expected_rewards(kind, matrix, entries), entries)
+
+
+def _columns(raw: Any, n: int) -> list[tuple[str, Type, Int64s]]:
+    valuations = (raw.valuations or {}).get("states")
+    if not valuations or not valuations[0]:
+        return [("x", Type.INT, np.arange(n))]
+    columns = []
+    for name in valuations[0]:
+        values = [state[name] for state in valuations]
+        if all(isinstance(v, bool) for v in values):
+            columns.append((name, Type.BOOL, np.array(values, np.int64)))
+        elif all(isinstance(v, int) for v in values):
+            columns.append((name, Type.INT, np.array(values, np.int64)))
+        else:
+            raise UnsupportedError(f"variable {name} has values that are neither bool nor int")
+    return columns

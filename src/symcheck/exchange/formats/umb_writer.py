@@ -1,0 +1,150 @@
+"""The unified Markov binary format (https://github.com/pmc-tools/umb), through the package `umbi`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck import __version__
+from symcheck.errors import UnsupportedError, UsageError
+from symcheck.exchange.explicit_export import Snapshot
+from symcheck.exchange.text import same_path
+from symcheck.syntax.ast import ModelType, Type
+
+__all__ = ["umb_model", "umbi_package", "write_umb"]
+
+
+def umbi_package() -> None:
+    """Make sure that the package can be used. Raises UnsupportedError where it is not installed."""
+    try:
+        import umbi  # noqa: F401
+    except ImportError:
+        raise UnsupportedError(
+            "UMB files need the package 'umbi', which is not installed: pip install 'symcheck[umb]'"
+        ) from None
+
+
+def write_umb(model: Snapshot, target: str) -> None:
+    """Write a model as a UMB file. Raises UsageError where it cannot be written, UnsupportedError without the package."""
+    umbi_package()
+    if Path(target).is_symlink() or (Path(target).exists() and not Path(target).is_file()):
+        raise UsageError(f"cannot write '{target}': a UMB file is a plain file")
+    made = umb_model(model)
+    # umbi looks at the ending of the name.
+    same_path(target, lambda path: _written(made, path))
+
+
+def _written(made: Any, path: Path) -> None:
+    import umbi.umb
+
+    ended = path.with_suffix(".umb")
+    umbi.umb.write(made, ended)
+    ended.replace(path)
+
+
+def umb_model(model: Snapshot) -> Any:
+    """The model as a `umbi.umb.ExplicitUmb`, the package's picture of a file: in a CTMC, probabilities and exit rates."""
+    import umbi.umb
+
+    m, timed = model.matrix, model.type is ModelType.CTMC
+    made = umbi.umb.ExplicitUmb()
+    system = made.index.transition_system
+    made.index.file_data = umbi.umb.index.FileData(tool="symcheck", tool_version=__version__)
+    system.time = "stochastic" if timed else "discrete"
+    system.num_players = 1 if model.type is ModelType.MDP else 0
+    system.num_states, system.num_choices, system.num_branches = model.n, m.rows, m.entries
+    made.state_is_initial = model.labels["init"].tolist()
+    system.num_initial_states = sum(made.state_is_initial)
+    made.state_to_choices = (np.arange(model.n + 1) if m.groups is None else m.groups).tolist()
+    made.state_to_player = [0] * model.n if model.type is ModelType.MDP else None
+    made.state_is_markovian = [timed] * model.n
+    made.choice_to_branches, made.branch_to_target = m.indptr.tolist(), m.indices.tolist()
+    values = model.values / model.row_sums[model.row_of_entry] if timed else model.values
+    system.branch_probability_type, made.branch_to_probability = _numbers(values)
+    if timed:
+        system.exit_rate_type, made.state_to_exit_rate = _numbers(model.row_sums)
+    if model.row_actions is not None and model.actions:
+        # The last action stands for none.
+        made.choice_action_to_string = [*model.actions, ""]
+        made.choice_to_choice_action = np.where(
+            model.row_actions < 0, len(model.actions), model.row_actions
+        ).tolist()
+        system.num_choice_actions = len(model.actions) + 1
+    _annotate(model, made)
+    _valuations(model, made)
+    made.validate()
+    return made
+
+
+def _numbers(values: NDArray[Any]) -> tuple[Any, list[Any]]:
+    """Numbers of one type, and what the file calls it."""
+    import umbi.datatypes
+    from umbi.binary import SizedType
+
+    kind, found = umbi.datatypes.promote_scalars(values.tolist())
+    return SizedType.for_type(kind), found
+
+
+def _annotate(model: Snapshot, made: Any) -> None:
+    """The labels and rewards. A reward of transitions stands at choices, or at branches where they differ."""
+    from umbi.binary import SizedType
+    from umbi.datatypes import PrimitiveType
+    from umbi.umb.index import AnnotationDescription
+
+    described: dict[str, dict[str, Any]] = {"aps": {}, "rewards": {}}
+    found: dict[str, dict[str, dict[str, Any]]] = {"aps": {}, "rewards": {}}
+    for name, members in model.labels.items():
+        if name != "init":
+            kind = SizedType.for_type(PrimitiveType.BOOL)
+            described["aps"][name] = AnnotationDescription(
+                alias=name, applies_to=["states"], type=kind
+            )
+            found["aps"][name] = {"states": members.tolist()}
+    for i, structure in enumerate(model.rewards):
+        name = structure.name or f"reward{i + 1}"
+        place, transitions = _transition_rewards(model, i)
+        kind, numbers = _numbers(np.concatenate([structure.states, transitions]))
+        described["rewards"][name] = AnnotationDescription(
+            alias=name, applies_to=["states", place], type=kind
+        )
+        found["rewards"][name] = {"states": numbers[: model.n], place: numbers[model.n :]}
+    made.index.annotations = {group: names for group, names in described.items() if names}
+    made.annotations = {group: names for group, names in found.items() if names}
+
+
+def _transition_rewards(model: Snapshot, number: int) -> tuple[str, NDArray[Any]]:
+    """The rewards of choices, or of branches where a choice has several."""
+    entries = model.entry_rewards(number)
+    rows = model.matrix.rows
+    first = entries[model.matrix.indptr[:-1]] if rows else entries
+    if np.array_equal(first[model.row_of_entry], entries):
+        return "choices", first
+    return "branches", entries
+
+
+def _valuations(model: Snapshot, made: Any) -> None:
+    import umbi.binary
+    from umbi.binary import SizedType
+    from umbi.datatypes import NumericPrimitiveType, PrimitiveType
+    from umbi.umb.index import ValuationDescription
+
+    if not model.variables:
+        return
+    layout = umbi.binary.StructType()
+    columns = []
+    for variable, column in zip(model.variables, model.columns, strict=True):
+        switch = variable.type is Type.BOOL
+        kind: Any = PrimitiveType.BOOL if switch else NumericPrimitiveType.INT
+        values = (column.astype(bool) if switch else column).tolist()
+        size = umbi.binary.max_num_bits_for_collection_element(values, kind)
+        layout.add_attribute(name=variable.name, sized_type=SizedType(type=kind, size_bits=size))
+        columns.append(values)
+    layout.pad_to_byte()
+    names = [v.name for v in model.variables]
+    made.index.valuations = {"states": ValuationDescription(unique=True, classes=[layout])}
+    made.valuations = {
+        "states": [dict(zip(names, state, strict=True)) for state in zip(*columns, strict=True)]
+    }

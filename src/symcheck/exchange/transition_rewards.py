@@ -1,0 +1,106 @@
+"""Rewards of single transitions: what a row's expected reward is made of.
+
+A transition of a chain may stand for several commands with different rewards. Its reward is then their mean, weighted with
+their probabilities (rates), so that the expected reward of the row is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.check.options import Options
+from symcheck.engines.base import Engine
+from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["transition_rewards"]
+
+
+def transition_rewards(engine: Engine, matrix: SparseMatrix) -> list[NDArray[Any]]:
+    """The reward of each transition of a chain, per structure: float64[entries], or rationals.
+
+    `matrix` has the states in lexicographic order of the variables, and the entries of a row by column. The model is
+    explored once more, with its commands apart. Raises ModelFault, ResourceError.
+    """
+    return _rational(engine, matrix) if engine.exact else _doubles(engine.model, matrix)
+
+
+def _doubles(model: BoundModel, matrix: SparseMatrix) -> list[NDArray[Any]]:
+    from symcheck.explicit.build import explore
+    from symcheck.explicit.model import evaluate_states
+    from symcheck.explicit.tables import total_reward
+
+    apart = explore(replace(model, type=ModelType.MDP), Options(check_sums=False))
+    own = apart.matrix
+    assert own.groups is not None
+    row = np.repeat(np.arange(own.rows), np.diff(own.indptr))
+    state = np.repeat(np.arange(own.states), np.diff(own.groups))
+    place = _places(matrix, state[row], own.indices)
+    found: list[NDArray[Any]] = []
+    for structure in model.rewards:
+        rewards = np.zeros(own.rows)
+        for number, action in enumerate((*model.actions, None)):
+            items = [i for i in structure.items if not i.on_states and i.action == action]
+            rows = np.flatnonzero(apart.choice_actions == (number if action is not None else -1))
+            if items and len(rows):
+                rewards[rows] = evaluate_states(model, apart.states, total_reward(items))[
+                    state[rows]
+                ]
+        rewards[own.groups[:-1][apart.deadlocks]] = (
+            0  # the loop that a deadlock is given earns nothing
+        )
+        found.append(_means(place, own.data, rewards[row], matrix.entries))
+    return found
+
+
+def _places(matrix: SparseMatrix, state: Int64s, target: NDArray[np.int32]) -> Int64s:
+    keys = (
+        np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)) * matrix.columns + matrix.indices
+    )
+    found: Int64s = np.searchsorted(keys, state * matrix.columns + target).astype(np.int64)
+    return found
+
+
+def _means(place: Int64s, weights: Floats, rewards: Floats, entries: int) -> Floats:
+    """The weighted mean of the rewards at each place; exactly the reward where all are the same."""
+    least, most = np.full(entries, np.inf), np.full(entries, -np.inf)
+    np.minimum.at(least, place, rewards)
+    np.maximum.at(most, place, rewards)
+    mean = np.bincount(place, weights * rewards, entries) / np.bincount(place, weights, entries)
+    return np.asarray(np.where(least == most, least, np.clip(mean, least, most)), np.float64)
+
+
+def _rational(engine: Engine, matrix: SparseMatrix) -> list[NDArray[Any]]:
+    states = {state: i for i, state in enumerate(engine.valuations(engine.all))}
+    found = [np.full(matrix.entries, Fraction(0), dtype=object) for _ in engine.model.rewards]
+    for i, means in enumerate(_means_of_states(engine.model, tuple(states))):
+        start = int(matrix.indptr[i])
+        targets = matrix.indices[start : int(matrix.indptr[i + 1])].tolist()
+        by_target = {states[state]: rewards for state, rewards in means.items()}
+        for j, target in enumerate(targets):
+            for structure, value in zip(found, by_target.get(target, ()), strict=False):
+                structure[start + j] = value
+    return found
+
+
+def _means_of_states(model: BoundModel, states: Sequence[Any]) -> Iterator[dict[Any, list[Any]]]:
+    from symcheck.semantics.interpreter import choices
+
+    for state in states:
+        total: dict[Any, Any] = {}
+        weighted: dict[Any, list[Any]] = {}
+        for choice in choices(model, state, check_sums=False):
+            for weight, target in choice.branches:
+                total[target] = total.get(target, 0) + weight
+                before = weighted.get(target, [0] * len(choice.rewards))
+                weighted[target] = [
+                    b + weight * r for b, r in zip(before, choice.rewards, strict=True)
+                ]
+        yield {target: [w / total[target] for w in rewards] for target, rewards in weighted.items()}

@@ -1,0 +1,1 @@
+"""Chains: GTH elimination, Gauss-Seidel and SSOR sweeps, uniformisation."""

@@ -1,0 +1,1 @@
+"""State-space exploration: the register machine for expressions, successors, breadth-first search."""

@@ -1,0 +1,170 @@
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
+"""Breadth-first exploration of a model given as tables, straight into compressed rows.
+
+A batch of states of one level is expanded into one array of successors; these are then numbered through the hash table,
+and the rows are closed. So the table is probed with prefetching, and a deep search over narrow levels costs no more per
+state than a wide one.
+"""
+
+from libc.stdint cimport int32_t, int64_t, uint64_t
+from libc.string cimport memcpy
+from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
+
+from symcheck.kernels.rows.csr_builder cimport RowStore
+from symcheck.kernels.explore.successors cimport Expander
+from symcheck.kernels.tables.state_table cimport StateSet
+from symcheck.kernels.memory cimport Buffer, release, reserve
+from symcheck.kernels.explore.register_machine cimport Status
+
+cdef extern from *:
+    """
+    #include <stdlib.h>
+    #ifdef __GLIBC__
+    #include <malloc.h>
+    #define trim_heap() malloc_trim(0)
+    #else
+    #define trim_heap() ((void) 0)
+    #endif
+    """
+    void trim_heap() nogil
+
+cdef enum:
+    BATCH = 256  # states
+    WIDE = 16384  # successors: a batch ends here
+    PATIENCE = 2048  # states between looks at the clock
+
+
+cpdef enum Outcome:
+    COMPLETE = 0
+    PAUSED
+    BUDGET
+    FAULT
+    NO_MEMORY
+    TOO_MANY
+
+
+def give_back():
+    """Give memory that was freed, and that the allocator keeps, back to the system, where it can be told to."""
+    with nogil:
+        trim_heap()
+
+
+cdef double now() noexcept nogil:
+    cdef timespec t
+    clock_gettime(CLOCK_MONOTONIC, &t)
+    return t.tv_sec + 1e-9 * t.tv_nsec
+
+
+cdef class Explorer:
+    """A search that can be paused. `tables`: see `symcheck.explicit.tables.Tables`.
+
+    `add` puts states in, `run` explores; `states` and `rows` hold what was found, in the order of discovery. After a
+    fault, `fault_state` is the number of the state that the model breaks a rule in.
+    """
+
+    cdef readonly StateSet states
+    cdef readonly RowStore rows
+    cdef readonly long long explored, level, level_end, fault_state
+    cdef readonly int fault_status
+    cdef Expander expander
+    cdef Buffer ids
+
+    def __cinit__(self, tables):
+        self.expander = Expander(tables)
+        self.rows = self.expander.rows
+        self.states = StateSet(tables.words)
+        self.fault_state = -1
+
+    def __dealloc__(self):
+        release(&self.ids)
+
+    @property
+    def nbytes(self):
+        """Memory held, in bytes."""
+        return self.states.nbytes + self.expander.nbytes + self.ids.size
+
+    @property
+    def deadlock_count(self):
+        """Number of deadlock states found."""
+        return self.expander.deadlock_count
+
+    def copy_deadlocks(self, int64_t[::1] out):
+        """Numbers of the deadlock states, into `out` (int64[deadlock_count])."""
+        if self.expander.deadlock_count:
+            memcpy(&out[0], self.expander.deadlocks.data, self.expander.deadlock_count * 8)
+
+    def add(self, const uint64_t[:, ::1] rows):
+        """Put states in (uint64[n, words]), to be explored in their turn; known ones are passed over."""
+        cdef int32_t[::1] ids
+        if rows.shape[0] == 0:
+            return
+        if reserve(&self.ids, rows.shape[0] * 4):
+            raise MemoryError
+        ids = <int32_t[:rows.shape[0]]> <int32_t*> self.ids.data
+        self.states.add(rows, ids)
+        if self.explored == 0:
+            self.level_end = self.states.count
+
+    def run(self, long long budget, double seconds):
+        """Explore until nothing is left, `budget` states are known, or about so many seconds have passed."""
+        cdef int outcome
+        with nogil:
+            outcome = self._run(budget, now() + seconds)
+        return Outcome(outcome)
+
+    cdef int _run(self, long long budget, double deadline) noexcept nogil:
+        cdef long long looked = self.explored
+        cdef int outcome
+        while self.explored < self.states.count:
+            if self.states.count >= budget:
+                return Outcome.BUDGET
+            if self.explored - looked >= PATIENCE or self.expander.successor_count >= WIDE:
+                looked = self.explored
+                if now() > deadline:
+                    return Outcome.PAUSED
+            if self.explored >= self.level_end:
+                self.level += 1
+                self.level_end = self.states.count
+            outcome = self._batch()
+            if outcome:
+                return outcome
+        return Outcome.COMPLETE
+
+    cdef int _batch(self) noexcept nogil:
+        """Explore some states of one level."""
+        cdef const uint64_t* rows = <const uint64_t*> self.states.rows.data
+        cdef long long stop = min(self.level_end, self.explored + BATCH)
+        cdef int failed
+        self.expander.clear()
+        while self.explored < stop and self.expander.successor_count < WIDE:
+            failed = self.expander.expand(self.explored, rows + self.explored * self.states.words)
+            if failed == Status.MEMORY:
+                return Outcome.NO_MEMORY
+            if failed:
+                self.fault_status = failed
+                self.fault_state = self.explored
+                return Outcome.FAULT
+            self.explored += 1
+        failed = self._settle()
+        if failed:
+            return Outcome.TOO_MANY if failed == 2 else Outcome.NO_MEMORY
+        return 0
+
+    cdef int _settle(self) noexcept nogil:
+        """Number the batch's successors and append its rows."""
+        cdef long long row, begin = 0, end, n = self.expander.successor_count
+        cdef const double* weights = <const double*> self.expander.weights.data
+        cdef int32_t* ids
+        cdef int failed
+        if reserve(&self.ids, n * 4):
+            return 1
+        ids = <int32_t*> self.ids.data
+        failed = self.states.insert(<const uint64_t*> self.expander.successors.data, n, ids)
+        if failed:
+            return failed
+        for row in range(self.expander.row_count):
+            end = (<const int64_t*> self.expander.ends.data)[row]
+            if self.rows.close(ids + begin, weights + begin, end - begin):
+                return 1
+            begin = end
+        return 0

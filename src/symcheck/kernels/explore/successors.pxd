@@ -1,0 +1,64 @@
+# cython: language_level=3
+"""Successors of states, one batch of states at a time."""
+
+from libc.stdint cimport int32_t, int64_t, uint64_t
+
+from symcheck.kernels.rows.csr_builder cimport RowStore
+from symcheck.kernels.memory cimport Buffer
+from symcheck.kernels.explore.register_machine cimport Instruction, Slot
+
+
+cdef class Expander:
+    cdef object tables
+    cdef readonly RowStore rows
+    # the model
+    cdef int kind, words, variables, structures
+    cdef bint check_sums
+    cdef double tolerance
+    cdef const int32_t[:, ::1] fields, program
+    cdef const int64_t[::1] lows
+    cdef const uint64_t[::1] ranges
+    cdef const int32_t[::1] command_guard, command_code, command_updates, update_probability, update_code, update_assignments
+    cdef const uint64_t[:, ::1] update_keep, update_preset
+    cdef const int32_t[::1] assignment_register, assignment_variable
+    cdef const int32_t[::1] event_action, event_parts, part_commands, part_list, part_forest, forest, action_rewards
+    cdef const int32_t[:, ::1] rewards, canonical
+    cdef int root, canonical_code, events
+    cdef const Instruction* code
+    cdef Slot* r
+    cdef Slot* canonical_slots
+    # scratch of one state
+    cdef int32_t* candidates
+    cdef int32_t* enabled
+    cdef int32_t* enabled_begin
+    cdef double* enabled_total
+    cdef int* enabled_status
+    cdef int32_t* part_begin
+    cdef int32_t* chosen
+    cdef double* evaluated_weight
+    cdef int32_t* evaluated_update
+    cdef uint64_t* evaluated_value
+    cdef uint64_t* level_words
+    cdef int candidate_count, enabled_count, evaluated_count, part_count
+    cdef int joint, row_action
+    # scratch of one batch
+    cdef Buffer successors, weights, ends, deadlocks
+    cdef long long successor_count, row_count, deadlock_count
+
+    cdef void clear(self) noexcept nogil
+    cdef int expand(self, long long state, const uint64_t* source) noexcept nogil
+    cdef int _deadlock(self, long long state, const uint64_t* source) noexcept nogil
+    cdef int _open_row(self) noexcept nogil
+    cdef void _end_row(self, int action) noexcept nogil
+    cdef int _room(self, long long more) noexcept nogil
+    cdef void _walk(self, int node) noexcept nogil
+    cdef void _sort_candidates(self, int first) noexcept nogil
+    cdef int _alone(self, int32_t event, const uint64_t* source) noexcept nogil
+    cdef int _together(self, int32_t event, const uint64_t* source) noexcept nogil
+    cdef int _guards(self, int part) noexcept nogil
+    cdef int _evaluate(self, int32_t command, int place) noexcept nogil
+    cdef int _update(self, int u) noexcept nogil
+    cdef int _choice(self, int32_t event, const uint64_t* source) noexcept nogil
+    cdef void _product(self, int part, double weight, const uint64_t* base) noexcept nogil
+    cdef int _canonicalise(self, long long first) noexcept nogil
+    cdef int _reward(self, int32_t event, long long first) noexcept nogil

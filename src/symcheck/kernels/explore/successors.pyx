@@ -1,0 +1,433 @@
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
+"""Successors of states, one batch of states at a time: guards, updates, products of synchronised commands."""
+
+from libc.stdint cimport int32_t, int64_t, uint64_t
+from libc.stdlib cimport free, malloc
+from libc.string cimport memcpy
+
+from symcheck.kernels.rows.csr_builder cimport RowStore
+from symcheck.kernels.memory cimport Buffer, release, reserve
+from symcheck.kernels.explore.register_machine cimport Instruction, Slot, Status, execute
+
+cdef enum Kind:
+    DTMC = 0
+    CTMC = 1
+    MDP = 2
+
+
+cdef class Expander:
+    """A model given as tables (see `symcheck.explicit.tables.Tables`).
+
+    `expand` appends the successors of a state to the batch (`successors`, `weights`) and opens its rows in `rows`, where
+    row i of the batch ends at `ends[i]`; `clear` begins the next batch.
+    """
+
+    def __cinit__(self, tables):
+        self.tables = tables
+        self.kind = tables.kind
+        self.words = tables.words
+        self.tolerance = tables.tolerance
+        self.fields, self.lows, self.ranges = tables.fields, tables.lows, tables.ranges
+        self.variables = self.fields.shape[0]
+        self.program = tables.program
+        self.command_guard, self.command_code = tables.command_guard, tables.command_code
+        self.command_updates, self.check_sums = tables.command_updates, tables.check_sums
+        self.update_probability, self.update_code = tables.update_probability, tables.update_code
+        self.update_assignments = tables.update_assignments
+        self.update_keep, self.update_preset = tables.update_keep, tables.update_preset
+        self.assignment_register, self.assignment_variable = tables.assignment_register, tables.assignment_variable
+        self.event_action, self.event_parts = tables.event_action, tables.event_parts
+        self.part_commands, self.part_list, self.part_forest = tables.part_commands, tables.part_list, tables.part_forest
+        self.forest, self.root = tables.forest, tables.root
+        self.action_rewards, self.rewards, self.structures = tables.action_rewards, tables.rewards, tables.structures
+        self.canonical_code, self.canonical = tables.canonical_code, tables.canonical
+        self.events = self.event_action.shape[0]
+        self.code = <const Instruction*> &self.program[0, 0]
+        self._allocate(tables.slots, tables.most_updates, tables.most_commands, tables.most_parts)
+        self.rows = RowStore(self.structures)
+
+    def _allocate(self, const int64_t[::1] slots, int most_updates, int most_commands, int most_parts):
+        cdef size_t size = slots.shape[0] * sizeof(Slot) + 8
+        self.r = <Slot*> malloc(size)
+        self.canonical_slots = <Slot*> malloc(size)
+        self.candidates = <int32_t*> malloc((self.events + most_commands + 1) * 4)
+        self.enabled = <int32_t*> malloc((most_commands + 1) * 4)
+        self.enabled_begin = <int32_t*> malloc((most_commands + 2) * 4)
+        self.enabled_total = <double*> malloc((most_commands + 1) * 8)
+        self.enabled_status = <int*> malloc((most_commands + 1) * sizeof(int))
+        self.part_begin = <int32_t*> malloc((most_parts + 2) * 4)
+        self.chosen = <int32_t*> malloc((most_parts + 1) * 4)
+        self.evaluated_weight = <double*> malloc((most_updates + 1) * 8)
+        self.evaluated_update = <int32_t*> malloc((most_updates + 1) * 4)
+        self.evaluated_value = <uint64_t*> malloc((most_updates + 1) * 8 * self.words)
+        self.level_words = <uint64_t*> malloc((most_parts + 1) * 8 * self.words)
+        if (self.r == NULL or self.canonical_slots == NULL or self.candidates == NULL or self.enabled == NULL
+                or self.enabled_begin == NULL or self.enabled_total == NULL or self.enabled_status == NULL
+                or self.part_begin == NULL or self.chosen == NULL or self.evaluated_weight == NULL
+                or self.evaluated_update == NULL or self.evaluated_value == NULL or self.level_words == NULL):
+            raise MemoryError
+        if slots.shape[0]:
+            memcpy(self.r, &slots[0], slots.shape[0] * sizeof(Slot))
+            memcpy(self.canonical_slots, &slots[0], slots.shape[0] * sizeof(Slot))
+
+    def __dealloc__(self):
+        free(self.r)
+        free(self.canonical_slots)
+        free(self.candidates)
+        free(self.enabled)
+        free(self.enabled_begin)
+        free(self.part_begin)
+        free(self.chosen)
+        free(self.evaluated_weight)
+        free(self.evaluated_update)
+        free(self.evaluated_value)
+        free(self.level_words)
+        free(self.enabled_total)
+        free(self.enabled_status)
+        release(&self.successors)
+        release(&self.weights)
+        release(&self.ends)
+        release(&self.deadlocks)
+
+    @property
+    def nbytes(self):
+        """Memory held, in bytes."""
+        return self.rows.nbytes + self.successors.size + self.weights.size + self.deadlocks.size
+
+    cdef void clear(self) noexcept nogil:
+        """Begin a batch."""
+        self.successor_count = 0
+        self.row_count = 0
+
+    # ------------------------------------------------------------------------------------------ one state
+
+    cdef int expand(self, long long state, const uint64_t* source) noexcept nogil:
+        """Successors of one state at the end of the batch, with its rows."""
+        cdef const int32_t* field
+        cdef long long first = self.successor_count, i
+        cdef int v, k, status
+        cdef int32_t e
+        for v in range(self.variables):
+            field = &self.fields[v, 0]
+            self.r[v].i = <int64_t> ((source[field[1]] >> field[2]) & ((<uint64_t> 1 << field[3]) - 1)) + self.lows[v]
+        if self.kind != Kind.MDP and self._open_row():
+            return Status.MEMORY
+        self.joint = 0
+        self.row_action = -1
+        self.candidate_count = 0
+        self._walk(self.root)
+        self._sort_candidates(0)
+        k = self.candidate_count
+        for v in range(k):
+            e = self.candidates[v]
+            if self.event_parts[e + 1] - self.event_parts[e] == 1:
+                status = self._alone(e, source)
+            else:
+                status = self._together(e, source)
+            if status:
+                return status
+        if self.successor_count == first:
+            return self._deadlock(state, source)
+        if self.kind == Kind.DTMC and self.joint > 1:
+            for i in range(first, self.successor_count):
+                (<double*> self.weights.data)[i] /= self.joint
+            for v in range(self.structures):
+                (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint
+        if self.kind != Kind.MDP:
+            self._end_row(self.row_action)
+            return 0
+        return Status.MEMORY if self.rows.end_group() else 0
+
+    cdef int _deadlock(self, long long state, const uint64_t* source) noexcept nogil:
+        """A loop with probability (rate) 1 and no action."""
+        cdef int v
+        if reserve(&self.deadlocks, (self.deadlock_count + 1) * 8) or self._room(1):
+            return Status.MEMORY
+        if self.kind == Kind.MDP and self._open_row():
+            return Status.MEMORY
+        (<int64_t*> self.deadlocks.data)[self.deadlock_count] = state
+        self.deadlock_count += 1
+        memcpy(<uint64_t*> self.successors.data + self.successor_count * self.words, source, self.words * 8)
+        (<double*> self.weights.data)[self.successor_count] = 1.0
+        self.successor_count += 1
+        self._end_row(-1)
+        return Status.MEMORY if self.kind == Kind.MDP and self.rows.end_group() else 0
+
+    cdef int _open_row(self) noexcept nogil:
+        """Make room for one more row, which counts as a choice from now on."""
+        return reserve(&self.ends, (self.row_count + 1) * 8) or self.rows.open()
+
+    cdef void _end_row(self, int action) noexcept nogil:
+        (<int64_t*> self.ends.data)[self.row_count] = self.successor_count
+        self.rows.label(action)
+        self.row_count += 1
+
+    cdef int _room(self, long long more) noexcept nogil:
+        """Make room for so many more successors."""
+        return (reserve(&self.successors, (self.successor_count + more) * self.words * 8)
+                or reserve(&self.weights, (self.successor_count + more) * 8))
+
+    # ------------------------------------------------------------------------------------------ candidates
+
+    cdef void _walk(self, int node) noexcept nogil:
+        """Collect what a forest holds for the current state. Nodes: (0, n, items…) or (1, variable, low, next, children…)."""
+        cdef int i
+        cdef int32_t child
+        cdef const int32_t* f = &self.forest[0]
+        while node >= 0:
+            if f[node] == 0:
+                for i in range(f[node + 1]):
+                    self.candidates[self.candidate_count] = f[node + 2 + i]
+                    self.candidate_count += 1
+                return
+            child = f[node + 4 + <int> (self.r[f[node + 1]].i - f[node + 2])]
+            if child >= 0:
+                self._walk(child)
+            node = f[node + 3]
+
+    cdef void _sort_candidates(self, int first) noexcept nogil:
+        """Into the order of the model. Few, and nearly sorted."""
+        cdef int i, j
+        cdef int32_t item
+        for i in range(first + 1, self.candidate_count):
+            item = self.candidates[i]
+            j = i
+            while j > first and self.candidates[j - 1] > item:
+                self.candidates[j] = self.candidates[j - 1]
+                j -= 1
+            self.candidates[j] = item
+
+    # ------------------------------------------------------------------------------------------ events
+
+    cdef int _alone(self, int32_t event, const uint64_t* source) noexcept nogil:
+        """An event with one participant: each enabled command is a choice."""
+        cdef int part = self.event_parts[event], i, count, offset = self.candidate_count, status
+        cdef const int32_t* commands
+        if self.part_forest[part] >= 0:
+            self._walk(self.part_forest[part])
+            self._sort_candidates(offset)
+            count = self.candidate_count - offset
+            self.candidate_count = offset
+            commands = self.candidates + offset
+        else:
+            commands = &self.part_list[self.part_commands[part]]
+            count = self.part_commands[part + 1] - self.part_commands[part]
+        self.part_count = 1
+        for i in range(count):
+            self.evaluated_count = 0
+            status = self._evaluate(commands[i], 0)
+            if status == Status.DISABLED:
+                continue
+            if status:
+                return status
+            self.enabled_begin[0] = 0
+            self.enabled_begin[1] = self.evaluated_count
+            self.chosen[0] = 0
+            status = self._choice(event, source)
+            if status:
+                return status
+        return 0
+
+    cdef int _together(self, int32_t event, const uint64_t* source) noexcept nogil:
+        """A synchronised event: all combinations of the participants' enabled commands."""
+        cdef int first = self.event_parts[event], parts = self.event_parts[event + 1] - first, p, i, status
+        self.enabled_count = 0
+        for p in range(parts):
+            self.part_begin[p] = self.enabled_count
+            status = self._guards(first + p)
+            if status:
+                return status
+            if self.enabled_count == self.part_begin[p]:
+                return 0
+        self.part_begin[parts] = self.enabled_count
+        self.part_count = parts
+        self.evaluated_count = 0
+        for i in range(self.enabled_count):
+            self.enabled_begin[i] = self.evaluated_count
+            status = self._evaluate(self.enabled[i], i)
+            if status:
+                return status
+        self.enabled_begin[self.enabled_count] = self.evaluated_count
+        for p in range(parts):
+            self.chosen[p] = self.part_begin[p]
+        while True:
+            status = self._choice(event, source)
+            if status:
+                return status
+            p = parts - 1
+            while p >= 0:
+                self.chosen[p] += 1
+                if self.chosen[p] < self.part_begin[p + 1]:
+                    break
+                self.chosen[p] = self.part_begin[p]
+                p -= 1
+            if p < 0:
+                return 0
+
+    cdef int _guards(self, int part) noexcept nogil:
+        """Append the participant's enabled commands to `enabled`."""
+        cdef int i, count, offset = self.candidate_count, status
+        cdef const int32_t* commands
+        if self.part_forest[part] >= 0:
+            self._walk(self.part_forest[part])
+            self._sort_candidates(offset)
+            count = self.candidate_count - offset
+            self.candidate_count = offset
+            commands = self.candidates + offset
+        else:
+            commands = &self.part_list[self.part_commands[part]]
+            count = self.part_commands[part + 1] - self.part_commands[part]
+        for i in range(count):
+            status = execute(self.code + self.command_guard[commands[i]], self.code, self.r)
+            if status == Status.DONE:
+                self.enabled[self.enabled_count] = commands[i]
+                self.enabled_count += 1
+            elif status != Status.DISABLED:
+                return status
+        return 0
+
+    cdef int _evaluate(self, int32_t command, int place) noexcept nogil:
+        """Guard, probabilities and new values of a command, appended to the evaluated updates.
+
+        An update that has no value is a fault only if the commands chosen with it are possible: `_choice` decides.
+        """
+        cdef int u, first = self.command_updates[command], end = self.command_updates[command + 1]
+        cdef int status = execute(self.code + self.command_code[command], self.code, self.r)
+        cdef double weight, total = 0.0
+        self.enabled_status[place] = 0
+        if status:
+            return status
+        for u in range(first, end):
+            weight = self.r[self.update_probability[u]].d
+            if not (0 <= weight <= 1.7976931348623157e308):
+                return Status.PROBABILITY
+            total += weight
+        self.enabled_total[place] = total
+        for u in range(first, end):
+            weight = self.r[self.update_probability[u]].d
+            if weight == 0:
+                continue
+            status = self._update(u)
+            if status:
+                self.enabled_status[place] = status
+            self.evaluated_weight[self.evaluated_count] = weight
+            self.evaluated_update[self.evaluated_count] = u
+            self.evaluated_count += 1
+        return 0
+
+    cdef int _update(self, int u) noexcept nogil:
+        """The new values of an update, packed."""
+        cdef int w, a, status
+        cdef int32_t variable
+        cdef uint64_t bits
+        cdef uint64_t* value = self.evaluated_value + self.evaluated_count * self.words
+        if self.update_code[u] >= 0:
+            status = execute(self.code + self.update_code[u], self.code, self.r)
+            if status:
+                return status
+        for w in range(self.words):
+            value[w] = self.update_preset[u, w]
+        for a in range(self.update_assignments[u], self.update_assignments[u + 1]):
+            variable = self.assignment_variable[a]
+            bits = <uint64_t> self.r[self.assignment_register[a]].i - <uint64_t> self.lows[variable]
+            if bits > self.ranges[variable]:
+                return Status.RANGE
+            value[self.fields[variable, 1]] |= bits << self.fields[variable, 2]
+        return 0
+
+    cdef int _choice(self, int32_t event, const uint64_t* source) noexcept nogil:
+        """One joint choice: all combinations of the updates of the chosen commands."""
+        cdef long long many = 1, first = self.successor_count
+        cdef double total = 1.0
+        cdef int p, status = 0
+        for p in range(self.part_count):
+            many *= self.enabled_begin[self.chosen[p] + 1] - self.enabled_begin[self.chosen[p]]
+            total *= self.enabled_total[self.chosen[p]]
+            status = status or self.enabled_status[self.chosen[p]]
+        if self.check_sums and not (-self.tolerance <= total - 1 <= self.tolerance):
+            return Status.SUM
+        if many == 0:
+            return 0
+        if status:
+            return status
+        if self._room(many):
+            return Status.MEMORY
+        self._product(0, 1.0, source)
+        if self.successor_count == first:
+            return 0
+        if self.kind == Kind.MDP and self._open_row():
+            return Status.MEMORY
+        if self.canonical_code >= 0:
+            status = self._canonicalise(first)
+            if status:
+                return status
+        if self.structures:
+            status = self._reward(event, first)
+            if status:
+                return status
+        self.row_action = self.event_action[event] if self.joint == 0 or self.row_action == self.event_action[event] else -1
+        self.joint += 1
+        if self.kind == Kind.MDP:
+            self._end_row(self.event_action[event])
+        return 0
+
+    cdef void _product(self, int part, double weight, const uint64_t* base) noexcept nogil:
+        cdef int c = self.chosen[part], i, w, words = self.words
+        cdef bint last = part == self.part_count - 1
+        cdef uint64_t* target = self.level_words + part * words
+        cdef const uint64_t* keep
+        cdef const uint64_t* value
+        for i in range(self.enabled_begin[c], self.enabled_begin[c + 1]):
+            if last:
+                target = <uint64_t*> self.successors.data + self.successor_count * words
+            keep = &self.update_keep[self.evaluated_update[i], 0]
+            value = self.evaluated_value + i * words
+            for w in range(words):
+                target[w] = (base[w] & keep[w]) | value[w]
+            if last:
+                (<double*> self.weights.data)[self.successor_count] = weight * self.evaluated_weight[i]
+                # A product that underflows is no transition.
+                self.successor_count += weight * self.evaluated_weight[i] > 0
+            else:
+                self._product(part + 1, weight * self.evaluated_weight[i], target)
+
+    cdef int _canonicalise(self, long long first) noexcept nogil:
+        """Replace each new successor by its canonical form: variables set to values computed from the successor."""
+        cdef long long s
+        cdef int v, k, status
+        cdef const int32_t* field
+        cdef uint64_t* row
+        cdef uint64_t mask
+        for s in range(first, self.successor_count):
+            row = <uint64_t*> self.successors.data + s * self.words
+            for v in range(self.variables):
+                field = &self.fields[v, 0]
+                self.canonical_slots[v].i = <int64_t> ((row[field[1]] >> field[2]) & ((<uint64_t> 1 << field[3]) - 1)) + self.lows[v]
+            status = execute(self.code + self.canonical_code, self.code, self.canonical_slots)
+            if status:
+                return status
+            for k in range(self.canonical.shape[0]):
+                field = &self.fields[self.canonical[k, 0], 0]
+                mask = ((<uint64_t> 1 << field[3]) - 1) << field[2]
+                row[field[1]] = (row[field[1]] & ~mask) | (
+                    (<uint64_t> (self.canonical_slots[self.canonical[k, 1]].i - self.lows[self.canonical[k, 0]]) << field[2]) & mask)
+        return 0
+
+    cdef int _reward(self, int32_t event, long long first) noexcept nogil:
+        """Add the action's rewards, weighted with the choice's total weight, to the current row."""
+        cdef int action = self.event_action[event] + 1, k, status
+        cdef long long i
+        cdef double total = 0.0, reward
+        if self.action_rewards[action] == self.action_rewards[action + 1]:
+            return 0
+        for i in range(first, self.successor_count):
+            total += (<double*> self.weights.data)[i]
+        for k in range(self.action_rewards[action], self.action_rewards[action + 1]):
+            status = execute(self.code + self.rewards[k, 1], self.code, self.r)
+            if status:
+                return status
+            reward = self.r[self.rewards[k, 2]].d
+            if reward - reward != 0:
+                return Status.NOT_A_NUMBER
+            (<double*> self.rows.rewards[self.rewards[k, 0]].data)[self.rows.opened - 1] += total * reward
+        return 0

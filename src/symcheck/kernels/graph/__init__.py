@@ -1,0 +1,1 @@
+"""Graph algorithms over compressed rows: components, MDP precomputation, products with automata."""

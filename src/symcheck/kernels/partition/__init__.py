@@ -1,0 +1,1 @@
+"""Partition refinement for strong bisimulation, on diagrams and on rows."""

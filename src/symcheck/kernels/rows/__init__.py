@@ -1,0 +1,1 @@
+"""Compressed rows: construction, submatrices, products."""

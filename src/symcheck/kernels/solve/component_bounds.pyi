@@ -1,0 +1,22 @@
+from symcheck.kernels.arrays import Floats, Int32s, Int64s
+from symcheck.kernels.solve.equations import Equations
+from symcheck.kernels.solve.sweeps import Block
+
+class System(Equations):
+    def block(self, states: Int32s, x: Floats, wide: bool = False) -> Block: ...
+    def store(self, block: Block, x: Floats, strategy: Int64s) -> None: ...
+    def sweep_acyclic(self, x: Floats, strategy: Int64s, descending: bool) -> None: ...
+    def advance(
+        self,
+        order: Int32s,
+        start: Int64s,
+        component: int,
+        x: Floats,
+        strategy: Int64s,
+        deep: Int32s,
+        share: float,
+        relative: bool,
+        probability: bool,
+        small: int,
+        counters: Int64s,
+    ) -> int: ...

@@ -1,0 +1,1 @@
+"""Hash tables and unique tables: packed states, pairs, memoised results, sparse vectors."""

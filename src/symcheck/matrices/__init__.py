@@ -1,0 +1,1 @@
+"""Sparse matrices as compressed rows, and block matrices."""

@@ -1,0 +1,1 @@
+"""Linear equations x = A x + b: problems, preprocessing, direct and iterative solution."""

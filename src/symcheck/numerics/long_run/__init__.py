@@ -1,0 +1,1 @@
+"""Long-run averages: stationary distributions of chains and mean payoffs of MDPs."""

@@ -1,0 +1,221 @@
+"""Long-run behaviour of irreducible chains: stationary distributions and average rewards, with certified bounds.
+
+A stationary distribution comes from elimination without subtraction, which keeps the relative accuracy of every entry
+(Grassmann, Taksar & Heyman 1985). Where that needs too much, average rewards remain certified: for *any* vector h,
+
+    min over s of (r + Q h)(s)  <=  average of r  <=  max over s of (r + Q h)(s),
+
+as the stationary distribution annuls Q h. So h may come from any method (here: BiCGStab between the triangles of Q), and what
+it leaves is the error.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from symcheck.kernels.chains import gauss_seidel
+from symcheck.kernels.chains.gth_elimination import Elimination
+from symcheck.kernels.rows import sparse
+from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics.linear.preconditioned_bicgstab import Split
+from symcheck.numerics.linear.problem import Observer, Step
+from symcheck.numerics.settings import Settings
+
+__all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
+
+OPERATIONS = 3_000_000_000
+PUSHES = 2  # sweeps that find a state that is visited often
+PATIENCE = 20  # steps between looks where the residual does not fall
+ALWAYS = 2_000  # states for which elimination is tried at length before anything else
+GIVE_UP = 600  # steps without a residual of half the size: where chains drift, it stays for as long as the way is
+NEARER = (
+    0.5  # part of what was left at the last look that the residual has come down to before the next
+)
+SHIFT = 0.2  # of the eigenvalue 0, in terms of the diagonal: about what the others are
+QUICK = 50  # operations per entry for which it is tried in any case
+SPARSE = 250_000  # states beyond which it is not tried at length
+
+
+@dataclass(frozen=True, eq=False)
+class Stationary:
+    """Bounds on the stationary probability of each state; `certified` False: an estimate."""
+
+    lower: Floats
+    upper: Floats
+    certified: bool
+    explanation: str
+
+    @property
+    def middle(self) -> Floats:
+        """The point between the bounds."""
+        return 0.5 * (self.lower + self.upper)
+
+
+@dataclass(frozen=True)
+class Average:
+    """Bounds on a long-run average."""
+
+    lower: float
+    upper: float
+    certified: bool
+    iterations: int
+    explanation: str
+
+
+def stationary_distribution(
+    rates: SparseMatrix, settings: Settings, observer: Observer | None = None
+) -> Stationary:
+    """Of an irreducible chain, given by its rates (or probabilities: loops do not matter for a CTMC; a DTMC's may stay in).
+
+    Bounds are certified where elimination is affordable, an estimate by Gauss-Seidel sweeps otherwise.
+    """
+    n = rates.states
+    if n == 1:
+        one = np.ones(1)
+        return Stationary(one, one, True, "one state")
+    known = _eliminated(rates, OPERATIONS)
+    if known is not None:
+        return known
+    pi, count = _estimate(rates, settings, observer)
+    return Stationary(pi, pi, False, f"{n} states: Gauss-Seidel, {count} sweeps; an estimate")
+
+
+def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
+    """By elimination, or None where that needs more than `limit` operations."""
+    n = rates.states
+    factors = Elimination(rates.indptr, rates.indices, rates.data, np.zeros(n), limit)
+    if not factors.complete:
+        return None
+    pi = factors.stationary()
+    error = factors.error + (n + 4) * 2.0**-53
+    return Stationary(
+        pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0), True, f"{n} states: elimination"
+    )
+
+
+def _estimate(
+    rates: SparseMatrix, settings: Settings, observer: Observer | None
+) -> tuple[Floats, int]:
+    """Gauss-Seidel sweeps on pi Q = 0 until they change little (relative to the greatest entry)."""
+    columns = sparse.transpose_values(rates.indptr, rates.indices, rates.data, rates.columns)
+    leave = gauss_seidel.outflow(rates.indptr, rates.indices, rates.data)
+    pi = np.full(rates.states, 1.0 / rates.states)
+    for count in range(1, settings.max_iterations + 1):
+        change = gauss_seidel.flow_sweep(*columns, leave, pi)
+        total = float(pi.sum())
+        pi /= total
+        if observer is not None:
+            observer(Step("gauss-seidel", count, change / total, rates.states))
+        if change <= settings.epsilon * 0.01 * total:
+            break
+    return pi, count
+
+
+def long_run_average(
+    rates: SparseMatrix, rewards: Floats, settings: Settings, observer: Observer | None = None
+) -> Average:
+    """Long-run average of a reward (float64[n]) of an irreducible chain: per unit of time, given its rates; per step, given
+    its probabilities.
+
+    For rewards of transitions, give their rate-(probability-)weighted sum per state. The bounds are certified.
+    """
+    n = rates.states
+    limit = OPERATIONS if n <= ALWAYS else QUICK * rates.entries if n <= SPARSE else 0
+    known = _eliminated(rates, limit) if limit else None
+    if known is not None:
+        return _weighted(known, rewards)
+    leave = gauss_seidel.outflow(rates.indptr, rates.indices, rates.data)
+    found = _poisson_equation(rates, leave, rewards, settings, observer)
+    if not _near((found.lower, found.upper), settings) and n <= SPARSE:
+        known = _eliminated(rates, OPERATIONS)
+        if known is not None:
+            return _weighted(known, rewards)
+    return found
+
+
+def _weighted(known: Stationary, rewards: Floats) -> Average:
+    """Sum of bounds times rewards, rounded outwards."""
+    plus, minus = np.maximum(rewards, 0.0), np.maximum(-rewards, 0.0)
+    low = float(known.lower @ plus - known.upper @ minus)
+    high = float(known.upper @ plus - known.lower @ minus)
+    slip = (len(rewards) + 2) * 2.0**-53 * float(known.upper @ np.abs(rewards))
+    return Average(low - slip, high + slip, True, 1, known.explanation)
+
+
+def _bordered(rates: SparseMatrix, leave: Floats) -> Split:
+    """The Poisson equation g - (Q h)(s) = r(s), divided by the rates of leaving, with g = row·h.
+
+    As constants do not matter to Q h, the row may be any that does not annul them. About the stationary distribution, as far as
+    some sweeps tell, it moves the eigenvalue 0 to among the others.
+    """
+    mass, time = np.full(rates.states, 1.0 / rates.states), np.zeros(rates.states)
+    for sweep in range(PUSHES):
+        if sweep == PUSHES // 2:
+            time[:] = 0.0  # what came before tells of the start
+        gauss_seidel.push_sweep(rates.indptr, rates.indices, rates.data, leave, mass, time)
+    time *= SHIFT * float(np.einsum("i,i->", time, leave)) / float(time.sum()) ** 2
+    slow = 1.0 / leave
+    return Split.of(rates, slow).shifted(slow, time)
+
+
+def _poisson_equation(
+    rates: SparseMatrix,
+    leave: Floats,
+    rewards: Floats,
+    settings: Settings,
+    observer: Observer | None,
+) -> Average:
+    """Improve h until the least and the greatest r + Q h are near enough."""
+    split = _bordered(rates, leave)
+    longest = int(np.max(np.diff(rates.indptr), initial=0))
+    largest = float(np.max(np.abs(rewards), initial=0.0))
+
+    def look(h: Floats) -> tuple[float, float]:
+        out = np.empty(rates.states)
+        gauss_seidel.generator_times(rates.indptr, rates.indices, rates.data, h, out)
+        most = gauss_seidel.largest_flow(rates.indptr, rates.indices, rates.data, h)
+        slip = (longest + 6) * 2.0**-52 * (most + largest)
+        out += rewards
+        return float(out.min()) - slip, float(out.max()) + slip
+
+    best = look(np.zeros(rates.states))
+    made, since, least = 0, 0, np.inf
+    seen, ratio = (
+        np.inf,
+        0.0,
+    )  # what was left at the last look, and how far apart the bounds were, in terms of it
+    for x, rest in split.solve(rewards / leave):
+        made += 1
+        if rest < 0.5 * least:
+            since, least = made, rest
+        ahead = ratio * rest <= settings.epsilon * (
+            max(abs(best[0]), abs(best[1])) if settings.relative else 1.0
+        )
+        if (ahead and rest <= NEARER * seen) or (made - since) % PATIENCE == PATIENCE - 1:
+            low, high = look(split.above(x))
+            seen, ratio = rest, (high - low) / rest if rest > 0.0 else 0.0
+            if math.isfinite(high - low):
+                best = max(low, best[0]), min(high, best[1])
+        if observer is not None:
+            observer(Step("bicgstab", made, best[1] - best[0], rates.states))
+        if (
+            _near(best, settings)
+            or made - since >= GIVE_UP
+            or made >= settings.max_iterations
+            or rest == 0.0
+        ):
+            break
+    note = f"{rates.states} states: BiCGStab between the triangles of the Poisson equation, {made} steps"
+    return Average(
+        *best, True, made, note + ("" if _near(best, settings) else ", not as near as wanted")
+    )
+
+
+def _near(bounds: tuple[float, float], settings: Settings) -> bool:
+    width = bounds[1] - bounds[0]
+    return width <= settings.epsilon * (
+        max(abs(bounds[0]), abs(bounds[1]), 1e-300) if settings.relative else 1.0
+    )

@@ -1,0 +1,1 @@
+"""Multi-objective queries as linear programs, in floating point and in rationals."""

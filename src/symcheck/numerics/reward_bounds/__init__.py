@@ -1,0 +1,1 @@
+"""Reward-bounded reachability: one system of equations per epoch."""

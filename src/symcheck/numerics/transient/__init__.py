@@ -1,0 +1,1 @@
+"""Transient analysis of CTMCs: uniformisation, Poisson weights, rational Krylov spaces, truncation."""

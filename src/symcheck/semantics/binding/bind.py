@@ -1,0 +1,28 @@
+"""Binding: programs to models, and properties to a model."""
+
+from __future__ import annotations
+
+from symcheck.semantics.binding.bind_model import bind, undefined_constants
+from symcheck.semantics.binding.bind_properties import (
+    BoundProperties,
+    BoundProperty,
+    SplitConstants,
+    bind_expression,
+    bind_properties,
+    needed_constants,
+    reward_index,
+    split_constants,
+)
+
+__all__ = [
+    "BoundProperties",
+    "BoundProperty",
+    "SplitConstants",
+    "bind",
+    "bind_expression",
+    "bind_properties",
+    "needed_constants",
+    "reward_index",
+    "split_constants",
+    "undefined_constants",
+]

@@ -1,0 +1,216 @@
+"""From a program to a bound model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+
+from symcheck.errors import InputError, Span
+from symcheck.semantics.binding.composition import events
+from symcheck.semantics.binding.module_renaming import Copy
+from symcheck.semantics.binding.names import Given, Names, Table
+from symcheck.semantics.binding.static_checks import (
+    CheckedProgram,
+    Owner,
+    check_program,
+    give,
+    require,
+)
+from symcheck.semantics.diagnostics import Report
+from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.model import (
+    BoundCommand,
+    BoundModel,
+    BoundModule,
+    BoundReward,
+    BoundRewards,
+    BoundUpdate,
+    Value,
+    Variable,
+)
+from symcheck.syntax.ast import Expression, Literal, ModelType, Type
+from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
+
+__all__ = ["bind", "undefined_constants"]
+
+_ONE = Literal(Fraction(1), Type.DOUBLE)
+
+
+def undefined_constants(program: Program) -> tuple[Constant, ...]:
+    """The constants of a program that must be given."""
+    return tuple(c for c in program.constants if c.value is None)
+
+
+def bind(
+    program: Program,
+    constants: Mapping[str, Given] | None = None,
+    *,
+    model_type: ModelType | None = None,
+    exact: bool = False,
+) -> BoundModel:
+    """A program with its constants evaluated, formulas and copies expanded, names resolved and types checked.
+
+    constants: values of the constants that the program leaves open, as Python values or texts (`"1/3"`, `"2*N"`).
+    model_type: what to read the program as, whatever its keyword says; an MDP where there is neither.
+    exact: doubles stay the fractions that they are.
+    Raises NameFault, TypeFault or InputError with everything that is wrong, in the order of the text.
+    """
+    return deeply(lambda: _bind(program, constants or {}, model_type, exact))
+
+
+def _bind(
+    program: Program, constants: Mapping[str, Given], model_type: ModelType | None, exact: bool
+) -> BoundModel:
+    report = Report()
+    table = Table(report, exact)
+    give(table, program.constants, constants)
+    require(table, program.constants)
+    checked = check_program(program, table)
+    report.raise_found()
+    return _Builder(checked).build(model_type or program.type or ModelType.MDP)
+
+
+class _Builder:
+    """Makes the bound model of a checked program; what has no value is noted, and raised between the steps."""
+
+    def __init__(self, checked: CheckedProgram) -> None:
+        self.program = checked.program
+        self.checked = checked
+        self.table = checked.table
+        self.report = checked.table.report
+        self.index = {name: i for i, name in enumerate(checked.owners)}
+
+    def build(self, kind: ModelType) -> BoundModel:
+        root = self.checked.root
+        constants = {c.name: v for c in self.program.constants if (v := self._value(c)) is not None}
+        self.report.raise_found()
+        self.table.check_repeated()
+        variables = tuple(
+            self._variable(name, owner) for name, owner in self.checked.owners.items()
+        )
+        modules = tuple(
+            self._module(i, copy, names) for i, (copy, names) in enumerate(self.checked.modules)
+        )
+        labels = {x.name: root.expand(x.expression) for x in self.program.labels}
+        rewards = tuple(self._rewards(r) for r in self.program.rewards)
+        initial = None if self.program.initial is None else root.expand(self.program.initial)
+        if initial is not None:
+            self._check_enumerable(variables)
+        self.report.raise_found()
+        return BoundModel(
+            program=self.program,
+            type=kind,
+            variables=variables,
+            modules=modules,
+            events=events(modules, self.program.system),
+            initial=initial,
+            labels=labels,
+            rewards=rewards,
+            constants=constants,
+            exact=self.table.exact,
+            system=self.program.system,
+        )
+
+    # -------------------------------------------------------------------------------------------- values
+
+    def _value(self, constant: Constant) -> Value | None:
+        try:
+            return self.table.value(constant.name)
+        except InputError as fault:
+            self.report.absorb(fault)
+            return None
+
+    def _constant(self, names: Names, expression: Expression, kind: Type) -> Value | None:
+        try:
+            return names.constant(expression, kind)
+        except InputError as fault:
+            self.report.absorb(fault)
+            return None
+
+    # -------------------------------------------------------------------------------------------- variables
+
+    def _variable(self, name: str, owner: Owner) -> Variable:
+        d = owner.declaration
+        if d.type is Type.BOOL:
+            low: int | None = 0
+            high: int | None = 1
+        else:
+            low = None if d.low is None else self._int(owner.names, d.low)
+            high = None if d.high is None else self._int(owner.names, d.high)
+        if low is not None and high is not None and low > high:
+            self.report.input(
+                "empty-range", f"variable {name} has no values: [{low}..{high}]", d.span
+            )
+        return Variable(
+            name, d.type, low, high, self._initial(name, owner, low, high), owner.module, d.span
+        )
+
+    def _int(self, names: Names, expression: Expression) -> int | None:
+        value = self._constant(names, expression, Type.INT)
+        assert value is None or isinstance(value, int)
+        return value
+
+    def _initial(
+        self, name: str, owner: Owner, low: int | None, high: int | None
+    ) -> bool | int | None:
+        if self.program.initial is not None:
+            return None
+        given = owner.declaration.initial
+        if given is None:
+            return False if owner.declaration.type is Type.BOOL else low or 0
+        value = self._constant(owner.names, given, owner.declaration.type)
+        assert value is None or isinstance(value, int)
+        if value is not None and (
+            (low is not None and value < low) or (high is not None and value > high)
+        ):
+            message = f"variable {name} starts with {format_value(value)}, which is not within [{low}..{high}]"
+            self.report.input("init-range", message, given.span)
+        return value
+
+    def _check_enumerable(self, variables: tuple[Variable, ...]) -> None:
+        for v in variables:
+            if v.low is None or v.high is None:
+                message = f"variable {v.name} has no bounds, so the states between init and endinit cannot be listed"
+                self.report.input(
+                    "init-unbounded", message, v.span, f"declare {v.name} : [low..high]"
+                )
+
+    # -------------------------------------------------------------------------------------------- modules and rewards
+
+    def _module(self, number: int, copy: Copy, names: Names) -> BoundModule:
+        own = tuple(
+            i for name, i in self.index.items() if self.checked.owners[name].module == copy.name
+        )
+        return BoundModule(
+            copy.name, own, tuple(self._command(number, names, c) for c in copy.text.commands)
+        )
+
+    def _command(self, module: int, names: Names, command: Command) -> BoundCommand:
+        action = None if command.action is None else names.renamed(command.action)
+        updates = tuple(self._update(names, u, command.span) for u in command.updates)
+        return BoundCommand(module, action, names.expand(command.guard), updates, command.span)
+
+    def _update(self, names: Names, update: Update, span: Span) -> BoundUpdate:
+        probability = _ONE if update.probability is None else names.expand(update.probability)
+        assignments = (
+            (self.index[names.renamed(a.variable)], names.expand(a.expression))
+            for a in update.assignments
+        )
+        return BoundUpdate(
+            probability, tuple(assignments), update.span if update.span.source.text else span
+        )
+
+    def _rewards(self, structure: RewardStructure) -> BoundRewards:
+        names = self.checked.root
+        items = (
+            BoundReward(
+                i.action is False,
+                i.action or None,
+                names.expand(i.guard),
+                names.expand(i.value),
+                i.span,
+            )
+            for i in structure.items
+        )
+        return BoundRewards(structure.name, tuple(items))

@@ -1,0 +1,321 @@
+"""From a properties file to properties of a bound model.
+
+Each property is bound by itself: what is wrong with one, or missing for it, is kept with it and does not stop the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
+from symcheck.semantics.binding.bound_conditions import check_conditions, reward_index
+from symcheck.semantics.binding.names import Given, Names, Table, undefined
+from symcheck.semantics.binding.property_references import PropertyTexts
+from symcheck.semantics.binding.static_checks import check_constants, check_labels, give
+from symcheck.semantics.diagnostics import Report, suggest
+from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.model import BoundModel, Value
+from symcheck.syntax.ast import Expression, LabelReference, Type
+from symcheck.syntax.declarations import Constant, Formula, Program, PropertiesFile
+from symcheck.syntax.traversal import Tree, transform
+
+__all__ = [
+    "BoundProperties",
+    "BoundProperty",
+    "SplitConstants",
+    "bind_expression",
+    "bind_properties",
+    "needed_constants",
+    "reward_index",
+    "split_constants",
+]
+
+
+@dataclass(frozen=True)
+class BoundProperty:
+    """A property of a bound model, or (fault) the reason why it cannot be asked.
+
+    name, span, comments: as in the text; comments are those above it, RESULT lines among them.
+    type: of its value; None where it has a fault of names or types.
+    constants: the values of all constants of the model and the properties that are known.
+    undefined: the constants without value in the texts on which it depends: all of the model's, and its own.
+    missing: those of them that were not given.
+    """
+
+    name: str | None
+    type: Type | None
+    constants: Mapping[str, Value] = field(repr=False)
+    undefined: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    fault: InputError | None = None
+    comments: tuple[str, ...] = field(default=(), repr=False)
+    span: Span = field(default=NO_SPAN, compare=False, repr=False)
+    bound: Expression | None = field(default=None, repr=False)
+
+    @property
+    def formula(self) -> Expression:
+        """The formula over variables, literals and labels; other properties are inlined. Raises the fault if there is one."""
+        if self.bound is None:
+            assert self.fault is not None
+            raise self.fault
+        return self.bound
+
+
+@dataclass(frozen=True)
+class BoundProperties:
+    """The properties of a file, in its order, and the labels that they may use: the model's and the file's own."""
+
+    model: BoundModel = field(repr=False)
+    properties: tuple[BoundProperty, ...]
+    labels: Mapping[str, Expression] = field(repr=False)
+    constants: Mapping[str, Value]
+
+    def find(self, which: str | int) -> BoundProperty:
+        """A property by its name, or by its number from 1 (also as text). Raises NameFault."""
+        if isinstance(which, str):
+            for p in self.properties:
+                if p.name == which:
+                    return p
+        if str(which).isdecimal() and 1 <= int(which) <= len(self.properties):
+            return self.properties[int(which) - 1]
+        hint = suggest(str(which), (p.name for p in self.properties if p.name is not None))
+        raise NameFault(
+            Diagnostic(
+                f"there is no property {which} among the {len(self.properties)}",
+                NO_SPAN,
+                "unknown-property",
+                hint,
+            )
+        )
+
+    def raise_faults(self) -> None:
+        """Raise all faults of all properties at once, other than missing constants, if there are any."""
+        report = Report()
+        for p in self.properties:
+            if p.fault is not None and not p.missing:
+                report.absorb(p.fault)
+        report.raise_found()
+
+
+def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str, ...], ...]:
+    """For each property, the constants that must be given: all open ones of the model, then those that it depends on."""
+    report = Report()
+    table = Table(report, exact=False)
+    table.add(program.constants, program.formulas)
+    table.add(file.constants, file.formulas)
+    texts = PropertyTexts(table, file, {x.name: x.expression for x in program.labels})
+    return tuple(texts.undefined(p.formula, program.constants) for p in file.properties)
+
+
+class SplitConstants(NamedTuple):
+    """Given constants: those of the model, those of the properties, and a warning for each that neither has."""
+
+    of_model: dict[str, Given]
+    of_properties: dict[str, Given]
+    warnings: tuple[Diagnostic, ...]
+
+
+def split_constants(
+    program: Program, file: PropertiesFile | None, given: Mapping[str, Given]
+) -> SplitConstants:
+    """Share out given constants, as `bind` and `bind_properties` want only their own.
+
+    A misspelt name leaves the right one undefined, which is an error, so that a warning is enough for unknown names.
+    """
+    of_model = {c.name for c in program.constants}
+    of_file = {c.name for c in file.constants} if file is not None else set()
+    split = SplitConstants(
+        {}, {}, tuple(_unknown(n, of_model | of_file) for n in given if n not in of_model | of_file)
+    )
+    for name, value in given.items():
+        if name in of_model:
+            split.of_model[name] = value
+        elif name in of_file:
+            split.of_properties[name] = value
+    return split
+
+
+def _unknown(name: str, known: Iterable[str]) -> Diagnostic:
+    message = f"constant {name} is given a value, but there is no such constant in the model and its properties"
+    return Diagnostic(message, NO_SPAN, "unknown-constant", suggest(name, known), "warning")
+
+
+def bind_properties(
+    file: PropertiesFile, model: BoundModel, constants: Mapping[str, Given] | None = None
+) -> BoundProperties:
+    """Bind properties to a model.
+
+    constants: values of constants that the file leaves open; names of the model's constants are passed over.
+    Raises InputError where the constants, formulas or labels of the file are faulty, or its names are not unique;
+    what concerns one property alone is its `fault`.
+    """
+    return deeply(lambda: _Properties(file, model, constants or {}).bind())
+
+
+def bind_expression(
+    expression: Expression,
+    model: BoundModel,
+    *,
+    labels: Mapping[str, Expression] | None = None,
+    constants: Mapping[str, Value] | None = None,
+    formulas: Mapping[str, Expression] | None = None,
+) -> tuple[Expression, Type]:
+    """A state expression without operators such as P, over variables and literals, folded; and its type.
+
+    Names may be variables, constants and formulas of the model, and further `constants` and `formulas`; label references
+    are replaced by what they stand for, in `labels` or the model. Raises NameFault, TypeFault or InputError.
+    """
+    return deeply(
+        lambda: _bind_expression(expression, model, labels or {}, constants or {}, formulas or {})
+    )
+
+
+def _bind_expression(
+    expression: Expression,
+    model: BoundModel,
+    labels: Mapping[str, Expression],
+    constants: Mapping[str, Value],
+    formulas: Mapping[str, Expression],
+) -> tuple[Expression, Type]:
+    report = Report()
+    table = _table(model, report)
+    for name, value in constants.items():
+        kind = (
+            Type.BOOL
+            if isinstance(value, bool)
+            else Type.INT
+            if isinstance(value, int)
+            else Type.DOUBLE
+        )
+        table.know(Constant(name, kind, None), value)
+    table.formulas.update({n: Formula(n, x) for n, x in formulas.items()})
+    known = {**model.labels, **labels}
+
+    def inline(node: Tree) -> Tree:
+        return known.get(node.name, node) if isinstance(node, LabelReference) else node
+
+    names, whole = Names(table), transform(expression, inline)
+    found = names.typer().state(whole)
+    report.raise_found()
+    assert found is not None
+    return names.expand(whole), found
+
+
+def _table(model: BoundModel, report: Report) -> Table:
+    """What the model's names mean to a property."""
+    table = Table(report, model.exact)
+    for constant in model.program.constants:
+        table.know(constant, model.constants[constant.name])
+    table.formulas.update({f.name: f for f in model.program.formulas})
+    table.variables.update({v.name: v.type for v in model.variables})
+    return table
+
+
+class _Properties:
+    """One run of `bind_properties`."""
+
+    def __init__(
+        self, file: PropertiesFile, model: BoundModel, constants: Mapping[str, Given]
+    ) -> None:
+        self.file = file
+        self.model = model
+        self.table = _table(model, Report())
+        self.table.add(file.constants, file.formulas)
+        give(
+            self.table,
+            file.constants,
+            {n: v for n, v in constants.items() if n not in model.constants},
+            "properties file",
+        )
+        self.texts = PropertyTexts(self.table, file, model.labels)
+        self.names = Names(self.table)
+
+    def bind(self) -> BoundProperties:
+        self._check()
+        self.table.report.raise_found()
+        constants = dict(self.model.constants) | self._values(self.file.constants)
+        labels = dict(self.model.labels) | self._labels()
+        properties = tuple(self._property(i, constants) for i in range(len(self.file.properties)))
+        return BoundProperties(self.model, properties, labels, constants)
+
+    def _check(self) -> None:
+        """Note what is wrong with the file as a whole."""
+        report = self.table.report
+        self.table.check_cycles()
+        if "cycle" in report.codes:
+            report.raise_found()
+        check_constants(self.names, self.file.constants)
+        check_labels(self.names, self.file.labels, self.model.labels)
+        self.texts.check_names()
+        report.raise_found()
+        self.table.check_repeated()
+        for label in self.file.labels:
+            self.names.typer().boolean(self.texts.label(label.expression), f'label "{label.name}"')
+
+    def _values(self, constants: Iterable[Constant]) -> dict[str, Value]:
+        """The values of those constants that have one."""
+        values: dict[str, Value] = {}
+        for constant in constants:
+            try:
+                values[constant.name] = self.table.value(constant.name)
+            except InputError:
+                continue  # a property that needs it reports it
+        return values
+
+    def _labels(self) -> dict[str, Expression]:
+        """The labels whose constants are all known."""
+        found: dict[str, Expression] = {}
+        for label in self.file.labels:
+            try:
+                found[label.name] = self.names.expand(self.texts.label(label.expression))
+            except InputError:
+                continue
+        return found
+
+    def _property(self, number: int, constants: Mapping[str, Value]) -> BoundProperty:
+        text = self.file.properties[number]
+        needed = self.texts.undefined(text.formula, self.model.program.constants)
+        missing = tuple(
+            n for n in needed if n not in self.table.given and n not in self.model.constants
+        )
+        found: Type | None = None
+        formula: Expression | None = None
+        fault: InputError | None = None
+        try:
+            whole, found = self._typed(text.formula)
+            if missing:
+                raise NameFault(*(undefined(self.table.constants[n]) for n in missing))
+            for label in self.texts.used_labels(whole):
+                self.names.expand(self.texts.label(label))
+            formula = self.names.expand(whole)
+            check_conditions(formula, self.model)
+        except InputError as error:
+            fault = error
+            formula = None
+        return BoundProperty(
+            text.name, found, constants, needed, missing, fault, text.comments, text.span, formula
+        )
+
+    def _typed(self, formula: Expression) -> tuple[Expression, Type]:
+        """The formula with other properties inlined, and its type. Raises NameFault or TypeFault."""
+        self.table.report = Report()
+        # Fresh names, so that a fault in a formula is noted for every property that uses it.
+        typer = Names(self.table).typer(self._label_type)
+        whole = self.texts.inlined(formula)
+        found = typer.state(whole)
+        self.table.report.raise_found()
+        assert found is not None
+        return whole, found
+
+    def _label_type(self, node: LabelReference) -> Type | None:
+        if self.texts.is_label(node.name):
+            return Type.BOOL
+        self.table.report.name(
+            "unknown-label",
+            f'unknown label or property "{node.name}"',
+            node.span,
+            suggest(node.name, self.texts.known()),
+        )
+        return None

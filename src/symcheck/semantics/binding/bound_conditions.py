@@ -1,0 +1,165 @@
+"""What the bounds in a formula must fulfil once they are numbers, and which reward structures there are."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import cast
+
+from symcheck.errors import InputError
+from symcheck.semantics.diagnostics import Report, suggest
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.expressions.types import type_of
+from symcheck.semantics.model import BoundModel, Value
+from symcheck.syntax.ast import (
+    Binary,
+    Bound,
+    Call,
+    Conditional,
+    Expression,
+    InstantaneousReward,
+    Literal,
+    ModelType,
+    ProbabilityOperator,
+    RewardBound,
+    RewardOperator,
+    SteadyState,
+    TimeBound,
+    Type,
+    Unary,
+)
+from symcheck.syntax.traversal import Tree, nodes
+
+__all__ = ["check_conditions", "reward_index"]
+
+
+def reward_index(structure: str | Expression | None, model: BoundModel) -> int:
+    """The number, from 0, of the reward structure that a bound formula asks for."""
+    if isinstance(structure, str):
+        return [r.name for r in model.rewards].index(structure)
+    return 0 if structure is None else cast(int, evaluate(structure, {})) - 1
+
+
+def check_conditions(formula: Expression, model: BoundModel) -> None:
+    """Check thresholds, bounds and reward structures of an expanded formula. Raises InputError with all that is wrong.
+
+    Thresholds and bounds must be constant, those of P and S probabilities; steps (of a DTMC or MDP) are counted in ints; an
+    MDP is asked for a minimum or maximum.
+    """
+    check = _Conditions(model)
+    for node in nodes(formula):
+        check.node(node)
+    check.report.raise_found()
+
+
+class _Conditions:
+    """Checks the nodes of one formula."""
+
+    def __init__(self, model: BoundModel) -> None:
+        self.model = model
+        self.report = Report()
+
+    def node(self, node: Tree) -> None:
+        match node:
+            case ProbabilityOperator(direction, bound, _):
+                self._direction("P", direction, bound, node)
+                self._probability("P", bound)
+            case SteadyState(bound, _, direction):
+                self._direction("S", direction, bound, node)
+                self._probability("S", bound)
+            case RewardOperator(structure, direction, bound, _):
+                self._direction("R", direction, bound, node)
+                self._structure(structure, node)
+                if bound is not None:
+                    self._constant(bound.threshold, "a threshold")
+            case TimeBound():
+                self._time(node)
+            case InstantaneousReward(time):
+                self._moment(time, "the time of I=")
+            case RewardBound(structure, lower, _, upper, _):
+                if structure is not None:
+                    self._structure(structure, node)
+                for limit in (lower, upper):
+                    if limit is not None:
+                        self._constant(limit, "a bound on a reward")
+            case _:
+                pass
+
+    def _constant(self, expression: Expression, what: str) -> Value | None:
+        """The value of an expression that must be constant."""
+        if not all(
+            isinstance(n, Literal | Unary | Binary | Call | Conditional) for n in nodes(expression)
+        ):
+            self.report.input("not-constant", f"{what} must be constant", expression.span)
+            return None
+        try:
+            return evaluate(expression, {}, exact=self.model.exact)
+        except InputError as fault:
+            self.report.absorb(fault)
+            return None
+
+    def _direction(
+        self, operator: str, direction: str | None, bound: Bound | None, node: Tree
+    ) -> None:
+        if self.model.type is ModelType.MDP and direction is None and bound is None:
+            hint = f"ask {operator}min=? or {operator}max=?"
+            self.report.input(
+                "direction",
+                f"{operator}=? has no single answer in an MDP: it depends on the choices",
+                node.span,
+                hint,
+            )
+
+    def _probability(self, operator: str, bound: Bound | None) -> None:
+        value = None if bound is None else self._constant(bound.threshold, "a threshold")
+        if bound is not None and value is not None and not 0 <= value <= 1:
+            message = (
+                f"{operator} is compared with {format_value(value)}, which is not a probability"
+            )
+            self.report.input("threshold", message, bound.threshold.span)
+
+    def _structure(self, structure: str | Expression | None, node: Tree) -> None:
+        rewards = self.model.rewards
+        if not rewards:
+            self.report.name("no-rewards", "the model has no reward structure", node.span)
+        elif isinstance(structure, str):
+            named = [r.name for r in rewards if r.name is not None]
+            if structure not in named:
+                self.report.name(
+                    "unknown-rewards",
+                    f'there is no reward structure "{structure}"',
+                    node.span,
+                    suggest(structure, named),
+                )
+        elif structure is not None:
+            number = self._constant(structure, "the number of a reward structure")
+            if number is not None and not 1 <= number <= len(rewards):
+                message = f"there is no reward structure {format_value(number)}: they are numbered from 1 to {len(rewards)}"
+                self.report.name("unknown-rewards", message, structure.span)
+
+    def _time(self, bound: TimeBound) -> None:
+        lower = None if bound.lower is None else self._moment(bound.lower, "a lower bound")
+        upper = None if bound.upper is None else self._moment(bound.upper, "an upper bound")
+        if upper is None or (lower is None and bound.lower is not None):
+            return
+        least = 0 if lower is None else lower
+        if least > upper or (least == upper and (bound.lower_strict or bound.upper_strict)):
+            self.report.input("bound-empty", "no time is within these bounds", bound.span)
+
+    def _moment(self, expression: Expression, what: str) -> Value | None:
+        """A number of steps, or a time in a CTMC."""
+        value = self._constant(expression, what)
+        if value is None:
+            return None
+        if self.model.type is not ModelType.CTMC and type_of(expression, {}) is not Type.INT:
+            message = f"{what} counts steps in a {self.model.type.value.upper()}: it must be an int, not a double"
+            self.report.type(message, expression.span)
+            return None
+        if value < 0 or (isinstance(value, float) and not isfinite(value)):
+            self.report.input(
+                "bound-negative",
+                f"{what} must be a finite number from 0, not {format_value(value)}",
+                expression.span,
+            )
+            return None
+        return value

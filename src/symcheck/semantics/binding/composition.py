@@ -1,0 +1,109 @@
+"""Parallel composition, flattened: which commands of which modules happen together.
+
+A composition is a set of events and an alphabet. `A || B` synchronises on the actions in both alphabets, `A |[a]| B` on
+the listed ones, `A ||| B` on none. Where two sides synchronise on an action, every event of the one joins every event of
+the other, and an action that only one side has is blocked; otherwise the events of both sides stand side by side.
+Hiding makes events unlabelled, renaming may let two actions become one. An alphabet holds the actions written in the
+commands of its modules, whether they can happen or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import assert_never
+
+from symcheck.semantics.model import BoundCommand, BoundModule, Event
+from symcheck.syntax.declarations import (
+    Composition,
+    Hiding,
+    Interleaving,
+    ModuleReference,
+    Parallel,
+    Renaming,
+    Synchronised,
+)
+
+__all__ = ["events"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Process:
+    """Part of a composition. `alphabet` is ordered by first appearance."""
+
+    alphabet: dict[str, None]
+    events: tuple[Event, ...]
+
+
+def events(modules: Sequence[BoundModule], system: Composition | None = None) -> tuple[Event, ...]:
+    """The events of a composition; by default all modules in parallel, synchronised on the actions that they share.
+
+    Unlabelled events come first, in the order of the modules and their commands, then one action after the other.
+    """
+    named = {m.name: m for m in modules}
+    if system is None:
+        system = Parallel(tuple(ModuleReference(m.name) for m in modules))
+    whole = _flatten(system, named)
+    order: dict[str | None, int] = {None: -1} | {a: i for i, a in enumerate(whole.alphabet)}
+    return tuple(sorted(whole.events, key=lambda e: order[e.action]))
+
+
+def _flatten(node: Composition, modules: Mapping[str, BoundModule]) -> _Process:
+    match node:
+        case ModuleReference(name):
+            return _module(modules[name])
+        case Parallel(operands) | Interleaving(operands):
+            parts = [_flatten(o, modules) for o in operands]
+            whole = parts[0]
+            for part in parts[1:]:
+                shared = (
+                    whole.alphabet.keys() & part.alphabet.keys()
+                    if isinstance(node, Parallel)
+                    else ()
+                )
+                whole = _join(whole, part, frozenset(shared))
+            return whole
+        case Synchronised(left, right, actions):
+            return _join(_flatten(left, modules), _flatten(right, modules), frozenset(actions))
+        case Hiding(operand, actions):
+            part = _flatten(operand, modules)
+            return _relabel(part, dict.fromkeys(actions))
+        case Renaming(operand, pairs):
+            return _relabel(_flatten(operand, modules), dict(pairs))
+        case _:
+            assert_never(node)
+
+
+def _module(module: BoundModule) -> _Process:
+    alphabet = dict.fromkeys(c.action for c in module.commands if c.action is not None)
+    unlabelled = [Event(None, ((c,),)) for c in module.commands if c.action is None]
+    grouped: dict[str, list[BoundCommand]] = {action: [] for action in alphabet}
+    for command in module.commands:
+        if command.action is not None:
+            grouped[command.action].append(command)
+    labelled = [Event(action, (tuple(commands),)) for action, commands in grouped.items()]
+    return _Process(alphabet, (*unlabelled, *labelled))
+
+
+def _join(left: _Process, right: _Process, shared: frozenset[str]) -> _Process:
+    alphabet = left.alphabet | right.alphabet
+    apart = [e for e in (*left.events, *right.events) if e.action not in shared]
+    partners: dict[str | None, list[Event]] = {}
+    for event in right.events:
+        partners.setdefault(event.action, []).append(event)
+    together = [
+        Event(a.action, (*a.participants, *b.participants))
+        for a in left.events
+        if a.action in shared
+        for b in partners.get(a.action, ())
+    ]
+    return _Process(alphabet, (*apart, *together))
+
+
+def _relabel(part: _Process, new: Mapping[str, str | None]) -> _Process:
+    """Give actions other names, all at once; None hides."""
+    alphabet = dict.fromkeys(b for b in (new.get(a, a) for a in part.alphabet) if b is not None)
+    return _Process(
+        alphabet,
+        tuple(Event(e.action and new.get(e.action, e.action), e.participants) for e in part.events),
+    )

@@ -1,0 +1,317 @@
+"""What names mean: the constants, formulas and variables of a text, seen through the renaming of a module."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+
+from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
+from symcheck.semantics.diagnostics import Report, suggest
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.literals import as_expression, convert, format_value
+from symcheck.semantics.expressions.simplify import fold_node
+from symcheck.semantics.expressions.types import Typer, type_of
+from symcheck.semantics.model import Value
+from symcheck.syntax.ast import Expression, LabelReference, Literal, Name, Type
+from symcheck.syntax.declarations import Constant, Formula
+from symcheck.syntax.traversal import Tree, nodes, transform
+
+__all__ = ["Given", "Names", "Table", "names_in", "read_value", "undefined", "unknown"]
+
+Given = Value | str
+
+
+class Table:
+    """Constants, formulas and variables by name, and the values of constants, computed when first asked for.
+
+    given: values for constants that the text leaves open; repeated: for constants that it defines, with which they must agree.
+    """
+
+    def __init__(self, report: Report, exact: bool) -> None:
+        self.report = report
+        self.exact = exact
+        self.constants: dict[str, Constant] = {}
+        self.formulas: dict[str, Formula] = {}
+        self.variables: dict[str, Type] = {}
+        self.given: dict[str, Given] = {}
+        self.repeated: dict[str, Given] = {}
+        self._values: dict[str, Value | InputError] = {}
+
+    # -------------------------------------------------------------------------------------------- filling
+
+    def declare(self, kind: str, name: str, span: Span) -> bool:
+        """Whether `name` is free for a new constant, formula or variable; notes a repeated name otherwise."""
+        old = "constant" if name in self.constants else "formula" if name in self.formulas else None
+        old = old or ("variable" if name in self.variables else None)
+        if old is not None:
+            self.report.name(
+                "duplicate-name", f"{kind} {name}: there is a {old} of this name already", span
+            )
+        return old is None
+
+    def add(self, constants: tuple[Constant, ...], formulas: tuple[Formula, ...]) -> None:
+        """Declare constants and formulas."""
+        for constant in constants:
+            if self.declare("constant", constant.name, constant.span):
+                self.constants[constant.name] = constant
+        for formula in formulas:
+            if self.declare("formula", formula.name, formula.span):
+                self.formulas[formula.name] = formula
+
+    def know(self, constant: Constant, value: Value) -> None:
+        """Declare a constant whose value is known."""
+        self.constants[constant.name] = constant
+        self._values[constant.name] = value
+
+    # -------------------------------------------------------------------------------------------- checking
+
+    def definition(self, name: str) -> Expression | None:
+        """The expression that defines a constant or formula, if it has one in the text."""
+        if name in self.formulas:
+            return self.formulas[name].expression
+        return self.constants[name].value if name in self.constants else None
+
+    def check_cycles(self) -> None:
+        """Note constants and formulas that are defined through themselves."""
+        done: set[str] = set()
+        for start in (*self.constants, *self.formulas):
+            self._visit(start, [], done)
+
+    def _visit(self, name: str, path: list[str], done: set[str]) -> None:
+        if name in path:
+            cycle = path[path.index(name) :]
+            node = self.formulas.get(name) or self.constants[name]
+            kind = "formula" if name in self.formulas else "constant"
+            self.report.name(
+                "cycle",
+                f"{kind} {name} is defined through itself: {' -> '.join([*cycle, name])}",
+                node.span,
+            )
+        if name in done:
+            return
+        done.add(name)
+        definition = self.definition(name)
+        for used in (
+            dict.fromkeys(n.name for n in names_in(definition)) if definition is not None else ()
+        ):
+            self._visit(used, [*path, name], done)
+
+    def reach(self, expression: Expression) -> set[str]:
+        """The names of all constants that an expression depends on, through formulas and other constants."""
+        found: set[str] = set()
+        waiting = [expression]
+        while waiting:
+            for node in names_in(waiting.pop()):
+                if node.name not in found and (
+                    node.name in self.constants or node.name in self.formulas
+                ):
+                    found.add(node.name)
+                    definition = self.definition(node.name)
+                    if definition is not None:
+                        waiting.append(definition)
+        return found & self.constants.keys()
+
+    # -------------------------------------------------------------------------------------------- values
+
+    def value(self, name: str) -> Value:
+        """The value of a constant, of its declared type. Raises InputError where it has none; there must be no cycle."""
+        if name not in self._values:
+            itself = f"constant {name} is given through itself"  # the texts have no cycles, but given values may
+            self._values[name] = NameFault(Diagnostic(itself, self.constants[name].span, "cycle"))
+            try:
+                self._values[name] = self._compute(self.constants[name])
+            except InputError as fault:
+                self._values[name] = fault
+        value = self._values[name]
+        if isinstance(value, InputError):
+            raise value
+        return value
+
+    def check_repeated(self) -> None:
+        """Note given values that differ from what the text defines. Raises InputError where a value is missing."""
+        for name, given in self.repeated.items():
+            constant, value = self.constants[name], self.value(name)
+            if self._read_given(constant, given) != value:
+                message = f"constant {name} is given the value {given}, but it is defined as {format_value(value)}"
+                hint = f"write `const {constant.type.value} {name};` to leave it open"
+                self.report.name("constant-defined", message, constant.span, hint)
+
+    def _compute(self, constant: Constant) -> Value:
+        if constant.name in self.given:
+            return self._read_given(constant, self.given[constant.name])
+        if constant.value is None:
+            raise NameFault(undefined(constant))
+        bare = self._without_variables(constant.value)
+        return convert(evaluate(bare, {}, exact=self.exact), constant.type, self.exact)
+
+    def _without_variables(self, expression: Expression) -> Expression:
+        def replace(node: Tree) -> Tree:
+            if not isinstance(node, Name):
+                return node
+            if node.name in self.constants:
+                return as_expression(
+                    self.value(node.name), self.constants[node.name].type, node.span
+                )
+            if node.name in self.formulas:
+                return self._without_variables(self.formulas[node.name].expression)
+            raise NameFault(
+                unknown(node, self, "the value of a constant can depend on constants only")
+            )
+
+        return transform(expression, replace)
+
+    def _read_given(self, constant: Constant, given: Given) -> Value:
+        if isinstance(given, str):
+            expression = read_value(given, f"value of {constant.name}")
+            bare = self._without_variables(expression)
+            given = evaluate(bare, {}, exact=self.exact)
+            found = type_of(bare, {})
+            given = convert(given, found, self.exact)
+        elif isinstance(given, float) and self.exact and given - given == 0:
+            given = Fraction(repr(given))  # the decimal that the user sees
+        try:
+            return convert(given, constant.type, self.exact)
+        except TypeError:
+            message = f"constant {constant.name} is of type {constant.type.value}: it cannot be {format_value(given)}"
+            raise TypeFault(Diagnostic(message, constant.span, "constant-type")) from None
+
+
+def names_in(tree: Tree) -> list[Name]:
+    """Every use of a name below a node."""
+    return [n for n in nodes(tree) if isinstance(n, Name)]
+
+
+def read_value(text: str, name: str = "<expression>") -> Expression:
+    """The expression that a text such as `5`, `0.25`, `1/3` or `2*N` writes; `name` is what faults call it. Raises SyntaxFault."""
+    plain = text.strip()
+    if plain.lower() in ("true", "false"):
+        return Literal(plain.lower() == "true", Type.BOOL)
+    digits = plain.removeprefix("-")
+    if digits.isascii() and digits.isdigit():
+        return Literal(int(plain), Type.INT)
+    try:
+        number = (
+            Fraction(plain)
+            if digits[:1].isdigit() and "/" not in plain and "_" not in plain
+            else None
+        )
+    except ValueError:
+        number = None
+    if number is not None:
+        return Literal(number, Type.DOUBLE)
+    from symcheck.syntax.parse import parse_expression
+
+    return parse_expression(plain, name)
+
+
+def undefined(constant: Constant) -> Diagnostic:
+    """What to say of a constant without a value."""
+    hint = f"give it with -const {constant.name}=VALUE"
+    return Diagnostic(
+        f"constant {constant.name} is not defined", constant.span, "undefined-constant", hint
+    )
+
+
+def unknown(node: Name, table: Table, why: str | None = None) -> Diagnostic:
+    """What to say of a name that means nothing, or (why) nothing that may stand there."""
+    if node.name in table.variables:
+        return Diagnostic(f"{node.name} is a variable: {why}", node.span, "not-constant")
+    known = (*table.constants, *table.formulas, *table.variables)
+    hint = (
+        suggest(node.name, known)
+        or f"a constant is declared: const int {node.name}; or const double {node.name};"
+    )
+    return Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
+
+
+class Names:
+    """The names of a table as seen by one module, which may be a copy with other names.
+
+    Formulas are expanded before names are replaced, so that a formula speaks of the copy's variables; but where the
+    renaming mentions a formula itself, the formula that it gives stands in its place.
+    """
+
+    def __init__(self, table: Table, renaming: Mapping[str, str] | None = None) -> None:
+        self.table = table
+        self._renaming = renaming or {}
+        self._plain = Names(table) if renaming else self
+        self._types: dict[str, Type | None] = {}
+        self._formulas: dict[str, Expression] = {}
+
+    def renamed(self, name: str) -> str:
+        """The name that the module has for a variable, action or constant."""
+        return self._renaming.get(name, name)
+
+    # -------------------------------------------------------------------------------------------- types
+
+    def typer(self, label: Callable[[LabelReference], Type | None] | None = None) -> Typer:
+        """A type checker that knows these names. `label`: see Typer."""
+        return Typer(self.table.report, self.type, label)
+
+    def constant_typer(self) -> Typer:
+        """A type checker for expressions that must not depend on variables."""
+
+        def name(node: Name) -> Type | None:
+            new = Name(self.renamed(node.name), span=node.span)
+            if new.name in self.table.variables:
+                self.table.report.absorb(
+                    NameFault(unknown(new, self.table, "only constants may be used here"))
+                )
+                return None
+            if new.name in self.table.formulas:
+                return Typer(self.table.report, name, None).state(
+                    self.table.formulas[new.name].expression
+                )
+            return self.type(node)
+
+        return Typer(self.table.report, name, None)
+
+    def type(self, node: Name) -> Type | None:
+        """The type of a name; notes an unknown one, and gives None then."""
+        name, table = self.renamed(node.name), self.table
+        if name in table.variables:
+            return table.variables[name]
+        if name in table.constants:
+            return table.constants[name].type
+        if name not in table.formulas:
+            given_for = (
+                ""
+                if name == node.name
+                else f", which the renaming of the module gives for {node.name}"
+            )
+            diagnostic = unknown(Name(name, span=node.span), table)
+            table.report.name(
+                diagnostic.code, diagnostic.message + given_for, diagnostic.span, diagnostic.hint
+            )
+            return None
+        view = self._plain if node.name in self._renaming else self
+        if name not in view._types:
+            view._types[name] = Typer(table.report, view.type, None).state(
+                table.formulas[name].expression
+            )
+        return view._types[name]
+
+    # -------------------------------------------------------------------------------------------- expansion
+
+    def expand(self, expression: Expression) -> Expression:
+        """The expression over variables and literals, folded. It must be well typed. Raises InputError."""
+        return transform(expression, self._replace)
+
+    def constant(self, expression: Expression, kind: Type) -> Value:
+        """The value of an expression over constants. Raises InputError."""
+        return convert(
+            evaluate(self.expand(expression), {}, exact=self.table.exact), kind, self.table.exact
+        )
+
+    def _replace(self, node: Tree) -> Tree:
+        if not isinstance(node, Name):
+            return fold_node(node, self.table.exact, self.table.variables)
+        name, table = self.renamed(node.name), self.table
+        if name in table.constants:
+            return as_expression(table.value(name), table.constants[name].type, node.span)
+        if name not in table.formulas:
+            return node if name == node.name else Name(name, span=node.span)
+        view = self._plain if node.name in self._renaming else self
+        if name not in view._formulas:
+            view._formulas[name] = view.expand(table.formulas[name].expression)
+        return view._formulas[name]

@@ -1,0 +1,135 @@
+"""The labels and properties of a file as they refer to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from symcheck.semantics.binding.names import Table
+from symcheck.semantics.binding.static_checks import RESERVED_LABELS
+from symcheck.syntax.ast import Expression, LabelReference
+from symcheck.syntax.declarations import Constant, PropertiesFile
+from symcheck.syntax.traversal import Tree, nodes, transform
+
+__all__ = ["PropertyTexts"]
+
+
+class PropertyTexts:
+    """The properties by name, and the labels of the file and its model. A label comes before a property of the same name."""
+
+    def __init__(
+        self, table: Table, file: PropertiesFile, of_model: Mapping[str, Expression]
+    ) -> None:
+        self._table = table
+        self._file = file
+        self._of_model = of_model
+        self._own = {x.name: x.expression for x in file.labels}
+        self._properties = {p.name: p.formula for p in file.properties if p.name is not None}
+        self._inlined: dict[str, Expression] = {}
+
+    def is_label(self, name: str) -> bool:
+        """Whether a reference is to a label, not to a property."""
+        return name in RESERVED_LABELS or name in self._own or name in self._of_model
+
+    def known(self) -> tuple[str, ...]:
+        """All labels and properties."""
+        return (*RESERVED_LABELS, *self._own, *self._of_model, *self._properties)
+
+    def check_names(self) -> None:
+        """Note property names that are not unique, and labels and properties that refer to themselves."""
+        report = self._table.report
+        seen: set[str] = set()
+        for p in self._file.properties:
+            if p.name is not None and p.name in seen:
+                report.name("duplicate-property", f'there is a property "{p.name}" already', p.span)
+            seen.add(p.name or "")
+        # A property that is called as a label is cannot be referred to, so that it is part of no cycle.
+        properties = {name: x for name, x in self._properties.items() if not self.is_label(name)}
+        for name, expression in (*self._own.items(), *properties.items()):
+            cycle = self._cycle(name, expression)
+            if cycle:
+                report.name(
+                    "cycle", f'"{name}" refers to itself: {" -> ".join(cycle)}', expression.span
+                )
+
+    def _cycle(self, name: str, expression: Expression) -> list[str] | None:
+        """A way from a label or property back to itself."""
+        waiting: list[tuple[Expression, list[str]]] = [(expression, [name])]
+        seen: set[str] = set()
+        while waiting:
+            text, path = waiting.pop()
+            for used in _references(text):
+                if used == name:
+                    return [*path, name]
+                target = self._target(used)
+                if used not in seen and target is not None:
+                    seen.add(used)
+                    waiting.append((target, [*path, used]))
+        return None
+
+    def _target(self, name: str) -> Expression | None:
+        """The text that a reference stands for; None for reserved, the model's and unknown labels."""
+        if name in RESERVED_LABELS:
+            return None
+        if name in self._own:
+            return self._own[name]
+        return None if name in self._of_model else self._properties.get(name)
+
+    # -------------------------------------------------------------------------------------------- expansion
+
+    def inlined(self, formula: Expression) -> Expression:
+        """The formula with other properties in the place of references to them; references to labels stay."""
+
+        def put(node: Tree) -> Tree:
+            if (
+                not isinstance(node, LabelReference)
+                or self.is_label(node.name)
+                or node.name not in self._properties
+            ):
+                return node
+            if node.name not in self._inlined:
+                self._inlined[node.name] = self.inlined(self._properties[node.name])
+            return self._inlined[node.name]
+
+        return transform(formula, put)
+
+    def label(self, expression: Expression) -> Expression:
+        """The text of a label with other labels in the place of references to them, where they are not reserved."""
+
+        def put(node: Tree) -> Tree:
+            if not isinstance(node, LabelReference):
+                return node
+            if node.name in self._own:
+                return self.label(self._own[node.name])
+            return self._of_model.get(node.name, node)
+
+        return transform(expression, put)
+
+    def used_labels(self, formula: Expression) -> Iterator[Expression]:
+        """The texts of the file's own labels to which a formula refers."""
+        return (self._own[name] for name in _references(formula) if name in self._own)
+
+    # -------------------------------------------------------------------------------------------- constants
+
+    def undefined(self, formula: Expression, of_model: Iterable[Constant]) -> tuple[str, ...]:
+        """The constants without value in the texts: all of the model's, and those on which the formula depends."""
+        waiting, seen = [formula], set[str]()
+        used: set[str] = set()
+        while waiting:
+            text = waiting.pop()
+            used |= self._table.reach(text)
+            for name in _references(text):
+                target = self._target(name)
+                if name not in seen and target is not None:
+                    seen.add(name)
+                    waiting.append(target)
+        always = [c.name for c in of_model if c.value is None]
+        own = [
+            n
+            for n, c in self._table.constants.items()
+            if c.value is None and n in used and n not in always
+        ]
+        return (*always, *own)
+
+
+def _references(expression: Expression) -> list[str]:
+    return list(dict.fromkeys(n.name for n in nodes(expression) if isinstance(n, LabelReference)))

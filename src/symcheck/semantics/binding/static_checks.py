@@ -1,0 +1,392 @@
+"""What can be wrong with a program whatever the values of its constants: names, types, who writes what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import assert_never
+
+from symcheck.errors import NO_SPAN, NameFault, Span
+from symcheck.semantics.binding.module_renaming import Copy, copies
+from symcheck.semantics.binding.names import Given, Names, Table, names_in, undefined
+from symcheck.semantics.diagnostics import suggest
+from symcheck.semantics.expressions.types import article, rounding_hint
+from symcheck.syntax.ast import Type
+from symcheck.syntax.declarations import (
+    Assignment,
+    Command,
+    Composition,
+    Constant,
+    Hiding,
+    Interleaving,
+    Label,
+    ModuleReference,
+    Parallel,
+    Program,
+    Renaming,
+    Synchronised,
+    VariableDeclaration,
+)
+
+__all__ = [
+    "RESERVED_LABELS",
+    "CheckedProgram",
+    "Owner",
+    "assign",
+    "check_constants",
+    "check_labels",
+    "check_program",
+    "give",
+    "require",
+]
+
+RESERVED_LABELS = frozenset({"init", "deadlock"})
+
+
+@dataclass(frozen=True, slots=True)
+class Owner:
+    """A declared variable: its module (None: global), and the names in its declaration."""
+
+    module: str | None
+    declaration: VariableDeclaration
+    names: Names
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedProgram:
+    """A program in which all names and types are right. `views`: the names as each of the `copies` sees them."""
+
+    program: Program
+    table: Table
+    root: Names
+    copies: tuple[Copy, ...]
+    views: tuple[Names, ...]
+    owners: Mapping[str, Owner]
+
+    @property
+    def modules(self) -> Iterator[tuple[Copy, Names]]:
+        """The modules, each with its names."""
+        return zip(self.copies, self.views, strict=True)
+
+
+def check_program(program: Program, table: Table) -> CheckedProgram:
+    """Fill the table from a program and note everything that is wrong in the table's report.
+
+    Raises InputError at once where definitions are circular, as nothing can be said of what depends on them.
+    """
+    table.add(program.constants, program.formulas)
+    found = copies(program, table.report)
+    views = tuple(Names(table, c.renaming) for c in found)
+    owners: dict[str, Owner] = {}
+    for name, owner, span in _declared(program, Names(table), found, views):
+        if table.declare("variable", name, span):
+            table.variables[name] = owner.declaration.type
+            owners[name] = owner
+    table.check_cycles()
+    if "cycle" in table.report.codes:
+        table.report.raise_found()
+    checked = CheckedProgram(program, table, Names(table), found, views, owners)
+    _check(checked)
+    return checked
+
+
+def _declared(
+    program: Program, root: Names, found: Iterable[Copy], views: Iterable[Names]
+) -> Iterator[tuple[str, Owner, Span]]:
+    for declaration in program.globals:
+        yield declaration.name, Owner(None, declaration, root), declaration.span
+    for copy, names in zip(found, views, strict=True):
+        for declaration in copy.text.variables:
+            span = copy.span if copy.renaming else declaration.span
+            yield names.renamed(declaration.name), Owner(copy.name, declaration, names), span
+
+
+def _check(checked: CheckedProgram) -> None:
+    program, report, typer = checked.program, checked.table.report, checked.root.typer()
+    if not program.modules:
+        report.input("no-module", "a model needs at least one module", program.span)
+    check_constants(checked.root, program.constants)
+    for formula in program.formulas:
+        # The type of a formula that nothing uses does not matter.
+        for node in names_in(formula.expression):
+            checked.root.type(node)
+    for owner in checked.owners.values():
+        _check_variable(checked, owner)
+    for copy, names in checked.modules:
+        for command in copy.text.commands:
+            _check_command(checked, copy, names, command)
+    check_labels(checked.root, program.labels)
+    for label in program.labels:
+        typer.boolean(label.expression, f'label "{label.name}"')
+    if program.initial is not None:
+        typer.boolean(program.initial, "what stands between init and endinit")
+    _check_system(checked)
+    _check_rewards(checked)
+
+
+# ------------------------------------------------------------------------------------------------ constants and labels
+
+
+def give(
+    table: Table, declared: Iterable[Constant], given: Mapping[str, Given], where: str = "model"
+) -> None:
+    """Take over given constants; note those that are unknown."""
+    known = {c.name: c for c in declared}
+    for name, value in given.items():
+        if name not in known:
+            hint = suggest(name, known)
+            table.report.name(
+                "unknown-constant",
+                f"constant {name} is given a value, but the {where} has no such constant",
+                NO_SPAN,
+                hint,
+            )
+            continue
+        store = table.given if known[name].value is None else table.repeated
+        store[name] = value.item() if hasattr(value, "item") else value  # numpy's scalars
+
+
+def check_constants(names: Names, constants: Iterable[Constant]) -> None:
+    """Check the types of constant definitions."""
+    for constant in constants:
+        if constant.value is not None:
+            found = names.constant_typer().state(constant.value)
+            assign(
+                names.table, f"constant {constant.name}", constant.type, found, constant.value.span
+            )
+
+
+def require(table: Table, constants: Iterable[Constant]) -> None:
+    """Note the constants that have no value."""
+    for constant in constants:
+        if constant.value is None and constant.name not in table.given:
+            table.report.absorb(NameFault(undefined(constant)))
+
+
+def assign(table: Table, what: str, wanted: Type, found: Type | None, span: Span) -> None:
+    """Check that a value of type `found` may be given to something of type `wanted`: only an int may become a double."""
+    if found is None or found is wanted or (found is Type.INT and wanted is Type.DOUBLE):
+        return
+    table.report.type(
+        f"{what} is of type {wanted.value}: its value cannot be {article(found)}",
+        span,
+        rounding_hint(found, (wanted,)),
+    )
+
+
+def check_labels(names: Names, labels: Iterable[Label], taken: Iterable[str] = ()) -> None:
+    """Check that label names are free and not reserved."""
+    seen = set(taken)
+    for label in labels:
+        if label.name in RESERVED_LABELS:
+            names.table.report.name(
+                "reserved-label",
+                f'label "{label.name}" has a fixed meaning and cannot be defined',
+                label.span,
+            )
+        elif label.name in seen:
+            names.table.report.name(
+                "duplicate-label", f'there is a label "{label.name}" already', label.span
+            )
+        seen.add(label.name)
+
+
+# ------------------------------------------------------------------------------------------------ modules
+
+
+def _check_variable(checked: CheckedProgram, owner: Owner) -> None:
+    declaration, table = owner.declaration, checked.table
+    typer = owner.names.constant_typer()
+    for bound in (declaration.low, declaration.high):
+        if bound is not None:
+            typer.integer(bound, f"a bound of {declaration.name}")
+    if declaration.initial is None:
+        return
+    assign(
+        table,
+        f"variable {declaration.name}",
+        declaration.type,
+        typer.state(declaration.initial),
+        declaration.initial.span,
+    )
+    if checked.program.initial is not None:
+        message = (
+            f"variable {declaration.name} has an initial value, but the model has init … endinit"
+        )
+        table.report.input("init-twice", message, declaration.span, "leave out one of the two")
+
+
+def _check_command(checked: CheckedProgram, copy: Copy, names: Names, command: Command) -> None:
+    typer = names.typer()
+    typer.boolean(command.guard, "the guard")
+    for update in command.updates:
+        if update.probability is not None:
+            typer.numeric(update.probability, "a probability or rate")
+        written: set[str] = set()
+        for assignment in update.assignments:
+            _check_assignment(checked, copy, names, command, assignment)
+            if assignment.variable in written:
+                checked.table.report.name(
+                    "assigned-twice",
+                    f"{assignment.variable} is assigned twice in one update",
+                    assignment.span,
+                )
+            written.add(assignment.variable)
+
+
+def _check_assignment(
+    checked: CheckedProgram, copy: Copy, names: Names, command: Command, assignment: Assignment
+) -> None:
+    name, report = names.renamed(assignment.variable), checked.table.report
+    found = names.typer().state(assignment.expression)
+    if name not in checked.owners:
+        kind = (
+            "a constant"
+            if name in checked.table.constants
+            else "a formula"
+            if name in checked.table.formulas
+            else None
+        )
+        message = f"{name} is {kind}, not a variable" if kind else f"unknown variable {name}"
+        report.name(
+            "unknown-variable",
+            message,
+            assignment.span,
+            None if kind else suggest(name, checked.owners),
+        )
+        return
+    owner = checked.owners[name]
+    assign(
+        checked.table, f"variable {name}", owner.declaration.type, found, assignment.expression.span
+    )
+    if owner.module is None and command.action is not None:
+        message = f"a command with an action cannot write the global variable {name}, for two such commands may happen at once"
+        report.name(
+            "global-write",
+            message,
+            assignment.span,
+            "write it in a command with [] or make it local to a module",
+        )
+    own = {
+        names.renamed(v.name) for v in copy.text.variables
+    }  # not the owner's where the name is taken twice
+    if owner.module not in (None, copy.name) and name not in own:
+        message = f"module {copy.name} cannot write {name}, a variable of module {owner.module}"
+        report.name(
+            "foreign-write",
+            message,
+            assignment.span,
+            f"let {owner.module} write it in a command with the same action",
+        )
+
+
+# ------------------------------------------------------------------------------------------------ rewards and composition
+
+
+def _actions(checked: CheckedProgram) -> dict[str, None]:
+    """The actions of all modules, and those that renaming in `system` makes."""
+    own = {
+        names.renamed(c.action): None
+        for copy, names in checked.modules
+        for c in copy.text.commands
+        if c.action is not None
+    }
+    made = (
+        b
+        for part in _parts(checked.program.system)
+        if isinstance(part, Renaming)
+        for _, b in part.pairs
+    )
+    return own | dict.fromkeys(made)
+
+
+def _check_rewards(checked: CheckedProgram) -> None:
+    report, typer, actions = checked.table.report, checked.root.typer(), _actions(checked)
+    seen: set[str] = set()
+    for structure in checked.program.rewards:
+        if structure.name is not None and structure.name in seen:
+            report.name(
+                "duplicate-rewards",
+                f'there is a reward structure "{structure.name}" already',
+                structure.span,
+            )
+        seen.add(structure.name or "")
+        for item in structure.items:
+            if isinstance(item.action, str) and item.action not in actions:
+                hint = suggest(item.action, actions)
+                report.name(
+                    "unknown-action", f"no command has the action {item.action}", item.span, hint
+                )
+            typer.boolean(item.guard, "the guard of a reward")
+            typer.numeric(item.value, "a reward")
+
+
+def _parts(system: Composition | None) -> Iterator[Composition]:
+    match system:
+        case None:
+            return
+        case ModuleReference():
+            children: tuple[Composition, ...] = ()
+        case Parallel(operands) | Interleaving(operands):
+            children = operands
+        case Synchronised(left, right, _):
+            children = (left, right)
+        case Hiding(operand, _) | Renaming(operand, _):
+            children = (operand,)
+        case _:
+            assert_never(system)
+    yield system
+    for child in children:
+        yield from _parts(child)
+
+
+def _check_system(checked: CheckedProgram) -> None:
+    system, report = checked.program.system, checked.table.report
+    if system is None:
+        return
+    known = {m.name: m for m in checked.program.modules}
+    parts = tuple(_parts(system))
+    used: set[str] = set()
+    for part in parts:
+        if isinstance(part, ModuleReference):
+            if part.name not in known:
+                report.name(
+                    "unknown-module",
+                    f"unknown module {part.name}",
+                    part.span,
+                    suggest(part.name, known),
+                )
+            elif part.name in used:
+                report.name(
+                    "module-twice",
+                    f"module {part.name} stands in the composition already",
+                    part.span,
+                )
+            used.add(part.name)
+    for name in known.keys() - used:
+        report.name(
+            "module-missing",
+            f"module {name} does not stand in the composition",
+            system.span,
+            f"add it, such as … || {name}",
+        )
+    actions = _actions(checked)
+    for part in parts:
+        for action in _mentioned(part):
+            if action not in actions:
+                report.name(
+                    "unknown-action",
+                    f"no command has the action {action}",
+                    part.span,
+                    suggest(action, actions),
+                )
+
+
+def _mentioned(part: Composition) -> tuple[str, ...]:
+    match part:
+        case Synchronised(_, _, actions) | Hiding(_, actions):
+            return actions
+        case Renaming(_, pairs):
+            return tuple(old for old, _ in pairs)
+        case _:
+            return ()

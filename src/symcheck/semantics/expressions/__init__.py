@@ -1,0 +1,1 @@
+"""Types, evaluation and simplification of expressions."""

@@ -1,0 +1,359 @@
+"""The value of an expression at one state, in floating point or exactly: what all faster evaluations are tested against.
+
+Semantics, where it is not obvious:
+
+- `+ - * min max pow ^` of ints give an int (64 bits; beyond is an error, PRISM's limit is 32), otherwise a double;
+  `/` always gives a double; `floor ceil round` give an int; `c ? a : b` is a double if either branch is one.
+- Doubles follow IEEE 754: `1/0` is infinite, `0/0` is NaN, and the smaller of anything and NaN is NaN.
+  In exact arithmetic they are Fractions, only infinities and NaN stay floats; zero has no sign there.
+- `round(x)` is floor(x + 0.5). `floor ceil round` of NaN, an infinity or a number beyond 64 bits are errors.
+- `pow` of ints with a negative exponent is an error, for its type would not be int. In exact arithmetic, an exponent
+  that is not integral is an error (such powers are irrational in general), and so is a logarithm that is not rational.
+- `mod(i, j)` is the non-negative remainder for j > 0; for j < 0 the remainder of the division that rounds towards zero,
+  plus j where that is negative (as PRISM computes it). j = 0 is an error.
+- `log(x, b)` is ln x / ln b, and NaN where the base is not a positive number other than 1.
+- `& | => ?:` do not evaluate what cannot matter, going from left to right.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import assert_never
+
+from symcheck.errors import Diagnostic, InputError, ModelFault, NameFault, UnsupportedError
+from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.expressions.literals import convert, format_value, to_float
+from symcheck.semantics.expressions.types import type_from_values
+from symcheck.semantics.model import Value
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    Filter,
+    LabelReference,
+    Literal,
+    MultiObjective,
+    Name,
+    Node,
+    PathQuantifier,
+    ProbabilityOperator,
+    RewardOperator,
+    StateFilter,
+    SteadyState,
+    Type,
+    Unary,
+)
+
+__all__ = ["INT_MAX", "INT_MIN", "evaluate"]
+
+INT_MIN, INT_MAX = -(2**63), 2**63 - 1
+_EXPONENT_LIMIT = 1 << 20
+
+
+def evaluate(
+    expression: Expression, valuation: Mapping[str, Value], *, exact: bool = False
+) -> Value:
+    """The value of an expression (well typed, without temporal operators and labels), where names have the values given.
+
+    Gives bool, int, and float or (exact) Fraction. Raises ModelFault where there is no value (see the module's text).
+    """
+    return deeply(lambda: _evaluate(expression, valuation, exact))
+
+
+def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: bool) -> Value:
+    match expression:
+        case Literal(value, kind):
+            return convert(_checked(value, expression), kind, exact)
+        case Name(name):
+            if name not in valuation:
+                raise NameFault(Diagnostic(f"{name} has no value", expression.span, "unknown-name"))
+            given = valuation[name]
+            return (
+                convert(given, Type.DOUBLE, exact) if isinstance(given, float | Fraction) else given
+            )
+        case Unary("!", operand):
+            return not _evaluate(operand, valuation, exact)
+        case Unary(_, operand):
+            return _checked(-_evaluate(operand, valuation, exact), expression)
+        case Binary("&" | "|" | "=>" as operator, left, right):
+            decided = {"&": False, "|": True, "=>": False}[operator]
+            if _evaluate(left, valuation, exact) is decided:
+                return operator != "&"
+            return _evaluate(right, valuation, exact)
+        case Binary(operator, left, right):
+            a, b = _evaluate(left, valuation, exact), _evaluate(right, valuation, exact)
+            return _binary(operator, a, b, exact, expression)
+        case Conditional():
+            return _conditional(expression, valuation, exact)
+        case Call(function, arguments):
+            return _call(
+                function, [_evaluate(a, valuation, exact) for a in arguments], exact, expression
+            )
+        case (
+            LabelReference()
+            | ProbabilityOperator()
+            | RewardOperator()
+            | SteadyState()
+            | PathQuantifier()
+            | Filter()
+            | StateFilter()
+            | MultiObjective()
+        ):
+            raise UnsupportedError(
+                f"{_describe(expression)} has no value at a single state by itself: check it on the model"
+            )
+        case _:
+            assert_never(expression)
+
+
+def _describe(node: Node) -> str:
+    return f'"{node.name}"' if isinstance(node, LabelReference) else f"a {type(node).__name__}"
+
+
+def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact: bool) -> Value:
+    holds = _evaluate(expression.condition, valuation, exact)
+    chosen, other = (
+        (expression.then, expression.otherwise)
+        if holds
+        else (expression.otherwise, expression.then)
+    )
+    value = _evaluate(chosen, valuation, exact)
+    # An int is made a double if the branch that is not taken is one: the type of an expression is known beforehand.
+    if (
+        isinstance(value, int)
+        and not isinstance(value, bool)
+        and type_from_values(other, valuation) is Type.DOUBLE
+    ):
+        return convert(value, Type.DOUBLE, exact)
+    return value
+
+
+def _binary(operator: str, a: Value, b: Value, exact: bool, node: Node) -> Value:
+    match operator:
+        case "=" | "<=>":
+            return _compare(operator, a, b, exact)
+        case "!=" | "<" | "<=" | ">" | ">=":
+            return _compare(operator, a, b, exact)
+        case "+" | "-" | "*":
+            return _arithmetic(operator, a, b, exact, node)
+        case "/":
+            return _divide(convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact))
+        case "^":
+            return _power(a, b, exact, node)
+        case _:
+            raise AssertionError(f"unknown operator {operator}")
+
+
+def _both_int(a: Value, b: Value) -> bool:
+    return isinstance(a, int) and isinstance(b, int)
+
+
+def _compare(operator: str, a: Value, b: Value, exact: bool) -> bool:
+    if not _both_int(a, b):
+        a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
+    match operator:
+        case "=" | "<=>":
+            return a == b
+        case "!=":
+            return a != b
+        case "<":
+            return a < b
+        case "<=":
+            return a <= b
+        case ">":
+            return a > b
+        case _:
+            return a >= b
+
+
+_OPERATIONS: dict[str, Callable[[Value, Value], Value]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+}
+
+
+def _arithmetic(operator: str, a: Value, b: Value, exact: bool, node: Node) -> Value:
+    operation = _OPERATIONS[operator]
+    if _both_int(a, b):
+        return _checked(operation(a, b), node)
+    a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
+    if isinstance(a, Fraction) and isinstance(b, Fraction):
+        return operation(a, b)
+    # In exact arithmetic one of them is infinite or NaN: the other counts by its sign only.
+    return operation(_sign_if_exact(a), _sign_if_exact(b))
+
+
+def _sign_if_exact(value: Value) -> float:
+    return float((value > 0) - (value < 0)) if isinstance(value, Fraction) else float(value)
+
+
+def _divide(a: Value, b: Value) -> Value:
+    if isinstance(a, Fraction) and isinstance(b, Fraction) and b != 0:
+        return a / b
+    exact = isinstance(a, Fraction) or isinstance(b, Fraction)
+    x, y = _sign_if_exact(a), _sign_if_exact(b)
+    if y != 0:
+        quotient = x / y
+    elif x == 0 or math.isnan(x):
+        quotient = math.nan
+    else:
+        quotient = math.copysign(math.inf, x) * math.copysign(1.0, y)
+    return Fraction(quotient) if exact and math.isfinite(quotient) else quotient
+
+
+def _checked(value: Value, node: Node) -> Value:
+    if isinstance(value, int) and not INT_MIN <= value <= INT_MAX:
+        raise _fault(
+            node,
+            "int-overflow",
+            "an int beyond 64 bits",
+            "write one of the operands as a double, such as 2.0",
+        )
+    return value
+
+
+def _fault(node: Node, code: str, message: str, hint: str | None = None) -> InputError:
+    return ModelFault(Diagnostic(message, node.span, code, hint))
+
+
+# ------------------------------------------------------------------------------------------------ powers and logarithms
+
+
+def _power(a: Value, b: Value, exact: bool, node: Node) -> Value:
+    if isinstance(a, int) and isinstance(b, int):
+        if b < 0:
+            raise _fault(
+                node,
+                "pow-negative",
+                f"negative exponent {b} of a power of ints",
+                f"make the base a double: {a}.0",
+            )
+        if abs(a) > 1 and b > 63:
+            raise _fault(
+                node,
+                "int-overflow",
+                "an int beyond 64 bits",
+                "write one of the operands as a double, such as 2.0",
+            )
+        return _checked(a**b, node)
+    a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
+    if isinstance(a, Fraction) and isinstance(b, Fraction):
+        return _exact_power(a, b, node)
+    return _finite_exact(_float_power(to_float(a), to_float(b)), exact)
+
+
+def _finite_exact(value: float, exact: bool) -> Value:
+    return Fraction(value) if exact and math.isfinite(value) else value
+
+
+def _exact_power(a: Fraction, b: Fraction, node: Node) -> Value:
+    if b.denominator != 1:
+        raise _fault(
+            node,
+            "exact-power",
+            f"a power with fractional exponent {b} has no exact value",
+            "run without exact arithmetic",
+        )
+    if abs(a) != 1 and a != 0 and abs(b) > _EXPONENT_LIMIT:
+        raise _fault(
+            node, "exact-power", f"a power with exponent {b} is too large for exact arithmetic"
+        )
+    if a == 0 and b < 0:
+        return math.inf
+    return a ** int(b)
+
+
+def _float_power(a: float, b: float) -> float:
+    """C's pow: overflow is infinite, a root of a negative number NaN, a negative power of zero infinite."""
+    try:
+        return math.pow(a, b)
+    except OverflowError:
+        return -math.inf if a < 0 and b % 2 == 1 else math.inf
+    except ValueError:
+        if a != 0:
+            return math.nan
+        return math.copysign(math.inf, a) if b % 2 == 1 else math.inf
+
+
+def _logarithm(x: Value, b: Value, exact: bool, node: Node) -> Value:
+    x, b = convert(x, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
+    if not (b > 0 and b != 1 and b != math.inf) or not x >= 0:
+        return math.nan
+    if x == 0 or x == math.inf:
+        return math.inf if (x > 1) == (b > 1) else -math.inf
+    if isinstance(x, Fraction) and isinstance(b, Fraction):
+        return _exact_logarithm(x, b, node)
+    return math.log(x) / math.log(b)
+
+
+def _exact_logarithm(x: Fraction, b: Fraction, node: Node) -> Value:
+    if x == 1:
+        return Fraction(0)
+    ratio = _ln(x) / _ln(b)
+    for inverse in (False, True):
+        guess = round(1 / ratio if inverse else ratio)
+        base, power = (x, b) if inverse else (b, x)
+        if guess != 0 and abs(guess) < _EXPONENT_LIMIT and base**guess == power:
+            return Fraction(1, guess) if inverse else Fraction(guess)
+    raise _fault(
+        node,
+        "exact-log",
+        f"log({format_value(x)}, {format_value(b)}) has no exact value",
+        "run without exact arithmetic",
+    )
+
+
+def _ln(x: Fraction) -> float:
+    return math.log(x.numerator) - math.log(x.denominator)  # works beyond the range of doubles
+
+
+# ------------------------------------------------------------------------------------------------ functions
+
+
+def _call(function: str, values: list[Value], exact: bool, node: Node) -> Value:
+    match function, values:
+        case (("min" | "max"), _):
+            return _extreme(function, values, exact)
+        case (("floor" | "ceil" | "round"), [x]):
+            return _to_int(function, x, exact, node)
+        case "pow", [x, y]:
+            return _power(x, y, exact, node)
+        case "mod", [int(i), int(j)]:
+            return _modulo(i, j, node)
+        case "log", [x, y]:
+            return _logarithm(x, y, exact, node)
+        case _:
+            raise AssertionError(f"unknown function {function} of {len(values)} arguments")
+
+
+def _extreme(function: str, values: list[Value], exact: bool) -> Value:
+    if not all(isinstance(v, int) for v in values):
+        values = [convert(v, Type.DOUBLE, exact) for v in values]
+    best = values[0]
+    for value in values[1:]:
+        if value != value or (value < best if function == "min" else value > best):
+            best = value  # NaN is kept: nothing compares with it
+    return best
+
+
+def _to_int(function: str, x: Value, exact: bool, node: Node) -> Value:
+    if isinstance(x, int):
+        return x
+    if isinstance(x, float) and not math.isfinite(x):
+        raise _fault(node, "not-integer", f"{function} of {format_value(x)} is not an integer")
+    if function == "ceil":
+        return _checked(math.ceil(x), node)
+    return _checked(
+        math.floor(x if function == "floor" else x + (Fraction(1, 2) if exact else 0.5)), node
+    )
+
+
+def _modulo(i: int, j: int, node: Node) -> Value:
+    if j == 0:
+        raise _fault(node, "mod-zero", f"mod({i}, 0) has no value")
+    remainder = abs(i) % abs(j) * (1 if i >= 0 else -1)
+    return _checked(remainder + j if remainder < 0 else remainder, node)

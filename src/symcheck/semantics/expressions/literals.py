@@ -1,0 +1,84 @@
+"""Values as expressions, and the conversion of values between types."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from fractions import Fraction
+
+from symcheck.errors import NO_SPAN, Span
+from symcheck.semantics.model import Value
+from symcheck.syntax.ast import Binary, Expression, Literal, Type, Unary
+
+__all__ = ["as_expression", "convert", "format_state", "format_value", "to_float", "type_of_value"]
+
+
+def to_float(value: Value) -> float:
+    """The nearest double; beyond the doubles an infinity, as IEEE rounding gives."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def type_of_value(value: Value) -> Type:
+    """The type that a Python value stands for: bool, int, and double for float and Fraction."""
+    return (
+        Type.BOOL
+        if isinstance(value, bool)
+        else Type.INT
+        if isinstance(value, int)
+        else Type.DOUBLE
+    )
+
+
+def convert(value: Value, wanted: Type, exact: bool) -> Value:
+    """`value` as one of type `wanted`: an int may become a double, a double becomes a Fraction (exact) or a float.
+
+    Infinities and NaN stay floats in exact arithmetic. Raises TypeError for any other conversion.
+    """
+    found = type_of_value(value)
+    if wanted is Type.DOUBLE and found is not Type.BOOL:
+        if not exact:
+            return to_float(value)
+        return value if isinstance(value, float) and not math.isfinite(value) else Fraction(value)
+    if wanted is not found:
+        raise TypeError(f"{format_value(value)} is of type {found.value}, not {wanted.value}")
+    return value
+
+
+def as_expression(value: Value, kind: Type, span: Span = NO_SPAN) -> Expression:
+    """An expression of type `kind` that evaluates to `value`, bit for bit.
+
+    Literals hold fractions, so infinities and NaN are written as divisions by zero, and -0.0 as a negation.
+    """
+    if kind is not Type.DOUBLE:
+        assert not isinstance(value, float)
+        return Literal(value, kind, span=span)
+    zero = Literal(Fraction(0), kind, span=span)
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            top = 0 if math.isnan(value) else 1 if value > 0 else -1
+            return Binary("/", Literal(Fraction(top), kind, span=span), zero, span=span)
+        if value == 0 and math.copysign(1.0, value) < 0:
+            return Unary("-", zero, span=span)
+    # The shortest decimal that reads as this float prints better than its binary digits, and is the same float.
+    return Literal(
+        Fraction(repr(value)) if isinstance(value, float) else Fraction(value), kind, span=span
+    )
+
+
+def format_value(value: Value) -> str:
+    """A value as users write it: `true`, `3`, `0.1`, `1/3`; and `Infinity` and `NaN`, which they cannot write."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Fraction) and value.denominator == 1:
+        return str(value.numerator)
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def format_state(values: Iterable[Value]) -> str:
+    """The values of a state's variables: `(0,true)`."""
+    return f"({','.join(map(format_value, values))})"

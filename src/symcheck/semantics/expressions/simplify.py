@@ -1,0 +1,96 @@
+"""Simplification that changes no value: constant parts become literals, trivial boolean parts disappear."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from symcheck.errors import InputError, UnsupportedError
+from symcheck.semantics.diagnostics import Report
+from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.literals import as_expression
+from symcheck.semantics.expressions.types import Typer
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.traversal import Tree, transform
+
+__all__ = ["fold", "fold_node"]
+
+
+def fold(
+    expression: Expression, *, exact: bool = False, types: Mapping[str, Type] | None = None
+) -> Expression:
+    """An expression of the same type and with the same value at every state where the given one has a value.
+
+    With `types` of the names, `?:` with a constant condition is resolved in more cases. Values that no literal can hold
+    (infinities, NaN, -0.0) and parts without a value (`mod(1, 0)`) are left as they are.
+    """
+    return deeply(lambda: transform(expression, lambda node: fold_node(node, exact, types or {})))
+
+
+def fold_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
+    """Simplify one node whose operands are simplified already."""
+    match node:
+        case Unary() | Binary() | Call() | Conditional() if all(
+            isinstance(x, Literal) for x in _operands(node)
+        ):
+            return _constant(node, exact)
+        case Binary("&", Literal(True), other) | Binary("&", other, Literal(True)):
+            return other
+        case Binary("|", Literal(False), other) | Binary("|", other, Literal(False)):
+            return other
+        case Binary("&", Literal(False), _) | Binary("&", _, Literal(False)):
+            return Literal(False, Type.BOOL, span=node.span)
+        case Binary("|", Literal(True), _) | Binary("|", _, Literal(True)):
+            return Literal(True, Type.BOOL, span=node.span)
+        case Binary("=>", Literal(False), _) | Binary("=>", _, Literal(True)):
+            return Literal(True, Type.BOOL, span=node.span)
+        case Binary("=>", Literal(True), other):
+            return other
+        case Conditional(Literal(holds), then, otherwise):
+            chosen, other = (then, otherwise) if holds else (otherwise, then)
+            return chosen if _same_type(chosen, other, types) else node
+        case _:
+            return node
+
+
+def _operands(node: Unary | Binary | Call | Conditional) -> tuple[Expression, ...]:
+    match node:
+        case Unary(_, operand):
+            return (operand,)
+        case Binary(_, left, right):
+            return (left, right)
+        case Call(_, arguments):
+            return arguments
+        case Conditional(condition, then, otherwise):
+            return (condition, then, otherwise)
+
+
+def _constant(node: Unary | Binary | Call | Conditional, exact: bool) -> Expression:
+    try:
+        value = evaluate(node, {}, exact=exact)
+    except (InputError, UnsupportedError):
+        return node  # it may be that it is never evaluated
+    if isinstance(value, float) and (
+        not math.isfinite(value) or (value == 0 and math.copysign(1.0, value) < 0)
+    ):
+        return node
+    kind = (
+        Type.BOOL
+        if isinstance(value, bool)
+        else Type.INT
+        if isinstance(value, int)
+        else Type.DOUBLE
+    )
+    return as_expression(value, kind, node.span)
+
+
+def _same_type(chosen: Expression, other: Expression, types: Mapping[str, Type]) -> bool:
+    """Whether taking `chosen` alone surely gives the type that the choice of the two has."""
+
+    def name(node: Name) -> Type | None:
+        return types.get(node.name)
+
+    typer = Typer(Report(), name, None)
+    a, b = typer.state(chosen), typer.state(other)
+    return a is not None and (a is Type.DOUBLE or a is Type.BOOL or a is b)

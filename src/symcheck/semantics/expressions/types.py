@@ -1,0 +1,439 @@
+"""Types of expressions: bool, int and double, and which formulas are about states and which about paths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import assert_never
+
+from symcheck.errors import Span
+from symcheck.semantics.diagnostics import Report
+from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.model import Value
+from symcheck.syntax.ast import (
+    Binary,
+    Bound,
+    Call,
+    Conditional,
+    CumulativeReward,
+    Eventually,
+    Expression,
+    Filter,
+    Globally,
+    InstantaneousReward,
+    LabelReference,
+    Literal,
+    MultiObjective,
+    Name,
+    Next,
+    PathBound,
+    PathFormula,
+    PathQuantifier,
+    ProbabilityOperator,
+    Release,
+    RewardBound,
+    RewardBounds,
+    RewardOperator,
+    RewardQuery,
+    StateFilter,
+    SteadyState,
+    SteadyStateReward,
+    TimeBound,
+    TotalReward,
+    Type,
+    Unary,
+    Until,
+    WeakUntil,
+)
+
+__all__ = ["NUMERIC_FILTERS", "Typer", "article", "rounding_hint", "type_from_values", "type_of"]
+
+NUMERIC_FILTERS = frozenset({"min", "max", "sum", "avg", "range", "argmin", "argmax"})
+_FILTER_TYPES = {
+    "avg": Type.DOUBLE,
+    "count": Type.INT,
+    "forall": Type.BOOL,
+    "exists": Type.BOOL,
+    "argmin": Type.BOOL,
+    "argmax": Type.BOOL,
+}
+_BOOLEAN_FILTERS = frozenset({"count", "forall", "exists"})
+_ARITIES = {"floor": 1, "ceil": 1, "round": 1, "pow": 2, "mod": 2, "log": 2}
+
+
+def type_of(
+    expression: Expression, lookup: Mapping[str, Type], labels: Mapping[str, Type] | None = None
+) -> Type:
+    """The type of a state expression.
+
+    `lookup`: the types of names; `labels`: those of label and property references. None allows no such reference and
+    no operator such as P. Raises TypeFault or NameFault, with everything that is wrong.
+    """
+    report = Report()
+
+    def name(node: Name) -> Type | None:
+        if node.name not in lookup:
+            report.name("unknown-name", f"unknown name {node.name}", node.span)
+        return lookup.get(node.name)
+
+    def label(node: LabelReference) -> Type | None:
+        if labels is not None and node.name not in labels:
+            report.name("unknown-label", f'unknown label "{node.name}"', node.span)
+        return (labels or {}).get(node.name)
+
+    found = deeply(lambda: Typer(report, name, None if labels is None else label).state(expression))
+    report.raise_found()
+    assert found is not None
+    return found
+
+
+def type_from_values(expression: Expression, valuation: Mapping[str, Value]) -> Type:
+    """The type of a well-typed expression without labels, where names have the types of the values given."""
+
+    def name(node: Name) -> Type:
+        value = valuation[node.name]
+        return (
+            Type.BOOL
+            if isinstance(value, bool)
+            else Type.DOUBLE
+            if isinstance(value, float | Fraction)
+            else Type.INT
+        )
+
+    found = Typer(Report(), name, None).state(expression)
+    assert found is not None, "not a well-typed expression"
+    return found
+
+
+class Typer:
+    """Finds types and notes what is wrong in a report. A result of None means: wrong, and noted.
+
+    `name` and `label` give the types of names and of label references and note unknown ones themselves. `label` None
+    means that neither labels nor operators such as P may stand there.
+    """
+
+    def __init__(
+        self,
+        report: Report,
+        name: Callable[[Name], Type | None],
+        label: Callable[[LabelReference], Type | None] | None,
+    ) -> None:
+        self._report = report
+        self._name = name
+        self._label = label
+
+    # -------------------------------------------------------------------------------------------- expectations
+
+    def boolean(self, expression: Expression, what: str) -> bool:
+        """Check that a state expression is a bool. `what` names its place: 'the guard'."""
+        return self._expect(
+            self.state(expression), (Type.BOOL,), expression.span, f"{what} must be a bool"
+        )
+
+    def numeric(self, expression: Expression, what: str) -> bool:
+        """Check that a state expression is an int or a double."""
+        return self._expect(
+            self.state(expression),
+            (Type.INT, Type.DOUBLE),
+            expression.span,
+            f"{what} must be a number",
+        )
+
+    def integer(self, expression: Expression, what: str) -> bool:
+        """Check that a state expression is an int."""
+        return self._expect(
+            self.state(expression), (Type.INT,), expression.span, f"{what} must be an int"
+        )
+
+    def _expect(
+        self, found: Type | None, wanted: tuple[Type, ...], span: Span, message: str
+    ) -> bool:
+        if found is not None and found not in wanted:
+            self._report.type(
+                f"{message}, not {article(found)}", span, rounding_hint(found, wanted)
+            )
+        return found in wanted
+
+    # -------------------------------------------------------------------------------------------- state expressions
+
+    def state(self, expression: PathFormula) -> Type | None:
+        """The type of a state expression."""
+        match expression:
+            case Literal():
+                return expression.type
+            case Name():
+                return self._name(expression)
+            case Unary("!", operand):
+                self.boolean(operand, "what ! negates")
+                return Type.BOOL
+            case Unary(_, operand):
+                found = self.state(operand)
+                return (
+                    found
+                    if self._expect(
+                        found,
+                        (Type.INT, Type.DOUBLE),
+                        operand.span,
+                        "what - negates must be a number",
+                    )
+                    else None
+                )
+            case Binary():
+                return self._binary(expression)
+            case Conditional(condition, then, otherwise):
+                self.boolean(condition, "the condition of ?:")
+                return self._common(expression.span, self.state(then), self.state(otherwise))
+            case Call():
+                return self._call(expression)
+            case LabelReference():
+                if self._label is not None:
+                    return self._label(expression)
+                self._report.type(
+                    "a label cannot be used here", expression.span, "use a formula instead", "label"
+                )
+                return None
+            case (
+                ProbabilityOperator()
+                | RewardOperator()
+                | SteadyState()
+                | PathQuantifier()
+                | Filter()
+                | StateFilter()
+                | MultiObjective()
+            ):
+                if self._label is not None:
+                    return self._operator(expression)
+                self._report.type(
+                    "such an operator can stand in a property only",
+                    expression.span,
+                    code="operator",
+                )
+                return None
+            case Next() | Eventually() | Globally() | Until() | WeakUntil() | Release():
+                symbol = {
+                    Next: "X",
+                    Eventually: "F",
+                    Globally: "G",
+                    Until: "U",
+                    WeakUntil: "W",
+                    Release: "R",
+                }[type(expression)]
+                message = f"{symbol} speaks of paths and cannot stand alone"
+                self._report.type(
+                    message,
+                    expression.span,
+                    "put an operator around it, such as P=? [ … ], A [ … ] or E [ … ]",
+                    "path",
+                )
+                return None
+            case _:
+                assert_never(expression)
+
+    def _binary(self, node: Binary) -> Type | None:
+        operator, left, right = node.operator, node.left, node.right
+        match operator:
+            case "&" | "|" | "=>" | "<=>":
+                # Both sides are looked at even where the first is wrong.
+                self.boolean(left, f"what stands left of {operator}")
+                self.boolean(right, f"what stands right of {operator}")
+                return Type.BOOL
+            case "=" | "!=":
+                self._common(node.span, self.state(left), self.state(right))
+                return Type.BOOL
+            case "<" | "<=" | ">" | ">=":
+                self.numeric(left, f"what stands left of {operator}")
+                self.numeric(right, f"what stands right of {operator}")
+                return Type.BOOL
+            case "+" | "-" | "*" | "/" | "^":
+                return self._arithmetic(operator, (left, right))
+            case _:
+                raise AssertionError(f"unknown operator {operator}")
+
+    def _arithmetic(self, operator: str, operands: tuple[Expression, ...]) -> Type | None:
+        found = [self.state(o) for o in operands]
+        fine = [
+            self._expect(
+                t, (Type.INT, Type.DOUBLE), o.span, f"an operand of {operator} must be a number"
+            )
+            for t, o in zip(found, operands, strict=True)
+        ]
+        if operator == "/":
+            return Type.DOUBLE
+        if Type.DOUBLE in found:
+            return Type.DOUBLE
+        return Type.INT if all(fine) else None
+
+    def _common(self, span: Span, left: Type | None, right: Type | None) -> Type | None:
+        """The type of two things that are compared or chosen from."""
+        if left is None or right is None:
+            return None
+        if left is right:
+            return left
+        if Type.BOOL in (left, right):
+            self._report.type(f"{article(left)} and {article(right)} do not go together", span)
+            return None
+        return Type.DOUBLE
+
+    def _call(self, node: Call) -> Type | None:
+        function, arguments = node.function, node.arguments
+        count = _ARITIES.get(function)
+        if function not in ("min", "max") and count is None:
+            self._report.type(f"unknown function {function}", node.span)
+            return None
+        if (count is not None and len(arguments) != count) or not arguments:
+            self._report.type(
+                f"{function} takes {count or 'at least 1'} argument{'' if count in (1, None) else 's'}",
+                node.span,
+            )
+            return None
+        match function:
+            case "min" | "max" | "pow":
+                return self._arithmetic(function, arguments)
+            case "mod":
+                for argument in arguments:
+                    self.integer(argument, "an argument of mod")
+                return Type.INT
+            case "log":
+                self._arithmetic(function, arguments)
+                return Type.DOUBLE
+            case _:
+                self.numeric(arguments[0], f"the argument of {function}")
+                return Type.INT
+
+    # -------------------------------------------------------------------------------------------- operators
+
+    def _operator(
+        self,
+        node: ProbabilityOperator
+        | RewardOperator
+        | SteadyState
+        | PathQuantifier
+        | Filter
+        | StateFilter
+        | MultiObjective,
+    ) -> Type | None:
+        match node:
+            case ProbabilityOperator(_, bound, path):
+                self.path(path)
+                return self._bounded(bound)
+            case RewardOperator(structure, _, bound, query):
+                self._structure(structure)
+                self._query(query)
+                return self._bounded(bound)
+            case SteadyState(bound, formula, _):
+                self.boolean(formula, "what S is asked about")
+                return self._bounded(bound)
+            case PathQuantifier(_, path):
+                self.path(path)
+                return Type.BOOL
+            case Filter():
+                return self._filter(node)
+            case StateFilter(_, formula, states):
+                self.boolean(states, "the states of a filter")
+                return self.state(formula)
+            case MultiObjective(objectives):
+                found = [self.state(o) for o in objectives]
+                return None if None in found else Type.DOUBLE if Type.DOUBLE in found else Type.BOOL
+            case _:
+                assert_never(node)
+
+    def _bounded(self, bound: Bound | None) -> Type:
+        if bound is None:
+            return Type.DOUBLE
+        self.numeric(bound.threshold, "a threshold")
+        return Type.BOOL
+
+    def _filter(self, node: Filter) -> Type | None:
+        found = self.state(node.formula)
+        if node.states is not None:
+            self.boolean(node.states, "the states of a filter")
+        if node.operator in NUMERIC_FILTERS:
+            self._expect(
+                found,
+                (Type.INT, Type.DOUBLE),
+                node.formula.span,
+                f"what filter({node.operator}, …) takes must be a number",
+            )
+        elif node.operator in _BOOLEAN_FILTERS:
+            self._expect(
+                found,
+                (Type.BOOL,),
+                node.formula.span,
+                f"what filter({node.operator}, …) takes must be a bool",
+            )
+        return _FILTER_TYPES.get(node.operator, found)
+
+    # -------------------------------------------------------------------------------------------- paths
+
+    def path(self, formula: PathFormula) -> None:
+        """Check a path formula: temporal operators, and boolean ones between them, over boolean state formulas."""
+        match formula:
+            case Next(operand, bound) | Eventually(operand, bound) | Globally(operand, bound):
+                self.path(operand)
+                self._limits(bound)
+            case (
+                Until(left, right, bound)
+                | WeakUntil(left, right, bound)
+                | Release(left, right, bound)
+            ):
+                self.path(left)
+                self.path(right)
+                self._limits(bound)
+            case Unary("!", operand):
+                self.path(operand)
+            case Binary("&" | "|" | "=>" | "<=>", left, right):
+                self.path(left)
+                self.path(right)
+            case Conditional(condition, then, otherwise):
+                for part in (condition, then, otherwise):
+                    self.path(part)
+            case _:
+                self.boolean(formula, "a path formula")
+
+    def _limits(self, bound: PathBound | None) -> None:
+        match bound:
+            case None:
+                pass
+            case TimeBound(lower, _, upper, _):
+                for limit in (lower, upper):
+                    if limit is not None:
+                        self.numeric(limit, "a bound on steps or time")
+            case RewardBound(structure, lower, _, upper, _):
+                self._structure(structure)
+                for limit in (lower, upper):
+                    if limit is not None:
+                        self.numeric(limit, "a bound on a reward")
+            case RewardBounds(parts):
+                for part in parts:
+                    self._limits(part)
+            case _:
+                assert_never(bound)
+
+    def _structure(self, structure: str | Expression | None) -> None:
+        if structure is not None and not isinstance(structure, str):
+            self.integer(structure, "the number of a reward structure")
+
+    def _query(self, query: RewardQuery) -> None:
+        match query:
+            case CumulativeReward(bound):
+                self._limits(bound)
+            case InstantaneousReward(time):
+                self.numeric(time, "the time of I=")
+            case TotalReward() | SteadyStateReward():
+                pass
+            case _:
+                self.path(query)
+
+
+def article(kind: Type) -> str:
+    """A type as it stands in a sentence: 'an int'."""
+    return f"an {kind.value}" if kind is Type.INT else f"a {kind.value}"
+
+
+def rounding_hint(found: Type, wanted: tuple[Type, ...]) -> str | None:
+    """How to get from the type found to one wanted."""
+    if found is Type.DOUBLE and Type.INT in wanted:
+        return (
+            "floor(…), ceil(…) or round(…) makes an int of a double (and / always gives a double)"
+        )
+    return None

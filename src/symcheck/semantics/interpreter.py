@@ -1,0 +1,224 @@
+"""Initial states and transitions, one state at a time: the semantics of models, as plainly as it can be written.
+
+It is the oracle of the builders, and serves simulation and exact checking of small models. In a DTMC, overlapping
+choices are equally likely; in a CTMC they race, so their rates add up; in an MDP each is a choice. Probabilities
+(rates) of commands that happen together multiply.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+from typing import cast
+
+from symcheck.errors import InputError, ModelFault
+from symcheck.semantics import state_faults
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Value
+from symcheck.syntax.ast import Expression, ModelType, Type
+
+__all__ = [
+    "Choice",
+    "Row",
+    "State",
+    "choices",
+    "initial_states",
+    "state_rewards",
+    "transitions",
+    "valuation",
+]
+
+State = tuple[bool | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Commands that can happen together in a state.
+
+    branches: probability (rate) and next state, for each combination of updates that is possible; states may repeat.
+    rewards: per reward structure, what each of the branches earns on the way.
+    """
+
+    action: str | None
+    commands: tuple[BoundCommand, ...]
+    branches: tuple[tuple[Value, State], ...]
+    rewards: tuple[Value, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of the transition matrix: what a DTMC or CTMC does in a state, or one choice of an MDP.
+
+    branches: probability (rate) and next state, no state twice. `action` is None where choices of several were merged.
+    rewards: per reward structure, the transition rewards weighted with the probabilities (rates).
+    """
+
+    action: str | None
+    branches: tuple[tuple[Value, State], ...]
+    rewards: tuple[Value, ...]
+
+
+def valuation(model: BoundModel, state: State) -> dict[str, Value]:
+    """The values of the variables by name."""
+    return dict(zip((v.name for v in model.variables), state, strict=True))
+
+
+def initial_states(model: BoundModel) -> tuple[State, ...]:
+    """The initial states in lexicographic order. For init … endinit, all valuations are tried: for small models only."""
+    if model.initial is None:
+        return (tuple(cast("bool | int", v.initial) for v in model.variables),)
+    domains: list[tuple[bool | int, ...]] = []
+    for v in model.variables:
+        assert v.low is not None
+        assert v.high is not None
+        domains.append((False, True) if v.type is Type.BOOL else tuple(range(v.low, v.high + 1)))
+    found = tuple(s for s in product(*domains) if _Here(model, s).value(model.initial))
+    if not found:
+        raise ModelFault(state_faults.no_initial_state(model.initial.span))
+    return found
+
+
+def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tuple[Choice, ...]:
+    """All choices in a state, unlabelled ones first. Raises ModelFault where the model breaks a rule in this state."""
+    here = _Here(model, state)
+    found = []
+    for event in model.events:
+        enabled = ([c for c in commands if here.value(c.guard)] for commands in event.participants)
+        for together in product(*enabled):
+            branches = here.branches(together, check_sums)
+            if branches:
+                found.append(
+                    Choice(event.action, together, branches, here.rewards(False, event.action))
+                )
+    return tuple(found)
+
+
+def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> tuple[Row, ...]:
+    """The rows of the transition matrix for a state: at most one for a DTMC or CTMC; none in a deadlock.
+
+    Raises ModelFault where the model breaks a rule in this state.
+    """
+    found = choices(model, state, check_sums=check_sums)
+    if not found:
+        return ()
+    if model.type is ModelType.MDP:
+        return tuple(_row((c,), 1) for c in found)
+    return (_row(found, len(found) if model.type is ModelType.DTMC else 1),)
+
+
+def state_rewards(model: BoundModel, state: State) -> tuple[Value, ...]:
+    """Per reward structure, the state reward. Raises ModelFault where one is not finite."""
+    return _Here(model, state).rewards(True, None)
+
+
+def _row(merged: tuple[Choice, ...], divisor: int) -> Row:
+    """Several choices as one, their probabilities divided by `divisor`."""
+    branches: dict[State, Value] = {}
+    rewards: list[Value] = [0] * len(merged[0].rewards)
+    for choice in merged:
+        for probability, state in choice.branches:
+            share = probability / divisor
+            branches[state] = branches.get(state, 0) + share
+            rewards = [
+                total + share * reward
+                for total, reward in zip(rewards, choice.rewards, strict=True)
+            ]
+    actions = {c.action for c in merged}
+    return Row(
+        actions.pop() if len(actions) == 1 else None,
+        tuple((p, s) for s, p in branches.items()),
+        tuple(rewards),
+    )
+
+
+class _Here:
+    """A state of a model, and what can be said there."""
+
+    def __init__(self, model: BoundModel, state: State) -> None:
+        self.model = model
+        self.state = state
+        self.valuation: Mapping[str, Value] = valuation(model, state)
+
+    def describe(self) -> str:
+        return state_faults.describe_state(self.model.variables, self.state)
+
+    def value(self, expression: Expression) -> Value:
+        try:
+            return evaluate(expression, self.valuation, exact=self.model.exact)
+        except InputError as fault:
+            raise state_faults.at_state(fault, self.describe()) from None
+
+    def real(self, expression: Expression) -> Fraction | float:
+        value = self.value(expression)
+        return Fraction(value) if self.model.exact and isinstance(value, int) else value
+
+    def branches(
+        self, commands: tuple[BoundCommand, ...], check_sums: bool
+    ) -> tuple[tuple[Value, State], ...]:
+        """All combinations of the commands' updates that have a positive probability."""
+        weighted = [[(self.probability(c, u), c, u) for u in c.updates] for c in commands]
+        if check_sums and self.model.type is not ModelType.CTMC:
+            self.check_sums(commands, [sum(p for p, _, _ in updates) for updates in weighted])
+        found = []
+        for together in product(*weighted):
+            probability = math.prod(p for p, _, _ in together)
+            if probability > 0:
+                found.append((probability, self.after([(c, u) for _, c, u in together])))
+        return tuple(found)
+
+    def check_sums(self, commands: tuple[BoundCommand, ...], sums: list[Value]) -> None:
+        if not state_faults.sums_to_one(math.prod(sums)):
+            worst = max(range(len(sums)), key=lambda i: abs(to_float(sums[i]) - 1))
+            raise ModelFault(state_faults.update_sum(commands[worst], sums[worst], self.describe()))
+
+    def probability(self, command: BoundCommand, update: BoundUpdate) -> Fraction | float:
+        value = self.real(update.probability)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ModelFault(
+                state_faults.update_not_finite(
+                    command, update, value, self.describe(), self.model.type
+                )
+            )
+        if value < 0:
+            raise ModelFault(
+                state_faults.negative_update(
+                    command, update, value, self.describe(), self.model.type
+                )
+            )
+        return value
+
+    def after(self, updates: list[tuple[BoundCommand, BoundUpdate]]) -> State:
+        """The state after updates, all of whose expressions are evaluated in this state."""
+        state = list(self.state)
+        for command, update in updates:
+            for i, expression in update.assignments:
+                value = self.value(expression)
+                variable = self.model.variables[i]
+                if (variable.low is not None and value < variable.low) or (
+                    variable.high is not None and value > variable.high
+                ):
+                    raise ModelFault(
+                        state_faults.update_range(command, update, variable, value, self.describe())
+                    )
+                state[i] = cast("bool | int", value)
+        return tuple(state)
+
+    def rewards(self, on_states: bool, action: str | None) -> tuple[Value, ...]:
+        """Per reward structure, the sum of the items that apply."""
+        totals = []
+        for structure in self.model.rewards:
+            total: Fraction | float = 0
+            for item in structure.items:
+                if item.on_states == on_states and item.action == action and self.value(item.guard):
+                    value = self.real(item.value)
+                    if isinstance(value, float) and not math.isfinite(value):
+                        raise ModelFault(
+                            state_faults.reward_not_finite(item, value, self.describe())
+                        )
+                    total += value
+            totals.append(total)
+        return tuple(totals)

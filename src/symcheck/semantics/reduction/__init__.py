@@ -1,0 +1,1 @@
+"""Reductions of bound models: live variables and stutter steps."""

@@ -1,0 +1,263 @@
+"""Control locations: the values of the variables that guards test like program counters, and where commands lead from there."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import product
+from math import prod
+
+from symcheck.semantics.expressions.simplify import fold
+from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Variable
+from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.traversal import names, nodes, substitute
+
+__all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "folded"]
+
+Location = tuple[bool | int, ...]
+"""Values of the control variables, in the order of `Locations.control`."""
+
+Values = tuple[bool | int, ...]
+Control = tuple[tuple[int, Values], ...]
+"""What an update does to the location: (place in it, possible new values), by place; other places stay."""
+
+_MOST_LOCATIONS = 1_000
+_MOST_WORK = 50_000  # locations times commands
+_MOST_COMBINATIONS = 200  # of effects of the participants of an event
+
+
+def domain(variable: Variable) -> tuple[bool | int, ...]:
+    """All values of a bounded variable."""
+    if variable.type is Type.BOOL:
+        return (False, True)
+    assert variable.low is not None
+    assert variable.high is not None
+    return tuple(range(variable.low, variable.high + 1))
+
+
+def _count(variable: Variable) -> int:
+    """How many values a bounded variable has."""
+    return 2 if variable.low is None or variable.high is None else variable.high - variable.low + 1
+
+
+def control_variables(model: BoundModel) -> tuple[int, ...]:
+    """Indices of the variables that act as program counters: compared with constants by guards, and set to constants.
+
+    Those that most commands test come first; as many are taken as keep the number of locations small.
+    """
+    commands = _commands(model)
+    tested = Counter(i for c in commands for i in _tested(c.guard, model))
+    # A variable that is computed with is data, not control.
+    data = {
+        i
+        for c in commands
+        for u in c.updates
+        for i, e in u.assignments
+        if not _constant_like(e, model.variables[i].name)
+    }
+    chosen: list[int] = []
+    size = 1
+    for i, count in tested.most_common():
+        variable = model.variables[i]
+        if count < 2 or i in data or (variable.low is None and variable.type is not Type.BOOL):
+            continue
+        grown = size * _count(variable)
+        if grown <= _MOST_LOCATIONS and grown * len(commands) <= _MOST_WORK:
+            chosen.append(i)
+            size = grown
+    return tuple(sorted(chosen))
+
+
+def _commands(model: BoundModel) -> list[BoundCommand]:
+    return list({id(c): c for e in model.events for p in e.participants for c in p}.values())
+
+
+def _tested(guard: Expression, model: BoundModel) -> set[int]:
+    """Variables that a conjunct of the guard compares with a constant; bools that stand alone."""
+    found: set[str] = set()
+    stack = [guard]
+    while stack:
+        match stack.pop():
+            case Binary("&", left, right):
+                stack += [left, right]
+            case Binary("=", Name(name), Literal()) | Binary("=", Literal(), Name(name)):
+                found.add(name)
+            case Name(name) | Unary("!", Name(name)):
+                found.add(name)
+            case _:
+                pass
+    return {i for i, v in enumerate(model.variables) if v.name in found}
+
+
+def _constant_like(expression: Expression, own: str) -> bool:
+    """Whether an expression has no names but the variable's own, and few of those: `3`, `pc+1`, `!flag`."""
+    return names(expression) <= {own} and sum(1 for _ in nodes(expression)) <= 9
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One update of a command at a location, and what it does to the location."""
+
+    command: BoundCommand
+    update: BoundUpdate
+    control: Control
+
+    @property
+    def writes(self) -> frozenset[int]:
+        """The variables that the update surely sets."""
+        return frozenset(i for i, _ in self.update.assignments)
+
+
+@dataclass(frozen=True)
+class Move:
+    """An event that may be possible at a location: the effects of each participant, and where each may lead.
+
+    combinations: what surely is written, and the possible next locations, for each combination of effects that differ in
+    what they do to the location.
+    """
+
+    event: int
+    effects: tuple[tuple[Effect, ...], ...]
+    combinations: tuple[tuple[frozenset[int], tuple[Location, ...]], ...]
+    targets: tuple[dict[Control, frozenset[Location]], ...] = field(repr=False)
+    """Per participant, by the `control` of an effect: all locations that the event may lead to with it."""
+
+
+class Locations:
+    """The control locations of a model that may be reached, and the moves possible at each."""
+
+    def __init__(self, model: BoundModel, control: tuple[int, ...]) -> None:
+        self.model = model
+        self.control = control
+        self.names = tuple(model.variables[i].name for i in control)
+        self._types = {v.name: v.type for v in model.variables}
+        self._residuals: dict[tuple[int, tuple[bool | int, ...]], Expression] = {}
+        self._places: dict[int, tuple[Expression, tuple[int, ...]]] = {}
+        self.moves: dict[Location, tuple[Move, ...]] = {}
+        self._search()
+
+    def residual(self, expression: Expression, location: Location) -> Expression:
+        """What is left of an expression at a location."""
+        if id(expression) not in self._places:
+            used = names(expression)
+            # The expression is kept, so that its id stays its own.
+            self._places[id(expression)] = (
+                expression,
+                tuple(p for p, n in enumerate(self.names) if n in used),
+            )
+        places = self._places[id(expression)][1]
+        if not places:
+            return expression
+        key = id(expression), tuple(location[p] for p in places)
+        if key not in self._residuals:
+            values: dict[str, Expression] = {
+                self.names[p]: Literal(
+                    location[p], Type.BOOL if isinstance(location[p], bool) else Type.INT
+                )
+                for p in places
+            }
+            self._residuals[key] = folded(
+                substitute(expression, values), self.model.exact, self._types
+            )
+        return self._residuals[key]
+
+    def _search(self) -> None:
+        stack = list(self._initial())
+        while stack:
+            location = stack.pop()
+            if location in self.moves:
+                continue
+            self.moves[location] = tuple(self._moves(location))
+            stack += [
+                t
+                for m in self.moves[location]
+                for _, targets in m.combinations
+                for t in targets
+                if t not in self.moves
+            ]
+
+    def _initial(self) -> Iterator[Location]:
+        variables = [self.model.variables[i] for i in self.control]
+        if self.model.initial is not None:
+            yield from product(*(domain(v) for v in variables))
+        else:
+            yield tuple(_initial_value(v) for v in variables)
+
+    def _moves(self, location: Location) -> Iterator[Move]:
+        for number, event in enumerate(self.model.events):
+            effects = tuple(tuple(self._effects(p, location)) for p in event.participants)
+            if all(effects):
+                yield self._move(number, effects, location)
+
+    def _effects(self, commands: tuple[BoundCommand, ...], location: Location) -> Iterator[Effect]:
+        for command in commands:
+            match self.residual(command.guard, location):
+                case Literal(False):
+                    continue
+                case _:
+                    yield from (
+                        Effect(command, u, self._control(u, location)) for u in command.updates
+                    )
+
+    def _control(self, update: BoundUpdate, location: Location) -> Control:
+        found: list[tuple[int, Values]] = []
+        for variable, expression in update.assignments:
+            if variable not in self.control:
+                continue
+            values = domain(self.model.variables[variable])
+            match self.residual(expression, location):
+                case Literal(bool() | int() as value) if value in values:
+                    found.append((self.control.index(variable), (value,)))
+                case _:
+                    found.append((self.control.index(variable), values))
+        return tuple(sorted(found, key=lambda f: f[0]))
+
+    def _move(
+        self, number: int, effects: tuple[tuple[Effect, ...], ...], location: Location
+    ) -> Move:
+        groups: list[dict[Control, frozenset[int]]] = []
+        for own in effects:
+            group: dict[Control, frozenset[int]] = {}
+            for e in own:
+                group[e.control] = group[e.control] & e.writes if e.control in group else e.writes
+            groups.append(group)
+        if prod(map(len, groups)) > _MOST_COMBINATIONS:
+            everywhere = tuple(product(*(domain(self.model.variables[i]) for i in self.control)))
+            return Move(
+                number,
+                effects,
+                ((frozenset(), everywhere),),
+                tuple(dict.fromkeys(g, frozenset(everywhere)) for g in groups),
+            )
+        combinations = []
+        targets: list[dict[Control, set[Location]]] = [{c: set() for c in g} for g in groups]
+        for chosen in product(*groups):
+            new: list[Values] = [(x,) for x in location]
+            for control in chosen:
+                for place, values in control:
+                    new[place] = values
+            to = tuple(product(*new))
+            writes = frozenset[int]().union(*(g[c] for g, c in zip(groups, chosen, strict=True)))
+            combinations.append((writes, to))
+            for c, t in zip(chosen, targets, strict=True):
+                t[c].update(to)
+        return Move(
+            number,
+            effects,
+            tuple(combinations),
+            tuple({c: frozenset(s) for c, s in t.items()} for t in targets),
+        )
+
+
+def _initial_value(variable: Variable) -> bool | int:
+    assert variable.initial is not None
+    return variable.initial
+
+
+def folded(expression: Expression, exact: bool, types: dict[str, Type]) -> Expression:
+    """Folded; a choice whose condition is constant is resolved whatever its type, as only names and truth matter here."""
+    folded = fold(expression, exact=exact, types=types)
+    while isinstance(folded, Conditional) and isinstance(folded.condition, Literal):
+        folded = folded.then if folded.condition.value else folded.otherwise
+    return folded

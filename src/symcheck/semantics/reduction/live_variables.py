@@ -1,0 +1,217 @@
+"""Live variables: at each control location, those whose values something may read before they are written again.
+
+Backward data flow over the control locations. What reads: guards, probabilities, the right sides of assignments, the
+rewards (where they are asked for), and the state formulas of the properties, each for what is left of it at a location.
+Source: M. Bozga, J.-C. Fernandez, L. Ghirvu: State space reduction based on live variables analysis. SAS 1999, LNCS 1694.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from symcheck.semantics.model import BoundModel, Variable
+from symcheck.semantics.reduction.control_locations import (
+    Location,
+    Locations,
+    Move,
+    control_variables,
+)
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.traversal import names, nodes
+
+__all__ = ["Liveness", "harmless", "liveness", "partial"]
+
+
+@dataclass(frozen=True, eq=False)
+class Liveness:
+    """`live`: for each control location that may be reached, the indices of its live variables. Control variables always are."""
+
+    locations: Locations = field(repr=False)
+    live: Mapping[Location, frozenset[int]]
+
+    def dead(self, location: Location, variable: int) -> bool:
+        """Whether nothing will read the variable's value."""
+        return variable not in self.live.get(
+            location, frozenset(range(len(self.locations.model.variables)))
+        )
+
+
+def liveness(
+    model: BoundModel,
+    observed: Sequence[Expression],
+    *,
+    rewards: bool,
+    locations: Locations | None = None,
+) -> Liveness:
+    """Analyse a model. observed: state expressions whose values must not change; rewards: whether rewards must not either.
+
+    locations: those of the model, where they are known already.
+    """
+    locations = locations or Locations(model, control_variables(model))
+    return _Analysis(model, locations, tuple(observed), rewards).run()
+
+
+class _Analysis:
+    def __init__(
+        self,
+        model: BoundModel,
+        locations: Locations,
+        observed: tuple[Expression, ...],
+        rewards: bool,
+    ) -> None:
+        self.model = model
+        self.locations = locations
+        self.observed = observed
+        # Rewards are computed for every state, asked for or not: those that may have no value must keep what they read.
+        items = (i for r in model.rewards for i in r.items)
+        self.rewards = [
+            i
+            for i in items
+            if rewards or any(partial(n) for e in (i.guard, i.value) for n in nodes(e))
+        ]
+        self.index = {v.name: i for i, v in enumerate(model.variables)}
+        self.harmless: dict[tuple[int, int], bool] = {}
+
+    def run(self) -> Liveness:
+        control = frozenset(self.locations.control)
+        live = {
+            location: control | self._always(location, moves)
+            for location, moves in self.locations.moves.items()
+        }
+        before: dict[Location, set[Location]] = {location: set() for location in live}
+        for location, moves in self.locations.moves.items():
+            for move in moves:
+                for _, targets in move.combinations:
+                    for t in targets:
+                        before[t].add(location)
+        work = dict.fromkeys(live)
+        while work:
+            location, _ = work.popitem()
+            grown = live[location].union(
+                *(self._through(m, location, live) for m in self.locations.moves[location])
+            )
+            if grown != live[location]:
+                live[location] = grown
+                work.update(dict.fromkeys(before[location]))
+        return Liveness(self.locations, live)
+
+    def _reads(self, expression: Expression, location: Location) -> frozenset[int]:
+        found = names(self.locations.residual(expression, location))
+        return frozenset(self.index[n] for n in found if n in self.index)
+
+    def _always(self, location: Location, moves: tuple[Move, ...]) -> frozenset[int]:
+        """What is read at a location whatever happens later."""
+        found = frozenset[int]().union(*(self._reads(e, location) for e in self.observed))
+        for reward in self.rewards:
+            match self.locations.residual(reward.guard, location):
+                case Literal(False):
+                    continue
+                case _:
+                    found |= self._reads(reward.guard, location) | self._reads(
+                        reward.value, location
+                    )
+        for move in moves:
+            for effects in move.effects:
+                for e in effects:
+                    found |= self._reads(e.command.guard, location) | self._reads(
+                        e.update.probability, location
+                    )
+                    for i, value in e.update.assignments:
+                        if i in self.locations.control or not self._harmless(i, value):
+                            found |= self._reads(value, location)
+        return found
+
+    def _harmless(self, variable: int, value: Expression) -> bool:
+        key = variable, id(value)
+        if key not in self.harmless:
+            self.harmless[key] = harmless(
+                value, self.model.variables[variable], self.model.variables
+            )
+        return self.harmless[key]
+
+    def _through(
+        self, move: Move, location: Location, live: Mapping[Location, frozenset[int]]
+    ) -> frozenset[int]:
+        """What is read later, and not written on the way; and what is read to write it."""
+        found = frozenset[int]()
+        for writes, targets in move.combinations:
+            for t in targets:
+                found |= live[t] - writes
+        for effects, targets_by in zip(move.effects, move.targets, strict=True):
+            for e in effects:
+                wanted = frozenset[int]().union(*(live[t] for t in targets_by[e.control]))
+                for i, value in e.update.assignments:
+                    if i in wanted and i not in self.locations.control:
+                        found |= self._reads(value, location)
+        return found
+
+
+def harmless(value: Expression, variable: Variable, variables: Sequence[Variable]) -> bool:
+    """Whether a value surely is within the variable's range and computing it surely is no error: it may go uncomputed."""
+    if variable.type is Type.BOOL or variable.low is None or variable.high is None:
+        within = True
+    else:
+        low, high = _interval(value, {v.name: v for v in variables})
+        within = (
+            low is not None and high is not None and variable.low <= low and high <= variable.high
+        )
+    return within and not any(partial(n) for n in nodes(value))
+
+
+def partial(node: object) -> bool:
+    """Whether an operator may have no value (or no finite one) for some operands."""
+    match node:
+        case Binary("/" | "^", _, _) | Call("pow" | "log" | "mod", _):
+            return True
+        case _:
+            return False
+
+
+Interval = tuple[int | None, int | None]
+
+
+def _interval(value: Expression, variables: Mapping[str, Variable]) -> Interval:
+    """Bounds of an int expression; None where there is none."""
+    match value:
+        case Literal(int() as n, Type.INT):
+            return n, n
+        case Name(name):
+            return variables[name].low, variables[name].high
+        case Unary("-", operand):
+            low, high = _interval(operand, variables)
+            return None if high is None else -high, None if low is None else -low
+        case Binary("+" | "-" as operator, left, right):
+            a, b = (
+                _interval(left, variables),
+                _interval(right if operator == "+" else Unary("-", right), variables),
+            )
+            return None if a[0] is None or b[0] is None else a[0] + b[0], None if a[1] is None or b[
+                1
+            ] is None else a[1] + b[1]
+        case Binary("*", left, right):
+            ends = [_interval(left, variables), _interval(right, variables)]
+            products = [x * y for x in ends[0] for y in ends[1] if x is not None and y is not None]
+            return (min(products), max(products)) if len(products) == 4 else (None, None)
+        case Conditional(_, then, otherwise):
+            return _hull(_interval(then, variables), _interval(otherwise, variables))
+        case Call("min" | "max" as function, arguments):
+            return _extreme(function == "min", [_interval(a, variables) for a in arguments])
+        case _:
+            return None, None
+
+
+def _hull(a: Interval, b: Interval) -> Interval:
+    return None if a[0] is None or b[0] is None else min(a[0], b[0]), None if a[1] is None or b[
+        1
+    ] is None else max(a[1], b[1])
+
+
+def _extreme(least: bool, parts: Sequence[Interval]) -> Interval:
+    lows, highs = (
+        [p[0] for p in parts if p[0] is not None],
+        [p[1] for p in parts if p[1] is not None],
+    )
+    if least:
+        return min(lows) if len(lows) == len(parts) else None, min(highs, default=None)
+    return max(lows, default=None), max(highs) if len(highs) == len(parts) else None

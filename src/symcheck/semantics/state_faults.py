@@ -1,0 +1,161 @@
+"""What can go wrong at a state, in the same words whichever way the states were found.
+
+Every function makes one diagnostic with an example state; raise it as `ModelFault(diagnostic, …)`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, ModelFault, Span
+from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.model import BoundCommand, BoundReward, BoundUpdate, Value, Variable
+from symcheck.syntax.ast import ModelType
+
+__all__ = [
+    "SUM_TOLERANCE",
+    "at_state",
+    "deadlocks",
+    "describe_state",
+    "negative_update",
+    "no_initial_state",
+    "reward_not_finite",
+    "sums_to_one",
+    "update_not_finite",
+    "update_range",
+    "update_sum",
+]
+
+SUM_TOLERANCE = 1e-5
+_SHOWN = 3
+_VARIABLES = 10  # of an example state, at most
+
+
+def sums_to_one(total: Value) -> bool:
+    """Whether probabilities with this sum are a distribution: exactly for a Fraction, else up to SUM_TOLERANCE."""
+    return total == 1 if isinstance(total, Fraction) else abs(total - 1) <= SUM_TOLERANCE
+
+
+def describe_state(variables: Sequence[Variable], values: Sequence[Value]) -> str:
+    """A state as it is shown: `(s=0,b=true)`. Values of bools may be 0 and 1.
+
+    Of many variables the first that are not at 0 or false are shown, which is what tells an example from the others.
+    """
+    pairs = list(zip(variables, values, strict=True))
+    kept = (
+        pairs
+        if len(pairs) <= _VARIABLES
+        else [(v, x) for v, x in pairs if x][:_VARIABLES] or pairs[:_VARIABLES]
+    )
+    shown = [f"{v.name}={format_value(bool(x) if v.type.value == 'bool' else x)}" for v, x in kept]
+    left = [f"… {len(pairs) - len(kept)} more"] if len(kept) < len(pairs) else []
+    return f"({','.join(shown + left)})"
+
+
+def update_sum(command: BoundCommand, total: Value, state: str) -> Diagnostic:
+    """The probabilities of a command's updates do not sum to 1."""
+    span = _updates_span(command)
+    message = f"probabilities sum to {_short(total)}, not 1, for example in state {state}"
+    if isinstance(total, float) and not math.isfinite(total):
+        return Diagnostic(message, span, "update-sum")
+    missing = 1 - total
+    hint = (
+        f"add the missing {_short(missing)}" if missing > 0 else f"{_short(-missing)} is too much"
+    )
+    return Diagnostic(message, span, "update-sum", hint)
+
+
+def negative_update(
+    command: BoundCommand, update: BoundUpdate, value: Value, state: str, kind: ModelType
+) -> Diagnostic:
+    """A probability or rate is below 0."""
+    message = f"{_what(kind)} {_short(value)} is negative, for example in state {state}"
+    return Diagnostic(
+        message, _span(update.probability.span, update.span, command.span), "update-negative"
+    )
+
+
+def update_not_finite(
+    command: BoundCommand, update: BoundUpdate, value: Value, state: str, kind: ModelType
+) -> Diagnostic:
+    """A probability or rate is NaN or infinite."""
+    message = f"{_what(kind)} is {_short(value)}, for example in state {state}"
+    hint = "is something divided by zero?"
+    return Diagnostic(
+        message,
+        _span(update.probability.span, update.span, command.span),
+        "update-not-finite",
+        hint,
+    )
+
+
+def update_range(
+    command: BoundCommand, update: BoundUpdate, variable: Variable, value: Value, state: str
+) -> Diagnostic:
+    """An update gives a variable a value outside of its range."""
+    message = f"{variable.name} would become {format_value(value)}, outside of [{variable.low}..{variable.high}], "
+    hint = f"rule these states out in the guard, or widen the range of {variable.name}"
+    return Diagnostic(
+        message + f"for example in state {state}",
+        _span(update.span, command.span),
+        "update-range",
+        hint,
+    )
+
+
+def reward_not_finite(item: BoundReward, value: Value, state: str) -> Diagnostic:
+    """A reward is NaN or infinite."""
+    return Diagnostic(
+        f"this reward is {_short(value)}, for example in state {state}",
+        item.span,
+        "reward-not-finite",
+    )
+
+
+def deadlocks(states: Iterable[str], count: int) -> Diagnostic:
+    """States without a transition; `states` are some of the `count` that there are."""
+    shown = list(states)[:_SHOWN]
+    noun = "1 state has" if count == 1 else f"{count} states have"
+    message = f"{noun} no transition (a deadlock), for example {' and '.join(shown)}"
+    return Diagnostic(message, NO_SPAN, "deadlock", "-fixdl gives such states a loop to themselves")
+
+
+def no_initial_state(span: Span = NO_SPAN) -> Diagnostic:
+    """No state satisfies what stands between init and endinit."""
+    return Diagnostic(
+        "no state satisfies what stands between init and endinit", span, "no-initial-state"
+    )
+
+
+def at_state(fault: InputError, state: str) -> ModelFault:
+    """A fault of evaluation, with the state where it happened."""
+    found = (
+        Diagnostic(f"{d.message}, for example in state {state}", d.span, d.code, d.hint, d.severity)
+        for d in fault.diagnostics
+    )
+    return ModelFault(*found)
+
+
+def _what(kind: ModelType) -> str:
+    return "rate" if kind is ModelType.CTMC else "probability"
+
+
+def _span(*spans: Span) -> Span:
+    """The first that stands in a text."""
+    return next((s for s in spans if s.source.text), NO_SPAN)
+
+
+def _updates_span(command: BoundCommand) -> Span:
+    span = NO_SPAN
+    for update in command.updates:
+        span = span | update.span if span.source.text else update.span
+    return _span(span, command.span)
+
+
+def _short(value: Value) -> str:
+    """A number without the noise of rounding."""
+    if isinstance(value, Fraction) or not math.isfinite(value):
+        return format_value(value)
+    return f"{value:.10g}" if abs(value) > 1e-3 else f"{value:.6g}"

@@ -1,0 +1,1 @@
+"""State variables as bits, expressions as BDDs and MTBDDs."""

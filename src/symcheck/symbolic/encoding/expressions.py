@@ -1,0 +1,60 @@
+"""What the translation to diagrams asks of expressions: what they read, and what they are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.semantics.expressions.vectorised import Column
+from symcheck.symbolic.encoding.variables import EncodedVariable
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Name, Unary
+
+__all__ = ["children", "contains", "leaf_bound", "mesh", "support"]
+
+
+def support(expression: Expression) -> frozenset[str]:
+    """Names of the variables that occur in an arithmetic expression."""
+    if isinstance(expression, Name):
+        return frozenset((expression.name,))
+    return frozenset().union(*map(support, children(expression)))
+
+
+def mesh(variables: Sequence[EncodedVariable]) -> dict[str, Column]:
+    """All values of each variable, each along an axis of its own (axes in the given order)."""
+    columns: dict[str, Column] = {}
+    for axis, v in enumerate(variables):
+        shape = [1] * len(variables)
+        shape[axis] = 1 << v.width
+        columns[v.name] = v.column().reshape(shape)
+    return columns
+
+
+def leaf_bound(operator: str, x: NDArray[np.float64], y: NDArray[np.float64]) -> int:
+    """How many different values x op y may take, at most."""
+    pairs = len(x) * len(y)
+    if operator == "*" or not (np.all(x == np.floor(x)) and np.all(y == np.floor(y))):
+        return pairs
+    span = float(x.max() - x.min() + y.max() - y.min()) + 1
+    return int(min(pairs, span)) if np.isfinite(span) else pairs
+
+
+def contains(expression: Expression, part: Expression) -> bool:
+    """Whether `part` occurs strictly inside `expression`."""
+    return any(child == part or contains(child, part) for child in children(expression))
+
+
+def children(expression: Expression) -> tuple[Expression, ...]:
+    """The operands of an arithmetic expression; none for a literal, a name and what is not arithmetic."""
+    match expression:
+        case Unary(_, operand):
+            return (operand,)
+        case Binary(_, left, right):
+            return (left, right)
+        case Conditional(condition, then, otherwise):
+            return (condition, then, otherwise)
+        case Call(_, arguments):
+            return arguments
+        case _:
+            return ()

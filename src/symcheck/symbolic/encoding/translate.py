@@ -1,0 +1,463 @@
+"""From expressions to diagrams over row bits: boolean ones become BDDs, numeric ones MTBDDs.
+
+Three ways, by the size of the domain that an expression reads:
+
+- *tabulated*: evaluated with numpy on an open mesh over all valuations of its variables, then reduced bottom-up. Used
+  for any expression that reads at most `Limits.table` valuations; what the expression computes does not matter.
+- *composed*: operator by operator on diagrams. Boolean structure, sums, minima and comparisons of wide expressions.
+- *listed*: evaluated only on given valuations (those that a guard allows, or that a frontier reaches: `learn`).
+
+Codes above a variable's range (a range that is no power of two) stand for no state. Tables give them the value of the
+highest valid code, which keeps diagrams small; sets of states never hold them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.model import BoundCommand
+from symcheck.symbolic.encoding.expressions import children, contains, leaf_bound, mesh, support
+from symcheck.symbolic.encoding.on_the_fly_relations import (
+    Learned,
+    LearnedAssignment,
+    LearnedBoolean,
+    LearnedNumber,
+    code_values,
+)
+from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
+
+__all__ = ["Assigned", "Limits", "TooLarge", "Translator"]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Where one way of translating ends and the next begins.
+
+    table: bits (log2 of valuations) up to which an expression is tabulated at once.
+    wide: bits up to which it is tabulated when composing is not possible.
+    nodes: nodes of a composed diagram beyond which its expression counts as too large.
+    moves: bits up to which an assignment is tabulated when composing is not possible.
+    leaves: different values of a diagram of more than `table` bits beyond which it is not even tried.
+    """
+
+    table: int = 14
+    wide: int = 20
+    nodes: int = 500_000
+    moves: int = 16
+    leaves: int = 20_000
+
+
+class TooLarge(UnsupportedError):
+    """An expression that reads too many valuations to be encoded in full: `learn` encodes what is reached."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assigned:
+    """`x' = expression` as a relation (row bits to x's column bits) and the rows where the value is in x's range."""
+
+    relation: Bdd
+    in_range: Bdd
+
+
+_COMPARISONS = {"=", "!=", "<", "<=", ">", ">="}
+
+
+class Translator:
+    """Translates expressions of one model into one manager's diagrams, each expression once."""
+
+    def __init__(
+        self, manager: DiagramManager, encoding: Encoding, limits: Limits | None = None
+    ) -> None:
+        self.manager = manager
+        self.encoding = encoding
+        self.limits = limits or Limits()
+        self.learned: dict[tuple[str, Expression], Learned] = {}
+        self._parts: dict[
+            tuple[int, int], tuple[BoundCommand, tuple[list[Learned], list[Learned]]]
+        ] = {}
+        self._booleans: dict[Expression, Bdd] = {}
+        self._numbers: dict[Expression, Mtbdd] = {}
+        self._assignments: dict[tuple[str, Expression], Assigned] = {}
+        self._undefined: dict[Expression, Bdd] = {}
+        self._identities: dict[tuple[int, ...], Bdd] = {}
+        self._supports: dict[Expression, frozenset[str]] = {}
+
+    # ------------------------------------------------------------------------------------------------ sizes
+
+    def support(self, expression: Expression) -> frozenset[str]:
+        """Names of the variables in `expression`."""
+        found = self._supports.get(expression)
+        if found is None:
+            found = self._supports[expression] = support(expression)
+        return found
+
+    def width(self, expression: Expression) -> int:
+        """Number of row bits that `expression` reads."""
+        return sum(self.encoding.by_name[name].width for name in self.support(expression))
+
+    def learned_parts(self, command: BoundCommand) -> tuple[list[Learned], list[Learned]]:
+        """Learned parts of a command: those that matter in every state, and those that matter where its guard holds."""
+        if not self.learned:
+            return [], []
+        # Asked for at every step of a search; telling long expressions apart takes longer than what is done with them.
+        key = id(command), len(self.learned)
+        if key not in self._parts:
+            self._parts[key] = command, self._learned_parts(command)
+        return self._parts[key][1]
+
+    def _learned_parts(self, command: BoundCommand) -> tuple[list[Learned], list[Learned]]:
+        names = {
+            (self.encoding.variables[i].name, e) for u in command.updates for i, e in u.assignments
+        }
+        behind = {
+            e for u in command.updates for e in (u.probability, *(e for _, e in u.assignments))
+        }
+        always, guarded = [], []
+        for (name, part), learned in self.learned.items():
+            if name or isinstance(learned, LearnedNumber):
+                if (name, part) in names or part in behind:
+                    guarded.append(learned)
+            elif any(part == e or contains(e, part) for e in (command.guard, *behind)):
+                always.append(learned)
+        return always, guarded
+
+    def reads_learned(self, expression: Expression) -> bool:
+        """Whether the diagram of `expression` contains a learned part, so that it changes as that grows."""
+        return any(
+            not name and (part == expression or contains(expression, part))
+            for name, part in self.learned
+        )
+
+    # ------------------------------------------------------------------------------------------------ booleans
+
+    def boolean(self, expression: Expression) -> Bdd:
+        """The states that satisfy a boolean expression; a part that is too large is right only where it was learned."""
+        known = self.learned.get(("", expression))
+        if isinstance(known, LearnedBoolean):
+            return known.holds
+        found = self._booleans.get(expression)
+        if found is None:
+            try:
+                found = self._boolean(expression)
+            except TooLarge:
+                learned = LearnedBoolean(
+                    self.manager, self.encoding, self.support(expression), expression
+                )
+                self.learned["", expression] = learned
+                return learned.holds
+            if not self.reads_learned(expression):
+                self._booleans[expression] = found
+        return found
+
+    def _boolean(self, expression: Expression) -> Bdd:
+        if self.width(expression) <= self.limits.table:
+            return self._bdd_table(expression)
+        match expression:
+            case Unary("!", operand):
+                return ~self.boolean(operand)
+            case Binary("&", left, right):
+                return self.boolean(left) & self.boolean(right)
+            case Binary("|", left, right):
+                return self.boolean(left) | self.boolean(right)
+            case Binary("=>", left, right):
+                return ~self.boolean(left) | self.boolean(right)
+            case Binary("<=>", left, right):
+                return self.boolean(left).equivalent(self.boolean(right))
+            case Conditional(condition, then, otherwise):
+                return self.boolean(condition).ite(self.boolean(then), self.boolean(otherwise))
+            case Binary(operator, left, right) if operator in _COMPARISONS:
+                return self._comparison(expression, operator, left, right)
+            case _:
+                return self._bdd_table(expression)
+
+    def _comparison(
+        self, expression: Expression, operator: str, left: Expression, right: Expression
+    ) -> Bdd:
+        if self._is_boolean(left):
+            same = self.boolean(left).equivalent(self.boolean(right))
+            return same if operator == "=" else ~same
+        try:
+            x, y = self.number(left), self.number(right)
+        except TooLarge:
+            return self._bdd_table(expression)
+        found, undefined = x.compare(operator, y), self.undefined(left) | self.undefined(right)
+        return (
+            found | undefined if operator == "!=" else found - undefined
+        )  # as of what is no number
+
+    def _is_boolean(self, expression: Expression) -> bool:
+        match expression:
+            case Literal(_, type):
+                return type is Type.BOOL
+            case Name(name):
+                return self.encoding.by_name[name].is_bool
+            case Unary(operator, _):
+                return operator == "!"
+            case Binary(operator, _, _):
+                return operator not in {"+", "-", "*", "/", "^"}
+            case Conditional(_, then, _):
+                return self._is_boolean(then)
+            case _:
+                return False
+
+    def _bdd_table(self, expression: Expression) -> Bdd:
+        variables, values = self._tabulate(expression)
+        return self.manager.bdd_table(_row_bits(variables), values)
+
+    # ------------------------------------------------------------------------------------------------ numbers
+
+    def number(self, expression: Expression) -> Mtbdd:
+        """The value of a numeric expression in each state (a boolean one counts as 0 or 1). Raises TooLarge."""
+        found = self._numbers.get(expression)
+        if found is None:
+            found = self._number(expression)
+            if found.node_count > self.limits.nodes:
+                raise TooLarge(
+                    f"the diagram of an expression has {found.node_count} nodes ({expression.span})"
+                )
+            if not self.reads_learned(expression):
+                self._numbers[expression] = found
+        return found
+
+    def learned_number(self, expression: Expression) -> Mtbdd:
+        """As `number`; what is too large is right only where it was learned."""
+        known = self.learned.get(("", expression))
+        if isinstance(known, LearnedNumber):
+            return known.value
+        try:
+            return self.number(expression)
+        except TooLarge:
+            learned = LearnedNumber(
+                self.manager, self.encoding, self.support(expression), expression
+            )
+            self.learned["", expression] = learned
+            return learned.value
+
+    def boolean_on(self, expression: Expression, states: Bdd) -> Bdd:
+        """As `boolean`, right on `states` also where a part of it is too large."""
+        found = self.boolean(expression)
+        if self.learned and sum(part.extend(states) for part in self._conditions_in(expression)):
+            found = self.boolean(expression)
+        return found
+
+    def number_on(self, expression: Expression, states: Bdd) -> Mtbdd:
+        """The number on `states`, 0 elsewhere; also where the expression is too large."""
+        self.learned_number(expression)
+        for part in (self.learned.get(("", expression)), *self._conditions_in(expression)):
+            if part is not None:
+                part.extend(states)
+        return self.learned_number(expression).times_bdd(states)
+
+    def _conditions_in(self, expression: Expression) -> list[Learned]:
+        return [
+            learned
+            for (name, part), learned in self.learned.items()
+            if isinstance(learned, LearnedBoolean)
+            and not name
+            and (part == expression or contains(expression, part))
+        ]
+
+    def undefined(self, expression: Expression) -> Bdd:
+        """Where a numeric expression has no value (NaN, such as 0/0); its diagram holds 0 there."""
+        self.learned_number(expression)
+        known = self.learned.get(("", expression))
+        if isinstance(known, LearnedNumber):
+            return known.undefined
+        if expression in self._undefined or self.width(expression) <= self.limits.table:
+            return self._undefined.get(expression, self.manager.false)
+        return self.manager.disjunction([self.undefined(e) for e in children(expression)])
+
+    def probability(self, expression: Expression) -> float | Mtbdd:
+        """A probability or rate: a float where it is constant."""
+        if not self.support(expression):
+            return float(evaluate_columns(expression, {}))
+        return self.learned_number(expression)
+
+    def _number(self, expression: Expression) -> Mtbdd:
+        if self.width(expression) <= self.limits.table:
+            return self._mtbdd_table(expression)
+        if self._is_boolean(expression):
+            return self.boolean(expression).to_mtbdd()
+        match expression:
+            case Unary("-", operand):
+                return -self.number(operand)
+            case Binary("+" | "-" | "*" as operator, left, right):
+                try:
+                    return self._arithmetic(
+                        operator, self.number(left), self.number(right), expression
+                    )
+                except NumericalError:  # infinity - infinity somewhere: a table says where
+                    return self._mtbdd_table(expression)
+            case Conditional(condition, then, otherwise):
+                return self.boolean(condition).ite(self.number(then), self.number(otherwise))
+            case Call("min" | "max" as function, arguments):
+                values = [self.number(a) for a in arguments]
+                result = values[0]
+                for value in values[1:]:
+                    result = result.minimum(value) if function == "min" else result.maximum(value)
+                return result
+            case _:
+                return self._mtbdd_table(expression)
+
+    def _arithmetic(self, operator: str, x: Mtbdd, y: Mtbdd, expression: Expression) -> Mtbdd:
+        """X op y, unless the result may have so many leaves that its diagram cannot be small."""
+        leaves = leaf_bound(operator, x.leaves, y.leaves)
+        if leaves > self.limits.leaves:
+            raise TooLarge(
+                f"the diagram of an expression may have {leaves} different values ({expression.span})"
+            )
+        return x + y if operator == "+" else x - y if operator == "-" else x * y
+
+    def _mtbdd_table(self, expression: Expression) -> Mtbdd:
+        variables, values = self._tabulate(expression)
+        numbers = values.astype(np.float64)
+        if (
+            self.width(expression) > self.limits.table
+            and len(np.unique(numbers)) > self.limits.leaves
+        ):
+            raise TooLarge(
+                f"the diagram of an expression has more than {self.limits.leaves} different values ({expression.span})"
+            )
+        nan = np.isnan(numbers)
+        if nan.any():
+            self._undefined[expression] = self.manager.bdd_table(_row_bits(variables), nan)
+            numbers = np.where(nan, 0.0, numbers)
+        return self.manager.table(_row_bits(variables), numbers)
+
+    # ------------------------------------------------------------------------------------------------ tables
+
+    def _tabulate(self, expression: Expression) -> tuple[tuple[EncodedVariable, ...], Column]:
+        """Variables in diagram order and the expression's values, one per code combination, first variable slowest."""
+        variables = self.encoding.sorted(self.support(expression))
+        width = sum(v.width for v in variables)
+        if width > self.limits.wide:
+            raise TooLarge(
+                f"an expression reads {width} bits at once, a table may have {self.limits.wide} ({expression.span})"
+            )
+        values = evaluate_columns(expression, mesh(variables))
+        shape = tuple(1 << v.width for v in variables)
+        return variables, np.broadcast_to(values, shape).reshape(-1)
+
+    # ------------------------------------------------------------------------------------------------ assignments
+
+    def assignment(self, target: EncodedVariable, expression: Expression) -> Assigned:
+        """`target' = expression`; where the expression is too large, for the valuations that were learned."""
+        key = (target.name, expression)
+        known = self.learned.get(key)
+        if isinstance(known, LearnedAssignment):
+            return Assigned(known.relation, known.in_range)
+        found = self._assignments.get(key)
+        if found is None:
+            try:
+                found = self._assignment(target, expression)
+            except TooLarge:
+                learned = LearnedAssignment(
+                    self.manager, self.encoding, self.support(expression), expression, target
+                )
+                self.learned[key] = learned
+                return Assigned(learned.relation, learned.in_range)
+            if not self.reads_learned(expression):
+                self._assignments[key] = found
+        return found
+
+    def _assignment(self, target: EncodedVariable, expression: Expression) -> Assigned:
+        if isinstance(expression, Name) and expression.name == target.name:
+            return Assigned(self.unchanged(target), self.manager.true)
+        if self.width(expression) <= self.limits.table:
+            return self._assignment_table(target, expression)
+        # A wide counter that counts itself is a small relation; one wide variable in another has a node per value.
+        if self.support(expression) <= {target.name}:
+            return self._assignment_table(target, expression)
+        try:
+            return self._assignment_composed(target, expression)
+        except TooLarge:
+            if self.width(expression) > self.limits.moves:
+                raise
+            return self._assignment_table(target, expression)
+
+    def _assignment_table(self, target: EncodedVariable, expression: Expression) -> Assigned:
+        variables, values = self._tabulate(expression)
+        codes, valid = code_values(target, values)
+        rows = _row_bits(variables)
+        relation = self.bits_equal(
+            target,
+            [
+                self.manager.bdd_table(rows, (codes >> e) & 1 == 1)
+                for e in range(target.width - 1, -1, -1)
+            ],
+        )
+        if bool(valid.all()):
+            return Assigned(relation, self.manager.true)
+        in_range = self.manager.bdd_table(rows, valid)
+        return Assigned(relation & in_range, in_range)
+
+    def _assignment_composed(self, target: EncodedVariable, expression: Expression) -> Assigned:
+        if target.is_bool:
+            value = self.boolean(expression)
+            return Assigned(
+                self.manager.variable(target.columns[0]).equivalent(value), self.manager.true
+            )
+        number = self.number(expression)
+        next_value = self.manager.table(target.columns, target.column().astype(np.float64))
+        relation = number.equal(next_value) & self.next_valid(target)
+        in_range = number.compare(">=", float(target.low)) & number.compare(
+            "<=", float(target.high)
+        )
+        return Assigned(relation, in_range)
+
+    def bits_equal(self, target: EncodedVariable, bits: Sequence[Bdd]) -> Bdd:
+        """The column bits of `target` equal these functions of the row bits (most significant first)."""
+        result = self.manager.true
+        for column, bit in zip(reversed(target.columns), reversed(bits), strict=True):
+            result = result & self.manager.variable(column).equivalent(bit)
+        return result
+
+    def identity(self, indices: tuple[int, ...]) -> Bdd:
+        """The variables with these indices stay as they are."""
+        found = self._identities.get(indices)
+        if found is None:
+            found = self.manager.true
+            for v in reversed(
+                self.encoding.sorted(self.encoding.variables[i].name for i in indices)
+            ):
+                found = found & self.unchanged(v)
+            self._identities[indices] = found
+        return found
+
+    def unchanged(self, target: EncodedVariable) -> Bdd:
+        """`target' = target`."""
+        return self.bits_equal(target, [self.manager.variable(row) for row in target.rows])
+
+    def next_valid(self, target: EncodedVariable) -> Bdd:
+        """The column bits of `target` hold a code that stands for a value."""
+        codes = np.arange(1 << target.width)
+        return self.manager.bdd_table(target.columns, codes <= target.high - target.low)
+
+    def valid(self, target: EncodedVariable) -> Bdd:
+        """The row bits of `target` hold a code that stands for a value."""
+        codes = np.arange(1 << target.width)
+        return self.manager.bdd_table(target.rows, codes <= target.high - target.low)
+
+    def state(self, values: Mapping[str, int | bool]) -> Bdd:
+        """The set of states with these values; variables not given are free."""
+        result = self.manager.true
+        for v in reversed(self.encoding.sorted(values)):
+            code = v.code(values[v.name])
+            for bit, row in enumerate(reversed(v.rows)):
+                literal = self.manager.variable(row)
+                result = result & (literal if code >> bit & 1 else ~literal)
+        return result
+
+
+def _row_bits(variables: Sequence[EncodedVariable]) -> tuple[str, ...]:
+    return tuple(bit for v in variables for bit in v.rows)

@@ -1,0 +1,170 @@
+"""From state variables to diagram variables ("bits").
+
+A model variable with values low..high becomes ceil(log2(high-low+1)) bits that hold value - low, most significant bit
+first. Each bit exists twice: the row bit for the current state (`s.2`, where 2 is the bit's exponent) and the column bit
+for the next state (`s.2'`), next to each other in the order. Rows and columns interleaved is what keeps "unchanged" and
+"plus one" small (Ciardo; Kwiatkowska, Norman, Parker: MTBDDs of Markov chains).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.errors import UnsupportedError
+from symcheck.semantics.model import BoundModel, Value, Variable
+from symcheck.syntax.ast import Type
+
+__all__ = ["EncodedVariable", "Encoding", "encode"]
+
+MAX_BITS = 62
+
+
+@dataclass(frozen=True)
+class EncodedVariable:
+    """A model variable and its bits, most significant first. `index` is its place in the model's declarations."""
+
+    variable: Variable
+    index: int
+    low: int
+    high: int
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Name in the model."""
+        return self.variable.name
+
+    @property
+    def width(self) -> int:
+        """Number of bits; 0 for a variable with a single value."""
+        return len(self.rows)
+
+    @property
+    def is_bool(self) -> bool:
+        """Whether the variable is boolean."""
+        return self.variable.type is Type.BOOL
+
+    def code(self, value: Value) -> int:
+        """The bits of a value, read as a number. Raises ValueError for a value out of range."""
+        code = int(value) - self.low
+        if not 0 <= code <= self.high - self.low:
+            raise ValueError(f"{self.name}={value} is not within {self.low}..{self.high}")
+        return code
+
+    def value(self, code: int) -> int | bool:
+        """The value that a code stands for."""
+        return bool(code) if self.is_bool else self.low + code
+
+    def column(self, *, padded: bool = True) -> NDArray[np.int64] | NDArray[np.bool_]:
+        """All values by code. `padded`: codes above the range repeat the highest value, up to 2**width entries."""
+        codes = np.arange(1 << self.width if padded else self.high - self.low + 1, dtype=np.int64)
+        return (
+            codes.astype(np.bool_)
+            if self.is_bool
+            else self.low + np.minimum(codes, self.high - self.low)
+        )
+
+    def __repr__(self) -> str:
+        return f"{self.name}: {self.low}..{self.high} as {' '.join(self.rows) or '(constant)'}"
+
+
+@dataclass(frozen=True, eq=False)
+class Encoding:
+    """All variables' bits. `variables` in declaration order, `order` their places from the top of the diagrams.
+
+    `nondeterminism` is empty: an MDP has one matrix per choice slot instead of extra bits.
+    """
+
+    variables: tuple[EncodedVariable, ...]
+    order: tuple[int, ...]
+
+    @cached_property
+    def ordered(self) -> tuple[EncodedVariable, ...]:
+        """The variables from the top of the diagrams down."""
+        return tuple(self.variables[i] for i in self.order)
+
+    @cached_property
+    def rows(self) -> tuple[str, ...]:
+        """All row bits in diagram order."""
+        return tuple(bit for v in self.ordered for bit in v.rows)
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """All column bits in diagram order."""
+        return tuple(bit for v in self.ordered for bit in v.columns)
+
+    @cached_property
+    def bits(self) -> tuple[str, ...]:
+        """Row and column bits interleaved, from the top down: what the manager declares."""
+        return tuple(bit for pair in zip(self.rows, self.columns, strict=True) for bit in pair)
+
+    @property
+    def in_declaration_order(self) -> bool:
+        """Whether an ODD over the row bits numbers the states lexicographically in declaration order."""
+        return self.order == tuple(range(len(self.order)))
+
+    @cached_property
+    def by_name(self) -> Mapping[str, EncodedVariable]:
+        """Variables by their name in the model."""
+        return {v.name: v for v in self.variables}
+
+    @cached_property
+    def rank(self) -> Mapping[str, int]:
+        """Place of a variable (by name) from the top of the diagrams."""
+        return {v.name: i for i, v in enumerate(self.ordered)}
+
+    def sorted(self, names: Iterable[str]) -> tuple[EncodedVariable, ...]:
+        """The named variables from the top of the diagrams down."""
+        return tuple(self.by_name[n] for n in sorted(names, key=self.rank.__getitem__))
+
+    def codes(self, bits: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """Values from row bits: uint8[n, len(rows)] in diagram order to int64[n, variables] in declaration order."""
+        values = np.empty((bits.shape[0], len(self.variables)), dtype=np.int64)
+        start = 0
+        for v in self.ordered:
+            code = np.zeros(bits.shape[0], dtype=np.int64)
+            for position in range(start, start + v.width):
+                code = 2 * code + bits[:, position]
+            values[:, v.index] = v.low + code
+            start += v.width
+        return values
+
+    def __repr__(self) -> str:
+        lines = [f"Encoding: {len(self.variables)} variables, {len(self.rows)} row bits"]
+        return "\n  ".join([*lines, *map(repr, self.ordered)])
+
+
+def encode(model: BoundModel, order: Sequence[str] | None = None) -> Encoding:
+    """Bits for the variables of `model`.
+
+    `order`: names from the top of the diagrams down (names not given follow in declaration order); None is declaration
+    order. Raises UnsupportedError for an unbounded integer and for a range of more than 2**62 values, KeyError for an
+    unknown name in `order`.
+    """
+    variables = tuple(_encode(variable, index) for index, variable in enumerate(model.variables))
+    index = {v.name: v.index for v in variables}
+    first = [index[name] for name in dict.fromkeys(order or ())]
+    rest = [i for i in range(len(variables)) if i not in set(first)]
+    return Encoding(variables, (*first, *rest))
+
+
+def _encode(variable: Variable, index: int) -> EncodedVariable:
+    low, high = (0, 1) if variable.type is Type.BOOL else (variable.low, variable.high)
+    if low is None or high is None:
+        raise UnsupportedError(
+            f"variable {variable.name} has no bounds ({variable.span}), and diagrams need bounds: "
+            f"give it a range, or use the explicit engine (-ex), which only needs that finitely many values are reachable"
+        )
+    width = max(high - low, 0).bit_length()
+    if width > MAX_BITS:
+        raise UnsupportedError(
+            f"variable {variable.name} needs {width} bits, and diagrams take {MAX_BITS}: use the explicit engine (-ex)"
+        )
+    rows = tuple(f"{variable.name}.{e}" for e in range(width - 1, -1, -1))
+    return EncodedVariable(variable, index, low, high, rows, tuple(f"{row}'" for row in rows))

@@ -1,0 +1,1 @@
+"""Commands and events as transition relations."""

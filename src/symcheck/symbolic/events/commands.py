@@ -1,0 +1,107 @@
+"""Commands and events as diagrams.
+
+An event with several participants is the product of its participants, each the sum of its commands: relations are
+conjoined participant by participant and never command combination by command combination, of which there may be 2**n.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from symcheck.semantics.model import BoundCommand, BoundUpdate, Event
+from symcheck.symbolic.encoding.translate import Translator
+from symcheck.symbolic.model import EncodedCommand, EncodedEvent, EncodedUpdate
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd
+
+__all__ = ["encode_command", "encode_event", "frame", "knowledge", "positive", "touched_by"]
+
+
+def encode_event(translator: Translator, event: Event) -> EncodedEvent:
+    """Encode the commands of an event, and how it moves states."""
+    participants = tuple(
+        tuple(encode_command(translator, c) for c in commands) for commands in event.participants
+    )
+    manager = translator.manager
+    guard = relation = manager.true
+    for commands in participants:
+        guard = guard & manager.disjunction([c.guard for c in commands])
+    if guard:
+        for commands in sorted(participants, key=lambda cs: -min(touched_by(cs), default=0)):
+            relation = relation & _participant_relation(translator, commands)
+    else:
+        relation = manager.false
+    touched = tuple(sorted({i for commands in participants for i in touched_by(commands)}))
+    return EncodedEvent(event, participants, touched, guard, relation, knowledge(translator, event))
+
+
+def knowledge(translator: Translator, event: Event) -> int | None:
+    """How many valuations the learned parts of an event know, None if it has no such part."""
+    parts = [
+        part
+        for commands in event.participants
+        for c in commands
+        for kind in translator.learned_parts(c)
+        for part in kind
+    ]
+    return sum(part.evaluated for part in parts) if parts else None
+
+
+def encode_command(translator: Translator, command: BoundCommand) -> EncodedCommand:
+    """Encode a guard and the updates behind it. An update whose probability is the constant 0 is left out."""
+    guard = translator.boolean(command.guard)
+    updates: list[EncodedUpdate] = []
+    if guard:
+        updates = [
+            u
+            for u in (_encode_update(translator, update) for update in command.updates)
+            if u.probability != 0.0
+        ]
+    return EncodedCommand(command, guard, tuple(updates))
+
+
+def _encode_update(translator: Translator, update: BoundUpdate) -> EncodedUpdate:
+    true = translator.manager.true
+    probability = translator.probability(update.probability)
+    relation, in_range = true, true
+    variables = translator.encoding.variables
+    for index, expression in sorted(
+        update.assignments, key=lambda a: -translator.encoding.rank[variables[a[0]].name]
+    ):
+        assigned = translator.assignment(variables[index], expression)
+        relation, in_range = relation & assigned.relation, in_range & assigned.in_range
+    return EncodedUpdate(
+        update, probability, tuple(i for i, _ in update.assignments), relation, in_range
+    )
+
+
+def _participant_relation(translator: Translator, commands: Sequence[EncodedCommand]) -> Bdd:
+    union = translator.manager.disjunction
+    touched = touched_by(commands)
+    parts = []
+    for command in commands:
+        moves = [
+            u.relation & frame(translator, touched, u.assigned) & positive(translator, u)
+            for u in command.updates
+        ]
+        parts.append(command.guard & union(moves))
+    return union(parts)
+
+
+def positive(translator: Translator, update: EncodedUpdate) -> Bdd:
+    """The rows where the update has a positive probability (rate)."""
+    if isinstance(update.probability, float):
+        return translator.manager.true if update.probability > 0 else translator.manager.false
+    return update.probability.compare(">", 0.0)
+
+
+def touched_by(commands: Sequence[EncodedCommand]) -> tuple[int, ...]:
+    """Indices of the variables that some update of some of the commands assigns."""
+    return tuple(sorted({i for c in commands for u in c.updates for i in u.assigned}))
+
+
+def frame(translator: Translator, touched: Sequence[int], assigned: Sequence[int]) -> Bdd:
+    """The touched variables that are not assigned stay as they are."""
+    return translator.identity(tuple(i for i in touched if i not in assigned))

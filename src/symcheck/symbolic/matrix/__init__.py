@@ -1,0 +1,1 @@
+"""Transition matrices and rewards as MTBDDs or rows; choice classes of MDPs."""

@@ -1,0 +1,148 @@
+"""Reward structures as MTBDDs over row bits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from math import fsum, inf
+from typing import TYPE_CHECKING
+
+from symcheck.semantics import interpreter
+from symcheck.semantics.model import BoundRewards
+from symcheck.symbolic.matrix.choice_coloring import JointSlot
+from symcheck.symbolic.model import Deferred, EncodedCommand, StateSpace
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd, Mtbdd
+
+__all__ = ["chain_rewards", "slot_rewards", "state_rewards"]
+
+
+def state_rewards(space: StateSpace) -> Deferred[Mtbdd]:
+    """The state rewards of each structure, 0 outside the reachable states."""
+    return Deferred(
+        [
+            partial(_earned, space, structure, space.states, True, None)
+            for structure in space.symbolic.model.rewards
+        ]
+    )
+
+
+def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> Deferred[tuple[Mtbdd, ...]]:
+    """Transition rewards of a DTMC or CTMC: per structure one MTBDD, the sum over transitions of probability (rate)
+    times reward. `numbers`: enabled joint commands per state, where there may be several (DTMC).
+    """
+    return Deferred(
+        [
+            partial(_chain_reward, space, structure, numbers)
+            for structure in space.symbolic.model.rewards
+        ]
+    )
+
+
+def _chain_reward(
+    space: StateSpace, structure: BoundRewards, numbers: Mtbdd | None
+) -> tuple[Mtbdd, ...]:
+    actions = dict.fromkeys(e.event.action for e in space.symbolic.events)
+    total = space.symbolic.manager.sum(
+        [
+            _action_weight(space, action) * _earned(space, structure, space.states, False, action)
+            for action in actions
+            if _rewards_action(structure, action)
+        ]
+    )
+    return (total if numbers is None else total / numbers,)
+
+
+def slot_rewards(
+    space: StateSpace, slots: Sequence[Sequence[JointSlot]]
+) -> Deferred[tuple[Mtbdd, ...]]:
+    """Transition rewards of an MDP: per structure and slot, the reward of the state's choice in that slot."""
+    return Deferred(
+        [
+            partial(_slots_reward, space, structure, slots)
+            for structure in space.symbolic.model.rewards
+        ]
+    )
+
+
+def _slots_reward(
+    space: StateSpace, structure: BoundRewards, slots: Sequence[Sequence[JointSlot]]
+) -> tuple[Mtbdd, ...]:
+    return tuple(_slot_reward(space, structure, slot) for slot in slots)
+
+
+def _slot_reward(space: StateSpace, structure: BoundRewards, slot: Sequence[JointSlot]) -> Mtbdd:
+    manager = space.symbolic.manager
+    by_action: dict[str | None, list[Bdd]] = {}
+    for joint in slot:
+        if _rewards_action(structure, joint.event.event.action):
+            by_action.setdefault(joint.event.event.action, []).append(joint.guard)
+    return manager.sum(
+        [_earned(space, structure, manager.disjunction(g), False, a) for a, g in by_action.items()]
+    )
+
+
+def _rewards_action(structure: BoundRewards, action: str | None) -> bool:
+    return any(not item.on_states and item.action == action for item in structure.items)
+
+
+def _earned(
+    space: StateSpace, structure: BoundRewards, states: Bdd, on_states: bool, action: str | None
+) -> Mtbdd:
+    """Sum of the items on states, or on transitions of `action`, within `states`."""
+    items = [
+        i for i in structure.items if i.on_states == on_states and (on_states or i.action == action)
+    ]
+    parts = []
+    for item in items:
+        where = space.where(item.guard) & states
+        if where:
+            value = space.values(item.value, where)
+            check_finite(
+                space, value, where & space.symbolic.translator.undefined(item.value), on_states
+            )
+            parts.append(value)
+    return space.symbolic.manager.sum(parts)
+
+
+def check_finite(space: StateSpace, value: Mtbdd, undefined: Bdd, on_states: bool) -> None:
+    """Raise ModelFault where a reward is infinite or has no value, as the scalar semantics says it."""
+    if not undefined and value.maximum_leaf < inf and value.minimum_leaf > -inf:
+        return
+    bad = undefined | value.equal(inf) | value.equal(-inf)
+    for state in space.valuations(bad, 1):
+        if on_states:
+            interpreter.state_rewards(space.symbolic.model, state)
+        else:
+            interpreter.choices(space.symbolic.model, state)
+
+
+def _action_weight(space: StateSpace, action: str | None) -> Mtbdd:
+    """Sum of probabilities (rates) of all transitions of an action (before dividing by the number of choices)."""
+    parts = []
+    for event in space.symbolic.events:
+        enabled = event.guard & space.states
+        if event.event.action == action and enabled:
+            weight = enabled.to_mtbdd()
+            for commands in event.participants:
+                weight = weight * _commands_weight(space, commands)
+            parts.append(weight)
+    return space.symbolic.manager.sum(parts)
+
+
+def _commands_weight(space: StateSpace, commands: Sequence[EncodedCommand]) -> Mtbdd:
+    parts = []
+    for command in commands:
+        # fsum, so that 1/3 + 1/3 + 1/3 is 1
+        parts.append(
+            command.guard.to_mtbdd(
+                fsum(u.probability for u in command.updates if isinstance(u.probability, float))
+            )
+        )
+        parts.extend(
+            u.probability.times_bdd(command.guard)
+            for u in command.updates
+            if not isinstance(u.probability, float)
+        )
+    return space.symbolic.manager.sum(parts)

@@ -1,0 +1,199 @@
+"""Matrices on the reachable states: one MTBDD for a DTMC or CTMC, one per choice slot for an MDP.
+
+Each event's matrix is the product of its participants' sums, over touched variables; events that touch the same
+variables are added before the others' identity is multiplied in, and everything is restricted to reachable rows.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from symcheck.semantics.settings import BuildSettings
+from symcheck.symbolic.checks import check_model
+from symcheck.symbolic.events.commands import frame, touched_by
+from symcheck.symbolic.matrix.choice_coloring import choice_slots
+from symcheck.symbolic.matrix.rewards import chain_rewards, slot_rewards, state_rewards
+from symcheck.symbolic.model import (
+    ChoiceSlot,
+    EncodedCommand,
+    EncodedEvent,
+    StateSpace,
+    SymbolicModel,
+    Transitions,
+)
+from symcheck.syntax.ast import ModelType
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd, Mtbdd
+
+__all__ = ["choice_numbers", "full_matrix", "participant_matrix", "transitions"]
+
+
+def transitions(
+    space: StateSpace, options: BuildSettings, observer: Callable[[object], None] | None = None
+) -> Transitions:
+    """The matrices, rewards and choices of a model, on its reachable states.
+
+    Raises ModelFault where a reachable state breaks a rule: probabilities that do not sum to 1 (unless
+    `options.check_sums` is off), negative ones, values out of range, deadlocks if `options.fix_deadlocks` is off.
+    """
+    started = time.perf_counter()
+    check_model(space, options)
+    result = _decisions(space) if space.symbolic.model.type is ModelType.MDP else _chain(space)
+    result = replace(result, seconds=time.perf_counter() - started)
+    if observer is not None:
+        observer(result)
+    return result
+
+
+# ------------------------------------------------------------------------------------------------ DTMC, CTMC
+
+
+def _chain(space: StateSpace) -> Transitions:
+    symbolic = space.symbolic
+    parts = [(e, e.participants) for e in symbolic.events if not e.guard.disjoint(space.states)]
+    matrix = full_matrix(symbolic, parts, space.states)
+    numbers = choice_numbers(space) if symbolic.model.type is ModelType.DTMC else None
+    if numbers is not None:
+        matrix = matrix / numbers
+    if space.deadlocks:
+        matrix = matrix + _self_loops(symbolic, space.deadlocks)
+    return Transitions(
+        space, matrix, (), {}, state_rewards(space), chain_rewards(space, numbers), space.deadlocks
+    )
+
+
+def choice_numbers(space: StateSpace) -> Mtbdd | None:
+    """How many joint commands are enabled in each state (1 where none is), or None where never more than one is."""
+    manager = space.symbolic.manager
+    once = twice = manager.false
+    for event in space.symbolic.events:
+        event_once, event_twice = _multiplicity(space, event)
+        twice = twice | event_twice | (once & event_once)
+        once = once | event_once
+    if not twice:
+        return None
+    counts = [
+        product(_counted(space, commands) for commands in e.participants)
+        for e in space.symbolic.events
+    ]
+    return manager.sum(counts).times_bdd(space.states).maximum(1.0)
+
+
+def _multiplicity(space: StateSpace, event: EncodedEvent) -> tuple[Bdd, Bdd]:
+    """Reachable states where some joint command of the event is enabled, and where several are."""
+    once, twice = space.states & event.guard, space.symbolic.manager.false
+    for commands in event.participants if once else ():
+        seen = space.symbolic.manager.false
+        for command in commands:
+            twice = twice | (once & seen & command.guard)
+            seen = seen | command.guard
+    return once, twice
+
+
+def _counted(space: StateSpace, commands: Sequence[EncodedCommand]) -> Mtbdd:
+    return space.symbolic.manager.sum([c.guard.to_mtbdd() for c in commands])
+
+
+# ------------------------------------------------------------------------------------------------ MDP
+
+
+def _decisions(space: StateSpace) -> Transitions:
+    symbolic = space.symbolic
+    manager = symbolic.manager
+    slots = choice_slots(space)
+    actions: dict[tuple[int, str | None], Bdd] = {}
+    choices: list[ChoiceSlot] = []
+    for number, joint in enumerate(slots):
+        for j in joint:
+            key = (number, j.event.event.action)
+            actions[key] = actions.get(key, manager.false) | j.guard
+        matrix = manager.sum(
+            [full_matrix(symbolic, [(j.event, j.participants)], j.guard) for j in joint]
+        )
+        choices.append(ChoiceSlot(matrix, manager.disjunction([j.guard for j in joint])))
+    if space.deadlocks:
+        slots = slots or ((),)
+        first = choices[0] if choices else ChoiceSlot(manager.zero, manager.false)
+        choices[:1] = [
+            ChoiceSlot(
+                first.matrix + _self_loops(symbolic, space.deadlocks), first.guard | space.deadlocks
+            )
+        ]
+        actions[0, None] = actions.get((0, None), manager.false) | space.deadlocks
+    return Transitions(
+        space,
+        None,
+        tuple(choices),
+        actions,
+        state_rewards(space),
+        slot_rewards(space, slots),
+        space.deadlocks,
+    )
+
+
+# ------------------------------------------------------------------------------------------------ pieces
+
+
+def full_matrix(
+    symbolic: SymbolicModel,
+    parts: Iterable[tuple[EncodedEvent, Sequence[Sequence[EncodedCommand]]]],
+    rows: Bdd,
+) -> Mtbdd:
+    """Sum over events, each restricted to some commands per participant, over all row and column bits, on given rows.
+
+    Variables that an event does not touch stay as they are.
+    """
+    groups: dict[tuple[int, ...], list[Mtbdd]] = {}
+    for event, participants in parts:
+        matrix = product(
+            participant_matrix(symbolic, chosen, touched_by(commands), rows)
+            for chosen, commands in zip(participants, event.participants, strict=True)
+        )
+        groups.setdefault(event.touched, []).append(matrix)
+    everything = range(len(symbolic.encoding.variables))
+    manager = symbolic.manager
+    return manager.sum(
+        [
+            manager.sum(matrices)
+            .times_bdd(rows)
+            .times_bdd(frame(symbolic.translator, everything, touched))
+            for touched, matrices in groups.items()
+        ]
+    )
+
+
+def participant_matrix(
+    symbolic: SymbolicModel, commands: Sequence[EncodedCommand], touched: Sequence[int], rows: Bdd
+) -> Mtbdd:
+    """Sum of commands, over row bits and the column bits of `touched`; right on `rows` at least."""
+    parts = []
+    for command in commands:
+        if command.guard.disjoint(rows):
+            continue
+        for u in command.updates:
+            moves = command.guard & u.relation & frame(symbolic.translator, touched, u.assigned)
+            parts.append(
+                moves.to_mtbdd(u.probability)
+                if isinstance(u.probability, float)
+                else u.probability.times_bdd(moves)
+            )
+    return symbolic.manager.sum(parts)
+
+
+def _self_loops(symbolic: SymbolicModel, states: Bdd) -> Mtbdd:
+    return (
+        states & frame(symbolic.translator, range(len(symbolic.encoding.variables)), ())
+    ).to_mtbdd()
+
+
+def product(factors: Iterable[Mtbdd]) -> Mtbdd:
+    """The product of at least one factor, left to right."""
+    iterator = iter(factors)
+    result = next(iterator)
+    for factor in iterator:
+        result = result * factor
+    return result

@@ -1,0 +1,1 @@
+"""Variable orders: declared, given, FORCE, sifting."""

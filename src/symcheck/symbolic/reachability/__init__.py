@@ -1,0 +1,1 @@
+"""The reachable states, by image computation and saturation."""

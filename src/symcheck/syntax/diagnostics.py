@@ -1,0 +1,659 @@
+"""Says what is wrong with a text in the words of the language, and what to do about it."""
+
+from __future__ import annotations
+
+from symcheck.errors import Diagnostic, Source, Span
+from symcheck.syntax.grammars import Grammar
+from symcheck.syntax.lalr import MAX_NESTING, Fault
+from symcheck.syntax.lexer import FOREIGN, KEYWORDS, RESERVED, Words
+from symcheck.syntax.tree_builder import FUNCTIONS
+
+__all__ = ["diagnose"]
+
+# Groups of words that one phrase stands for: if all of the first are expected, name the phrase and leave out all of the second.
+_OPERATORS = frozenset(
+    {
+        *("AND", "OR", "IMPLIES", "IFF", "EQ", "NE", "LT", "LE", "GT", "GE"),
+        *("PLUS", "MINUS", "TIMES", "DIVIDE", "POWER", "QMARK"),
+    }
+)
+_STARTS = frozenset(
+    {
+        *(
+            "INTEGER",
+            "REAL",
+            "TRUE",
+            "FALSE",
+            "NAME",
+            "STRING",
+            "FUNCTION",
+            "MIN",
+            "MAX",
+            "FUNC",
+            "MULTI",
+            "FILTER",
+        ),
+        *("LPAR", "MINUS", "NOT"),
+        *(
+            "P",
+            "PMIN",
+            "PMAX",
+            "PMINMAX",
+            "PMAXMIN",
+            "RELEASE",
+            "RMIN",
+            "RMAX",
+            "RMINMAX",
+            "RMAXMIN",
+            "S",
+            "ALL",
+            "EXISTS",
+        ),
+    }
+)
+_PHRASES = (
+    ("a path formula", frozenset({"NEXT", "INTEGER"}), _STARTS | {"NEXT", "FINALLY", "GLOBALLY"}),
+    ("an expression", frozenset({"INTEGER", "LPAR"}), _STARTS),
+    ("'U', 'W' or 'R'", frozenset({"UNTIL", "WEAK"}), frozenset({"UNTIL", "WEAK", "RELEASE"})),
+    ("an operator", frozenset({"AND", "PLUS"}), _OPERATORS),
+    ("an operator", frozenset({"AND", "OR"}), _OPERATORS),
+    (
+        "a bound",
+        frozenset({"LT", "EQ", "LSQB"}),
+        frozenset({"LT", "LE", "GT", "GE", "EQ", "LSQB", "POWER", "LBRACE"}),
+    ),
+    (
+        "a bound such as =? or >=0.5",
+        frozenset({"LT", "EQ"}),
+        frozenset({"LT", "LE", "GT", "GE", "EQ"}),
+    ),
+    ("'min' or 'max'", frozenset({"MINMAX", "MIN"}), frozenset({"MIN", "MAX", "MINMAX", "MAXMIN"})),
+    (
+        "a module or another declaration",
+        frozenset({"MODULE", "CONST", "REWARDS"}),
+        frozenset(
+            {
+                "MODULE",
+                "CONST",
+                "REWARDS",
+                "FORMULA",
+                "LABEL",
+                "GLOBAL",
+                "INIT",
+                "SYSTEM",
+                "RATE",
+                "PROB",
+            }
+        )
+        | {"DTMC", "CTMC", "MDP", "PROBABILISTIC", "STOCHASTIC", "NONDETERMINISTIC"},
+    ),
+    (
+        "a declaration",
+        frozenset({"CONST", "LABEL"}),
+        frozenset({"CONST", "LABEL", "FORMULA", "RATE", "PROB"}),
+    ),
+)
+_WORDS = {
+    "NAME": "a name",
+    "STRING": 'a "name" in quotes',
+    "INTEGER": "a number",
+    "REAL": "a number",
+    "$END": "the end of the text",
+}
+_SIGNS = {
+    "≤": "<=",
+    "≥": ">=",
+    "≠": "!=",
+    "∧": "&",
+    "∨": "|",
+    "¬": "!",
+    "→": "->",
+    "⇒": "=>",
+    "⇔": "<=>",
+    "×": "*",
+    "·": "*",
+    "÷": "/",
+    "−": "-",
+    "–": "-",
+    "—": "-",
+    "“": '"',
+    "”": '"',
+    "„": '"',
+    "‘": "'",
+    "’": "'",
+    "′": "'",
+    "´": "'",
+    "\u00a0": "a plain space",
+    "\u200b": "nothing",
+    "\ufeff": "nothing",
+}
+_MODEL_WORDS = frozenset(
+    {
+        "dtmc",
+        "ctmc",
+        "mdp",
+        "module",
+        "endmodule",
+        "probabilistic",
+        "stochastic",
+        "nondeterministic",
+    }
+)
+_OTHER_MODELS = {
+    "pta": "probabilistic timed automata",
+    "popta": "partially observable timed automata",
+    "pomdp": "partially observable decision processes",
+    "idtmc": "chains with intervals of probabilities",
+    "imdp": "decision processes with intervals of probabilities",
+    "ipomdp": "partially observable decision processes with intervals",
+    "smg": "stochastic games",
+    "tsg": "stochastic games",
+    "csg": "concurrent stochastic games",
+    "tptg": "timed games",
+    "lts": "transition systems without probabilities",
+    "ma": "Markov automata",
+}
+_OTHER_WORDS = {
+    "clock": "clocks belong to timed automata",
+    "invariant": "invariants belong to timed automata",
+    "observables": "observables belong to partially observable models",
+    "observable": "observables belong to partially observable models",
+    "player": "players belong to stochastic games",
+}
+_CLOSERS = {"(": ")", "[": "]", "{": "}"}
+_OPENERS = {close: opening for opening, close in _CLOSERS.items()}
+
+
+def diagnose(fault: Fault, source: Source, grammar: Grammar, words: Words) -> Diagnostic:
+    """The diagnostic of one fault. `words` may have been mended since: only what stands before the fault is looked at."""
+    text = source.text
+    if fault.too_deep:
+        deep = f"nested more than {MAX_NESTING} levels deep"
+        return Diagnostic(
+            deep,
+            _span(source, fault.start, fault.end),
+            "nesting",
+            "give parts of it names with formula … = …;",
+        )
+    expected = {grammar.terminals[k] for k in fault.expected}
+    found = text[fault.start : fault.end]
+    if found in _MODEL_WORDS and "ENDMODULE" not in grammar.terminals:
+        hint: str | None = "a run has one model: symcheck MODEL PROPERTIES"
+        return Diagnostic(
+            "this is a part of a model, where properties are expected",
+            _span(source, fault.start, fault.end),
+            "model",
+            hint,
+        )
+    special = (
+        _other_model(fault, source, expected)
+        or _lexical(fault, source)
+        or _mistake(fault, source, expected, words)
+    )
+    if special is not None:
+        return special
+    if fault.mended is not None:
+        missing = f"'{grammar.spelling[fault.mended]}'"
+        where = f"before {_found(found)}" if found else "at the end of the text"
+        at = max(fault.previous - 1, 0)
+        return Diagnostic(
+            f"{missing} is missing {where}",
+            _span(source, at, fault.previous),
+            "missing",
+            f"put {missing} here",
+        )
+    message = f"unexpected {_found(found)}; expected {_listed(expected, grammar)}"
+    hint = _unclosed(fault, words, expected) or _keyword(found, expected, grammar)
+    return Diagnostic(message, _span(source, fault.start, fault.end), "syntax", hint)
+
+
+def _span(source: Source, start: int, end: int) -> Span:
+    """A span that shows something: at the end of the text, the last character that is not white space."""
+    if start >= len(source.text.rstrip()):
+        start = max(len(source.text.rstrip()) - 1, 0)
+        end = start + 1
+    return Span(source, start, max(end, start + 1))
+
+
+def _found(found: str) -> str:
+    if not found:
+        return "end of the text"
+    return f"'{found}'" if found.isprintable() else repr(found)
+
+
+def _listed(expected: set[str], grammar: Grammar) -> str:
+    """What could stand there, in words: phrases first, then single words and signs."""
+    left = set(expected)
+    phrases: list[str] = []
+    for phrase, needed, covered in _PHRASES:
+        if needed <= left:
+            phrases.append(phrase)
+            left -= covered
+    singles = {
+        _WORDS.get(t) or f"'{grammar.spelling[k]}'"
+        for k, t in enumerate(grammar.terminals)
+        if t in left and _named(t, k, grammar)
+    }
+    # The end of the text always may follow a whole property: not worth a word.
+    everything = [*phrases, *sorted(singles, key=lambda w: (w.startswith("'"), w))]
+    if len(everything) > 1 and _WORDS["$END"] in everything:
+        everything.remove(_WORDS["$END"])
+    if not everything:
+        return "something else"
+    return (
+        everything[0]
+        if len(everything) == 1
+        else f"{', '.join(everything[:-1])} or {everything[-1]}"
+    )
+
+
+def _keyword(found: str, expected: set[str], grammar: Grammar) -> str | None:
+    """A hint at a keyword that could stand there and is nearly what does."""
+    from difflib import get_close_matches
+
+    keywords = [
+        grammar.spelling[k]
+        for k, t in enumerate(grammar.terminals)
+        if t in expected and k in grammar.spelling
+    ]
+    near = (
+        get_close_matches(found, [k for k in keywords if k.isalpha()], 1, 0.75)
+        if found.isidentifier()
+        else []
+    )
+    return f"did you mean '{near[0]}'?" if near else None
+
+
+def _named(terminal: str, kind: int, grammar: Grammar) -> bool:
+    return terminal in _WORDS or kind in grammar.spelling
+
+
+# ------------------------------------------------------------------------------------------------ typical mistakes
+
+
+def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
+    """Types of models that the language has elsewhere, and what only they have."""
+    word, span = source.text[fault.start : fault.end], _span(source, fault.start, fault.end)
+    hint = "dtmc, ctmc and mdp are"
+    if word in _OTHER_MODELS and (fault.kind == RESERVED or "MODULE" in expected):
+        return Diagnostic(
+            f"models of type {word} ({_OTHER_MODELS[word]}) are not supported",
+            span,
+            "model-type",
+            hint,
+        )
+    if word in _OTHER_WORDS and (
+        fault.kind == RESERVED or "MODULE" in expected or "ENDMODULE" in expected
+    ):
+        return Diagnostic(
+            f"{_OTHER_WORDS[word]}, which are not supported", span, "model-type", hint
+        )
+    if word == "[" and "INTEGER" in expected and "," in source.text[fault.start :].split(";", 1)[0]:
+        return Diagnostic(
+            "intervals of probabilities are not supported",
+            span,
+            "model-type",
+            "write one probability or rate",
+        )
+    return None
+
+
+def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
+    """Characters that start no word, and reserved words."""
+    text, start = source.text, fault.start
+    if fault.kind == RESERVED:
+        word = text[start : fault.end]
+        return _reserved(word, _span(source, start, fault.end))
+    if fault.kind != FOREIGN:
+        return None
+    character = text[start]
+    span = Span(source, start, fault.end)
+    if character in _SIGNS:
+        return Diagnostic(
+            f"'{character}' is not a sign of the language",
+            span,
+            "character",
+            f"write {_SIGNS[character]}",
+        )
+    if character == '"':
+        line = text[start:].split("\n", 1)[0]
+        if '"' not in line[1:]:
+            span = Span(source, start, start + len(line.rstrip()))
+            return Diagnostic(
+                "this quote is not closed", span, "quote", 'close it on this line: "name"'
+            )
+        inner = Span(source, start, start + line.index('"', 1) + 1)
+        return Diagnostic(
+            "a quoted name is made of letters, digits and _",
+            inner,
+            "quote",
+            "it starts with a letter or _",
+        )
+    if character == "#":
+        return Diagnostic(
+            "preprocessor text cannot be read",
+            span,
+            "character",
+            "write out what the preprocessor would make of it",
+        )
+    if character == ".":
+        return Diagnostic("a number does not end with a point", span, "number", "write 1.0 or 1")
+    name = repr(character) if not character.isprintable() else f"'{character}'"
+    hint = "names are made of plain letters, digits and _" if character.isalpha() else None
+    return Diagnostic(
+        f"{name} (U+{ord(character):04X}) has no place in the language", span, "character", hint
+    )
+
+
+def _reserved(word: str, span: Span) -> Diagnostic:
+    return Diagnostic(
+        f"'{word}' is a reserved word", span, "reserved", f"choose another name, such as {word}_"
+    )
+
+
+def _mistake(fault: Fault, source: Source, expected: set[str], words: Words) -> Diagnostic | None:
+    """Mistakes that are often made, told by the words around."""
+    text, start = source.text, fault.start
+    before, rest = text[: fault.previous], text[start:]
+    glued = fault.previous == start
+    code, length, message, hint = "syntax", 1, "", ""
+    if glued and before.endswith("=") and rest.startswith("="):
+        start, length, message, hint = (
+            start - 1,
+            2,
+            "'==' is not an operator",
+            "equality is written =",
+        )
+    elif glued and before.endswith("&") and rest.startswith("&"):
+        start, length, message, hint = start - 1, 2, "'&&' is not an operator", "and is written &"
+    elif rest.startswith("||") or (glued and before.endswith("|") and rest.startswith("|")):
+        start, length = (start, 2) if rest.startswith("||") else (start - 1, 2)
+        message, hint = "'||' is not an operator of expressions", "or is written |"
+    elif rest.startswith("<-"):
+        length, message, hint = 2, "'<-' is read as one sign", "for less than minus …, write < -"
+    elif rest.startswith("->") and words[fault.at - 1] == "]" and "INTEGER" in expected:
+        length, message, hint = (
+            2,
+            "the guard is missing before '->'",
+            "write true for a command that is always enabled",
+        )
+    elif rest.startswith("->") and "INTEGER" in expected:
+        length, message, hint = 2, "an expression is missing before '->'", _COMMAND
+    elif rest.startswith("->") and "RPAR" not in expected:
+        length, message, hint = 2, "'->' has no place here", "implication is written =>"
+    elif glued and before.endswith("-") and rest.startswith(">"):
+        start, length, message, hint = (
+            start - 1,
+            2,
+            "'->' is not an operator of properties",
+            "implication is written =>",
+        )
+    elif (
+        rest.startswith("'")
+        and _in_command(words, fault.at)
+        and "->" not in _until_semicolon(words, fault.at)
+    ):
+        message, hint = "'->' is missing between the guard and the updates", _COMMAND
+    elif rest.startswith("'") and _in_update(words, fault.at) and words[fault.at - 2] != "(":
+        message, hint = "an update stands in parentheses", f"write ({words[fault.at - 1]}' = …)"
+    elif rest.startswith("'"):
+        message, hint = (
+            "a prime belongs to the left side of an update only",
+            "write (x'=…) in an update, and x without prime elsewhere",
+        )
+    elif rest.startswith("/*") or (glued and rest.startswith("*") and before.endswith("/")):
+        start, length = (start, 2) if rest.startswith("/*") else (start - 1, 2)
+        message, hint = (
+            "this comment cannot be read",
+            "comments start with // and end with the line",
+        )
+    elif rest.startswith("=") and glued and before.endswith((">", "<")):
+        message, hint = "this is no comparison", "comparisons are < <= > >= = !="
+    else:
+        return _misplaced(fault, source, expected, words)
+    return Diagnostic(message, Span(source, start, start + length), code, hint)
+
+
+def _misplaced(fault: Fault, source: Source, expected: set[str], words: Words) -> Diagnostic | None:
+    """Words that are right elsewhere."""
+    text, start, end = source.text, fault.start, fault.end
+    found, before = text[start:end], text[: fault.previous]
+    span = Span(source, start, end)
+    if "'" in text[fault.previous : start]:
+        return None
+    last = words[fault.at - 1] if fault.at else ""
+    if found in ("X", "F", "G") and "INTEGER" in expected and "NEXT" not in expected:
+        hint = (
+            f"put it in parentheses: ({found} …)"
+            if _inside_path(words, fault.at)
+            else f"write P=? [ {found} … ]"
+        )
+        return Diagnostic(f"the path operator {found} cannot stand here", span, "path", hint)
+    if found in _CLOSERS.values() and not _open_bracket(words, fault.at):
+        return Diagnostic(
+            f"this '{found}' closes nothing",
+            span,
+            "bracket",
+            f"leave it out, or put '{_OPENERS[found]}' where it belongs",
+        )
+    if last == "=" and "QMARK" in expected and len(expected) == 1:
+        hint = "an exact bound is not meaningful; compare with <, <=, > or >="
+        return Diagnostic(
+            f"unexpected {_found(found)} after '='; expected '?'", span, "bound", hint
+        )
+    if last == "C" and "LE" in expected and found in ("<", ">", ">=", "=", "["):
+        return Diagnostic("C takes a bound of the form C<=k only", span, "bound", "write C<=k")
+    if (
+        found in ("U", "W", "R")
+        and "UNTIL" not in expected
+        and "AND" in expected
+        and _inside_path(words, fault.at)
+    ):
+        hint = f"put what belongs together in parentheses: (… {found} …)"
+        return Diagnostic(f"the path operator {found} cannot stand here", span, "path", hint)
+    if expected == {"QUOTE"} and last.isidentifier():
+        named = Span(source, words.starts[fault.at - 1], words.ends[fault.at - 1])
+        return Diagnostic(
+            f"the prime is missing in the update of {last}", named, "prime", f"write ({last}'=…)"
+        )
+    if expected == {"LPAR"} and last in ("min", "max"):
+        return _reserved(last, Span(source, words.starts[fault.at - 1], words.ends[fault.at - 1]))
+    if found in (";", "+") and "COLON" in expected and _in_update(words, fault.at):
+        return _no_update(source, words, fault, span)
+    if last == "->" and "INTEGER" in expected:
+        return Diagnostic(f"an update is missing before {_found(found)}", span, "update", _UPDATE)
+    if (
+        found == "("
+        and "SEMICOLON" in expected
+        and last == ")"
+        and "AND" in expected
+        and "OR" not in expected
+    ):
+        return Diagnostic(
+            "'&' is missing between two updates", span, "update", "write (x'=…) & (y'=…)"
+        )
+    if found in (":", "(") and "ARROW" in expected and not last.isidentifier():
+        return Diagnostic(
+            "'->' is missing between the guard and the updates", span, "arrow", _COMMAND
+        )
+    if (
+        fault.kind >= 0
+        and found.isidentifier()
+        and expected == {"LSQB", "ENDMODULE"}
+        and words[fault.at + 1] == ":"
+    ):
+        return Diagnostic(
+            "a variable is declared behind a command",
+            span,
+            "order",
+            "declare the variables of a module before its commands",
+        )
+    if (
+        found == "("
+        and last.isidentifier()
+        and before.endswith(last)
+        and "LPAR" not in expected
+        and "AND" in expected
+    ):
+        named = Span(source, words.starts[fault.at - 1], words.ends[fault.at - 1])
+        return Diagnostic(
+            f"there is no function '{last}'",
+            named,
+            "function",
+            f"the functions are {', '.join(FUNCTIONS)}",
+        )
+    if (
+        found.isidentifier()
+        and fault.kind >= 0
+        and "NAME" in expected
+        and "INTEGER" not in expected
+        and found in _KEYWORD_NAMES
+    ):
+        return _reserved(found, span)
+    if (
+        found
+        and found[0].isalpha()
+        and "STRING" in expected
+        and last in ("label", "rewards")
+        and "INTEGER" not in expected
+    ):
+        return Diagnostic(
+            f"the name of this {last} needs quotes", span, "quotes", f'write "{found}"'
+        )
+    return None
+
+
+def _no_update(source: Source, words: Words, fault: Fault, span: Span) -> Diagnostic:
+    """A command, or a part of it, that changes nothing: perhaps as a prime was forgotten."""
+    for i in range(fault.at - 1, 2, -1):
+        if words[i] in ("->", ";"):
+            break
+        if words[i] == "=" and words[i - 2] == "(" and words[i - 1].isidentifier():
+            name = words[i - 1]
+            where = Span(source, words.starts[i - 1], words.ends[i - 1])
+            return Diagnostic(
+                f"the prime is missing in the update of {name}",
+                where,
+                "prime",
+                f"write ({name}'=…)",
+            )
+    return Diagnostic("this command does not say what changes", span, "update", _UPDATE)
+
+
+_COMMAND = "a command is [action] guard -> updates;"
+_UPDATE = "an update is true, (x'=…), or probability : (x'=…)"
+_KEYWORD_NAMES = frozenset(
+    {
+        *(
+            "A",
+            "bool",
+            "C",
+            "double",
+            "E",
+            "false",
+            "F",
+            "filter",
+            "func",
+            "G",
+            "I",
+            "int",
+            "max",
+            "min",
+            "P",
+            "Pmax",
+            "Pmin",
+            "prob",
+            "R",
+        ),
+        *(
+            "rate",
+            "Rmax",
+            "Rmin",
+            "S",
+            "true",
+            "U",
+            "W",
+            "X",
+            "minmax",
+            "maxmin",
+            "dtmc",
+            "ctmc",
+            "mdp",
+            "system",
+            "init",
+        ),
+    }
+)
+
+
+def _inside_path(words: Words, at: int) -> bool:
+    """Whether word `at` is within the brackets of P, R, A or E."""
+    i = _open_bracket(words, at)
+    while i is not None and words[i] != "[":
+        i = _open_bracket(words, i)
+    if i is None:
+        return False
+    while i > 0:
+        i -= 1
+        word = words[i]
+        if word[:1] in ("P", "R", "A", "E", "S") and word in KEYWORDS:
+            return word != "S"
+        if word in (";", "]"):
+            return False
+    return False
+
+
+def _open_bracket(words: Words, at: int) -> int | None:
+    """The last bracket before word `at`, in the same part of the text, that nothing closes before it."""
+    closed = 0
+    for i in range(at - 1, -1, -1):
+        word = words[i]
+        if word == ";":
+            return None
+        if word in _OPENERS:
+            closed += 1
+        elif word in _CLOSERS:
+            if not closed:
+                return i
+            closed -= 1
+    return None
+
+
+def _in_command(words: Words, at: int) -> bool:
+    """Whether word `at` is in a command before its arrow."""
+    return _since_semicolon(words, at)[:1] == ["["] and "->" not in _since_semicolon(words, at)
+
+
+def _in_update(words: Words, at: int) -> bool:
+    """Whether word `at` is behind the arrow of a command."""
+    return "->" in _since_semicolon(words, at)
+
+
+def _since_semicolon(words: Words, at: int) -> list[str]:
+    found: list[str] = []
+    for i in range(at - 1, max(at - 5000, -1), -1):
+        word = words[i]
+        if word == ";":
+            break
+        found.append(word)
+    return found[::-1]
+
+
+def _until_semicolon(words: Words, at: int) -> list[str]:
+    found: list[str] = []
+    for i in range(at, len(words)):
+        if words[i] == ";":
+            break
+        found.append(words[i])
+    return found
+
+
+def _unclosed(fault: Fault, words: Words, expected: set[str]) -> str | None:
+    """A hint at the last bracket that is open where its closing one could stand."""
+    if not expected & {"RPAR", "RSQB", "RBRACE"}:
+        return None
+    i = _open_bracket(words, fault.at)
+    if i is None:
+        return None
+    line, column = Source("", words.text).position(words.starts[i])
+    return f"the '{words[i]}' at {line}:{column} is still open"

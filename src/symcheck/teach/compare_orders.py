@@ -1,0 +1,56 @@
+"""Order lab: the same model under several orders of its variables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice, permutations
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from symcheck.symbolic.build import construct
+
+if TYPE_CHECKING:
+    from symcheck.check.options import Options
+    from symcheck.semantics.model import BoundModel
+
+__all__ = ["OrderFrame", "order_lab"]
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFrame:
+    """What one order (from the top of the diagrams down) leads to: nodes of the states and of the matrices, seconds."""
+
+    order: tuple[str, ...]
+    states: int
+    states_nodes: int
+    matrix_nodes: int
+    peak_nodes: int
+    seconds: float
+
+
+def order_lab(
+    model: BoundModel,
+    options: Options,
+    orders: Iterable[Sequence[str]] | None = None,
+    *,
+    limit: int = 120,
+) -> Iterator[OrderFrame]:
+    """Build a model under each of the orders, in a manager each; None: all permutations, at most `limit` of them.
+
+    Raises what `construct` raises.
+    """
+    names = [v.name for v in model.variables]
+    for order in islice(permutations(names) if orders is None else orders, limit):
+        started = perf_counter()
+        made = construct(model, options, order=order)
+        seconds = perf_counter() - started
+        manager = made.space.symbolic.manager
+        yield OrderFrame(
+            tuple(v.name for v in made.space.symbolic.encoding.ordered),
+            made.space.count,
+            made.space.states.node_count,
+            manager.shared_size(made.roots),
+            manager.statistics().peak_live_nodes,
+            seconds,
+        )
