@@ -41,7 +41,7 @@ def _bound() -> symcheck.BoundModel:
             lambda: symcheck.reach(symcheck.build(_bound(), symcheck.Options())),
         ),
         (
-            "symcheck.exchange.api_io.snapshot",
+            "symcheck.exchange.api_io.explicit_export",
             lambda: symcheck.export(symcheck.load(DIE), "die.drn"),
         ),
         ("symcheck.exchange.api_io.read_files", lambda: symcheck.load_explicit("die.all")),

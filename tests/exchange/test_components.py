@@ -7,7 +7,7 @@ import pytest
 import symcheck
 from symcheck.errors import UnsupportedError
 from symcheck.exchange.components import components_file
-from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.export import ExportOptions as Options
 from symcheck.exchange.export import Target, _texts, file_options
 
@@ -24,7 +24,7 @@ MDP = "mdp module m x:[0..2]; [a] x=0 -> 0.5:(x'=1)+0.5:(x'=2); [b] x=0 -> true;
 
 
 def written(text, kind):
-    return "".join(components_file(snapshot(symcheck.loads(text).engine), kind))
+    return "".join(components_file(explicit_export(symcheck.loads(text).engine), kind))
 
 
 def test_components_of_a_chain():
@@ -41,7 +41,7 @@ def test_components_of_an_mdp():
 
 def matlab(text, kind):
     model = symcheck.loads(text)
-    shot = snapshot(
+    shot = explicit_export(
         model.engine, list(model.bound.labels), lambda n: model.engine.where(model.bound.labels[n])
     )
     return [

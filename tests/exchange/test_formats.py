@@ -10,7 +10,7 @@ import pytest
 import symcheck
 from symcheck.errors import UsageError
 from symcheck.exchange import text as texts
-from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.export import export, parse_target
 
 MDP = """mdp
@@ -37,7 +37,9 @@ rewards [] n=1 : 4; endrewards
 def written(model, target, labels=()):
     out = io.StringIO()
     built = symcheck.loads(model) if isinstance(model, str) else model
-    shot = snapshot(built.engine, labels, lambda n: built.engine.where(built.bound.labels[n]))
+    shot = explicit_export(
+        built.engine, labels, lambda n: built.engine.where(built.bound.labels[n])
+    )
     list(export(shot, parse_target(target, "m"), out))
     return out.getvalue()
 

@@ -16,7 +16,7 @@ import symcheck
 from exchange.models import some_model
 from generate import random_property
 from symcheck.errors import SymcheckError, UsageError
-from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.export import export, parse_target
 from symcheck.exchange.text import write_text
 from symcheck.syntax.ast import ModelType
@@ -68,7 +68,9 @@ def test_every_engine_writes_the_same(seed, kind):
         names = ["a", "b"]
         model = symcheck.loads(text, **options)
         built = model.engine
-        found[engine] = snapshot(built, names, lambda n, m=model: m.engine.where(m.bound.labels[n]))
+        found[engine] = explicit_export(
+            built, names, lambda n, m=model: m.engine.where(m.bound.labels[n])
+        )
         list(export(found[engine], parse_target("stdout.sta,lab", "m"), out))
         found[engine, "text"] = out.getvalue()
     first = found["explicit"]
@@ -97,7 +99,7 @@ def _choices(model):
 
 def test_states_in_another_order_are_put_in_order():
     model = symcheck.loads(some_model(Random(3), "mdp").text)
-    whole = snapshot(model.engine)
+    whole = explicit_export(model.engine)
     from symcheck.exchange.explicit_export import _permuted, _sorted
 
     order = np.arange(whole.n)[::-1]

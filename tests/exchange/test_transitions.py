@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import symcheck
 from exchange.models import some_model
-from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.explicit_export import explicit_export
 
 RACE = """ctmc
 module q
@@ -39,7 +39,7 @@ def test_transitions_of_a_row_have_their_own_rewards(tmp_path):
 
 @pytest.mark.parametrize("options", [{"engine": "sparse"}, {"engine": "mtbdd"}, {"exact": True}])
 def test_every_engine_gives_the_same(options):
-    found = snapshot(symcheck.loads(RACE, **options).engine).entry_rewards(0)
+    found = explicit_export(symcheck.loads(RACE, **options).engine).entry_rewards(0)
     assert [float(x) for x in found] == [5, 3, 5, 0, 1]
 
 
@@ -52,14 +52,16 @@ def test_choices_of_a_dtmc_are_equally_likely():
     endmodule
     rewards "r" [a] true : 6; [b] true : 3; endrewards"""
     for options in ({}, {"exact": True}):
-        found = snapshot(symcheck.loads(text, **options).engine).entry_rewards(0)
+        found = explicit_export(symcheck.loads(text, **options).engine).entry_rewards(0)
         assert [float(x) for x in found] == [5, 3, 0, 0]  # the loops of the deadlocks earn nothing
 
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10**9), kind=st.sampled_from(["dtmc", "ctmc", "mdp"]))
 def test_rows_earn_what_their_transitions_earn(seed, kind):
-    shot = snapshot(symcheck.loads(some_model(Random(seed), kind).text, engine="explicit").engine)
+    shot = explicit_export(
+        symcheck.loads(some_model(Random(seed), kind).text, engine="explicit").engine
+    )
     for i, structure in enumerate(shot.rewards):
         total = np.add.reduceat(shot.values * shot.entry_rewards(i), shot.matrix.indptr[:-1])
         assert total == pytest.approx(structure.rows, rel=1e-12, abs=1e-15)
@@ -70,7 +72,7 @@ def test_rows_earn_what_their_transitions_earn(seed, kind):
 def test_rational_arithmetic_agrees(seed, kind):
     text = some_model(Random(seed), kind).text
     doubles, rationals = (
-        snapshot(symcheck.loads(text, **options).engine)
+        explicit_export(symcheck.loads(text, **options).engine)
         for options in ({"engine": "explicit"}, {"exact": True})
     )
     for i in range(len(doubles.rewards)):
@@ -101,4 +103,4 @@ def test_the_loop_of_a_deadlock_earns_nothing(tmp_path):
         str(tmp_path / "m.tra,trew"),
         type=symcheck.loads("dtmc module m x:bool; endmodule").program.type,
     )
-    assert snapshot(model.engine).entry_rewards(0).tolist() == [0, 4, 0, 0]
+    assert explicit_export(model.engine).entry_rewards(0).tolist() == [0, 4, 0, 0]

@@ -12,7 +12,7 @@ import symcheck
 from exchange.models import some_model
 from generate import random_property
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
-from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.explicit_export import explicit_export
 from symcheck.syntax.ast import ModelType
 
 pytest.importorskip("umbi")
@@ -40,7 +40,9 @@ def test_the_model_is_in_the_file(kind, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["m.umb"]
     raw = umbi.umb.read(tmp_path / "m.umb")
     raw.validate()
-    shot = snapshot(model.engine, ["a", "b"], lambda n: model.engine.where(model.bound.labels[n]))
+    shot = explicit_export(
+        model.engine, ["a", "b"], lambda n: model.engine.where(model.bound.labels[n])
+    )
     system = raw.index.transition_system
     assert (system.num_states, system.num_choices, system.num_branches) == (
         shot.n,

@@ -16,7 +16,7 @@ from symcheck.check.options import Options
 from symcheck.dd.manager import DiagramManager
 from symcheck.engines import registry, selection
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError, UsageError
-from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.explicit_export import explicit_export
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import build, chosen_order
 from symcheck.symbolic.encoding.variables import encode
@@ -102,7 +102,7 @@ def test_a_sifted_model_is_the_same_model():
 def test_what_is_exported_does_not_depend_on_the_order(name, engine):
     model = instance(name)
     declared, sifted = (
-        snapshot(registry.build(model, options))
+        explicit_export(registry.build(model, options))
         for options in (Options(engine=engine), Options(engine=engine, order=("sift",)))
     )
     assert (sifted.n, sifted.matrix.indptr.tolist()) == (

@@ -198,7 +198,7 @@ def export_model(
         return
     labels = bound()
     from symcheck.check.state_formulas import satisfying
-    from symcheck.exchange.explicit_export import snapshot
+    from symcheck.exchange.explicit_export import explicit_export
     from symcheck.exchange.export import export
 
     context = Context(engine, options, labels)
@@ -210,7 +210,9 @@ def export_model(
     own = [n for n in engine.model.labels if n not in ("init", "deadlock")]
     others = [n for n in labels if n not in (*own, "init", "deadlock")] if every else []
     report.line()
-    for path in export(snapshot(engine, own, states, property_labels=others), files, report.out):
+    for path in export(
+        explicit_export(engine, own, states, property_labels=others), files, report.out
+    ):
         if path != "stdout":
             report.line(f"Exported to '{path}'")
 
@@ -346,9 +348,9 @@ def _tell(report: Report, kind: str, found: object, path: str | None, precision:
 
 def _read_distribution(path: Path) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """A probability per line. Raises UsageError, SyntaxFault."""
-    from symcheck.exchange.column_reader import read_fields
+    from symcheck.exchange.column_reader import read_columns
 
-    file = read_fields(path)
+    file = read_columns(path)
     out = np.zeros(len(file.rows))
     for i, row in enumerate(file.rows):
         try:

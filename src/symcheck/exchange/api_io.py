@@ -14,8 +14,8 @@ from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UnsupportedError, told_in_memory
 from symcheck.exchange import export as targets
-from symcheck.exchange.explicit_data import Given, imported_engine
-from symcheck.exchange.explicit_export import snapshot
+from symcheck.exchange.explicit_data import ExplicitData, imported_engine
+from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.formats.prism_reader import read_files
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import LabelReference, ModelType
@@ -27,7 +27,7 @@ __all__ = ["ReadModel", "export", "load_explicit"]
 class ReadModel(Model):
     """A model that was read state by state: its program declares names, and has no commands that could be followed."""
 
-    given: Given | None = None
+    given: ExplicitData | None = None
 
     @cached_property
     def bound(self) -> BoundModel:
@@ -69,7 +69,9 @@ def export(model: Model, target: str) -> list[str]:
 
     return list(
         targets.export(
-            snapshot(model.engine, list(model.engine.model.labels), states), wanted, sys.stdout
+            explicit_export(model.engine, list(model.engine.model.labels), states),
+            wanted,
+            sys.stdout,
         )
     )
 

@@ -17,11 +17,11 @@ import numpy as np
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.matrices.rows import Floats, Int64s
 
-__all__ = ["Fields", "number_table", "read_fields"]
+__all__ = ["Columns", "number_table", "read_columns"]
 
 
 @dataclass(frozen=True, eq=False)
-class Fields:
+class Columns:
     """The lines of a file, taken apart at blanks, without empty lines and comments; `comments`: those, without `#`.
 
     numbers: the number of each line in the file, from 0. body: where, in the text, the second of these lines begins.
@@ -182,7 +182,7 @@ def _real(text: str) -> Fraction | float:
     return Fraction(text) if "/" in text else float(text)
 
 
-def read_fields(path: Path) -> Fields:
+def read_columns(path: Path) -> Columns:
     """Read a file. Raises UsageError where it cannot be read."""
     try:
         text = path.read_text(encoding="utf-8")
@@ -202,7 +202,7 @@ def read_fields(path: Path) -> Fields:
         else:
             first = words
         start = end + 1
-    return Fields(Source(str(path), text), start, first, comments)
+    return Columns(Source(str(path), text), start, first, comments)
 
 
 def number_table(text: str) -> Floats | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from symcheck.errors import UnsupportedError
-from symcheck.exchange.explicit_export import Snapshot
+from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.numerics import graph
 
@@ -17,7 +17,7 @@ KINDS = ("sccs", "bsccs", "mecs")
 _TITLES = {"sccs": "SCC", "bsccs": "BSCC", "mecs": "MEC"}
 
 
-def components_file(model: Snapshot, kind: str) -> Iterator[str]:
+def components_file(model: ExplicitExport, kind: str) -> Iterator[str]:
     """The variables, then each component: a title such as `BSCC 1/6:`, and its states as in a `.sta` file.
 
     kind: 'sccs' (strong components with a transition inside), 'bsccs' (those that nothing leaves), or 'mecs' (maximal end
@@ -31,7 +31,7 @@ def components_file(model: Snapshot, kind: str) -> Iterator[str]:
             yield f"{state}:{model.state_texts(state, state + 1)[0]}\n"
 
 
-def _components(model: Snapshot, kind: str) -> list[Int64s]:
+def _components(model: ExplicitExport, kind: str) -> list[Int64s]:
     match kind:
         case "sccs":
             return _inner(model)
@@ -49,7 +49,7 @@ def _components(model: Snapshot, kind: str) -> list[Int64s]:
             raise AssertionError(f"no kind of components: {kind}")
 
 
-def _inner(model: Snapshot) -> list[Int64s]:
+def _inner(model: ExplicitExport) -> list[Int64s]:
     """Strong components, without single states that have no loop."""
     source = model.state_of_row[model.row_of_entry]
     looping = np.zeros(model.n, np.bool_)

@@ -26,13 +26,13 @@ from symcheck.syntax.declarations import (
     VariableDeclaration,
 )
 
-__all__ = ["Given", "GivenRewards", "ImportedEngine", "expected_rewards", "imported_engine"]
+__all__ = ["ExplicitData", "ExplicitRewards", "ImportedEngine", "imported_engine", "row_rewards"]
 
 _LARGEST_DENOMINATOR = 10**6
 _TRUE = Literal(True, Type.BOOL)
 
 
-class GivenRewards(NamedTuple):
+class ExplicitRewards(NamedTuple):
     """A reward structure: a reward per state, per row the weighted sum over its transitions, and per transition (None: a row's own)."""
 
     name: str | None
@@ -41,7 +41,7 @@ class GivenRewards(NamedTuple):
     entries: Any = None
 
 
-def expected_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Floats:
+def row_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Floats:
     """Per row (float64[rows]): the sum of probability (rate) times reward, of rewards per transition (float64[entries])."""
     of = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
     total: Floats = np.bincount(of, matrix.data * rewards, matrix.rows).astype(np.float64)
@@ -55,8 +55,8 @@ def expected_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
-    """A model of n states as it was read: see `Snapshot`; `labels` may hold "init" and "deadlock".
+class ExplicitData:
+    """A model of n states as it was read: see `ExplicitExport`; `labels` may hold "init" and "deadlock".
 
     columns: per variable its name, type, and int64[n]. matrix: rows of states without transitions are missing where it
     is a chain's (then the row is empty) or an MDP's (then the group is empty).
@@ -68,7 +68,7 @@ class Given:
     actions: tuple[str, ...]
     row_actions: Int32s
     labels: Mapping[str, Bools]
-    rewards: Sequence[GivenRewards]
+    rewards: Sequence[ExplicitRewards]
 
 
 @dataclass(frozen=True, repr=False)
@@ -159,7 +159,7 @@ def _rational(value: float) -> Fraction | float:
 
 
 @told_in_memory("the rows are listed as they were read: there is no engine that needs less")
-def imported_engine(given: Given, *, fix_deadlocks: bool = True) -> ImportedEngine:
+def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> ImportedEngine:
     """The explicit engine on a model that was read. Raises ModelFault for a deadlock that is not to be fixed."""
     fixed, row_actions, rewards, dead = _fixed(given, fix_deadlocks)
     members = dict(given.labels)
@@ -185,7 +185,7 @@ def imported_engine(given: Given, *, fix_deadlocks: bool = True) -> ImportedEngi
     )
 
 
-def _model(given: Given, marks: Mapping[str, Expression]) -> BoundModel:
+def _model(given: ExplicitData, marks: Mapping[str, Expression]) -> BoundModel:
     declared = []
     for name, kind, column in given.columns:
         low, high = (Literal(int(x), Type.INT) for x in (column.min(), column.max()))
@@ -205,8 +205,8 @@ def _model(given: Given, marks: Mapping[str, Expression]) -> BoundModel:
 
 
 def _fixed(
-    given: Given, fix_deadlocks: bool
-) -> tuple[SparseMatrix, Int32s, list[GivenRewards], Bools]:
+    given: ExplicitData, fix_deadlocks: bool
+) -> tuple[SparseMatrix, Int32s, list[ExplicitRewards], Bools]:
     """The matrix, actions and rewards with a self-loop where there was no transition, and where that is."""
     m = given.matrix
     n = m.states

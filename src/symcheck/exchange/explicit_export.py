@@ -15,7 +15,7 @@ from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, 
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import ModelType, Type
 
-__all__ = ["Rewards", "Snapshot", "snapshot", "state_order"]
+__all__ = ["ExplicitExport", "Rewards", "explicit_export", "state_order"]
 
 SetOf = Callable[[str], StateSet]
 
@@ -34,7 +34,7 @@ class Rewards:
 
 
 @dataclass(frozen=True, eq=False)
-class Snapshot:
+class ExplicitExport:
     """A model with n states in lexicographic order of the variables; the entries of a row in the order of their columns.
 
     columns: int64[n] per variable. values: probabilities (rates) of the entries: the matrix's doubles, or rationals.
@@ -114,7 +114,7 @@ class Snapshot:
         )
 
     @cached_property
-    def _apart(self) -> Sequence[NDArray[Any]]:
+    def _rewards_of_commands(self) -> Sequence[NDArray[Any]]:
         assert self.apart is not None
         return self.apart(self.matrix)
 
@@ -124,7 +124,7 @@ class Snapshot:
         if structure.entries is not None:
             return structure.entries
         if self.apart is not None and bool(np.any(structure.rows != 0)):
-            return self._apart[number]
+            return self._rewards_of_commands[number]
         return self.transition_rewards(structure)[self.row_of_entry]
 
     def transition_rewards(self, structure: Rewards) -> NDArray[Any]:
@@ -144,13 +144,13 @@ def _texts(column: Int64s, type: Type) -> list[str]:
     )
 
 
-def snapshot(
+def explicit_export(
     engine: Engine,
     labels: Sequence[str] = (),
     states: SetOf | None = None,
     *,
     property_labels: Sequence[str] = (),
-) -> Snapshot:
+) -> ExplicitExport:
     """The arrays of a built model. `states` gives the states of the labels that are named, and of those of the properties.
 
     The built-in labels come by themselves.
@@ -166,7 +166,7 @@ def snapshot(
     rationals: Any = engine
     system = None if engine.exact else engine.system(engine.all)
     matrix: SparseMatrix = rationals.matrix if system is None else system.matrix
-    found = Snapshot(
+    found = ExplicitExport(
         model.type,
         model.variables,
         columns,
@@ -176,22 +176,22 @@ def snapshot(
         _row_actions(engine, system, matrix) if model.type is ModelType.MDP else None,
         members,
         [
-            Rewards(r.name, *_rewards(engine, system, i), _told(engine, i))
+            Rewards(r.name, *_rewards(engine, system, i), _entry_rewards(engine, i))
             for i, r in enumerate(model.rewards)
         ],
         frozenset(property_labels),
-        _apart(engine),
+        _rewards_of_commands(engine),
     )
     return _sorted(found, state_order(engine, columns))
 
 
-def _told(engine: Any, structure: int) -> NDArray[Any] | None:
+def _entry_rewards(engine: Any, structure: int) -> NDArray[Any] | None:
     """The rewards of single transitions, of a model that was read."""
     told = getattr(engine, "entry_rewards", ())
     return told[structure] if told else None
 
 
-def _apart(engine: Engine) -> Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None:
+def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None:
     """How the transitions of a chain get their own rewards; only commands tell."""
     model = engine.model
     if (
@@ -271,7 +271,7 @@ def _rational_actions(engine: Engine, groups: Int64s) -> Int32s:
     return np.array(out, np.int32)
 
 
-def _sorted(found: Snapshot, order: Int64s | None) -> Snapshot:
+def _sorted(found: ExplicitExport, order: Int64s | None) -> ExplicitExport:
     """States and entries in their canonical order (a symbolic engine may order the variables otherwise)."""
     if order is not None:
         found = _permuted(found, order)
@@ -288,7 +288,7 @@ def _sorted(found: Snapshot, order: Int64s | None) -> Snapshot:
     return replace(found, matrix=matrix, values=found.values[by], rewards=rewards)
 
 
-def _permuted(found: Snapshot, order: Int64s) -> Snapshot:
+def _permuted(found: ExplicitExport, order: Int64s) -> ExplicitExport:
     """The states in another order: new state i is the old `order[i]`."""
     m = found.matrix
     place = np.empty(found.n, np.int32)

@@ -9,7 +9,7 @@ from typing import TextIO
 
 from symcheck.errors import UsageError
 from symcheck.exchange import components
-from symcheck.exchange.explicit_export import Snapshot
+from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.formats import dot, drn, matlab, prism_writer, umb_writer
 from symcheck.exchange.text import FULL_PRECISION, write_text
 
@@ -117,7 +117,7 @@ def _options(argument: str, options: ExportOptions) -> tuple[str, ExportOptions,
     return names, options, layout
 
 
-def export(model: Snapshot, targets: Sequence[Target], out: TextIO) -> Iterator[str]:
+def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Iterator[str]:
     """Write the targets, one after the other; gives the name of each file that is complete. Raises UsageError, UnsupportedError."""
     for target in targets:
         if target.kind == "umb":
@@ -131,7 +131,7 @@ def export(model: Snapshot, targets: Sequence[Target], out: TextIO) -> Iterator[
             yield path
 
 
-def _part(model: Snapshot, options: ExportOptions) -> Snapshot:
+def _part(model: ExplicitExport, options: ExportOptions) -> ExplicitExport:
     """The model as a file of the whole of it is to have it."""
     kept = {
         name: members for name, members in model.labels.items() if name in _shown(model, options)
@@ -139,7 +139,7 @@ def _part(model: Snapshot, options: ExportOptions) -> Snapshot:
     return replace(model, rewards=model.rewards if options.rewards else [], labels=kept)
 
 
-def _shown(model: Snapshot, options: ExportOptions) -> list[str]:
+def _shown(model: ExplicitExport, options: ExportOptions) -> list[str]:
     """The names of the labels that are to be written."""
     if not options.labels:
         return ["init"]
@@ -148,7 +148,7 @@ def _shown(model: Snapshot, options: ExportOptions) -> list[str]:
     ]
 
 
-def _texts(model: Snapshot, target: Target) -> Iterator[tuple[str, Iterable[str]]]:
+def _texts(model: ExplicitExport, target: Target) -> Iterator[tuple[str, Iterable[str]]]:
     o, path = target.options, target.path
     match target.kind:
         case "tra" if o.matlab:
@@ -184,7 +184,7 @@ def _texts(model: Snapshot, target: Target) -> Iterator[tuple[str, Iterable[str]
             raise UsageError(f"there is no format '.{target.kind}'")
 
 
-def _rewards(model: Snapshot, kind: str, number: int, o: ExportOptions) -> Iterable[str]:
+def _rewards(model: ExplicitExport, kind: str, number: int, o: ExportOptions) -> Iterable[str]:
     if kind == "srew":
         if o.matlab:
             return matlab.state_rewards(model, number, precision=o.precision)
@@ -199,7 +199,7 @@ def _rewards(model: Snapshot, kind: str, number: int, o: ExportOptions) -> Itera
 
 
 def _each(
-    model: Snapshot, path: str, text: Callable[[int], Iterable[str]]
+    model: ExplicitExport, path: str, text: Callable[[int], Iterable[str]]
 ) -> Iterator[tuple[str, Iterable[str]]]:
     """A file per reward structure; numbered from 1 where there are several."""
     several = len(model.rewards) > 1 and path != "stdout"

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from symcheck.exchange.explicit_export import Snapshot
+from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import FULL_PRECISION, lines, number_texts
 
 __all__ = ["dot_file"]
 
 
 def dot_file(
-    model: Snapshot, *, states: bool = False, precision: int = FULL_PRECISION
+    model: ExplicitExport, *, states: bool = False, precision: int = FULL_PRECISION
 ) -> Iterator[str]:
     """Nodes are states (with their values where `states`); each choice of an MDP is a point between state and successors."""
     yield 'digraph M {\nnode [label="",shape="box"];\n'
@@ -40,7 +40,7 @@ def dot_file(
     yield "}\n"
 
 
-def _choices(model: Snapshot, precision: int) -> Iterator[str]:
+def _choices(model: ExplicitExport, precision: int) -> Iterator[str]:
     m = model.matrix
     points = [
         f"n{s}_{c}"

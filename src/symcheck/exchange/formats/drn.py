@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from symcheck.exchange.explicit_export import Rewards, Snapshot
+from symcheck.exchange.explicit_export import ExplicitExport, Rewards
 from symcheck.exchange.text import FULL_PRECISION, number_text, number_texts
 from symcheck.syntax.ast import ModelType
 
@@ -15,7 +15,7 @@ __all__ = ["drn_file"]
 _STATES = 4096
 
 
-def drn_file(model: Snapshot, *, precision: int = FULL_PRECISION) -> Iterator[str]:
+def drn_file(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> Iterator[str]:
     """States with their labels and rewards, their choices, and the successors of these.
 
     A reward of a transition stands at its choice (its expected value, as in a row). In a CTMC the rewards of transitions
@@ -29,7 +29,7 @@ def drn_file(model: Snapshot, *, precision: int = FULL_PRECISION) -> Iterator[st
         yield "".join(_states(model, start, min(start + _STATES, model.n), precision))
 
 
-def _states(model: Snapshot, start: int, stop: int, precision: int) -> Iterator[str]:
+def _states(model: ExplicitExport, start: int, stop: int, precision: int) -> Iterator[str]:
     m = model.matrix
     groups = (
         np.arange(start, stop + 1) if m.groups is None else m.groups[start : stop + 1]
@@ -65,7 +65,7 @@ def _states(model: Snapshot, start: int, stop: int, precision: int) -> Iterator[
             yield from entries[indptr[r] - begin : indptr[r + 1] - begin]
 
 
-def _actions(model: Snapshot, first: int, last: int) -> list[str]:
+def _actions(model: ExplicitExport, first: int, last: int) -> list[str]:
     if model.row_actions is None:
         return ["0"] * (last - first)
     return [
@@ -75,7 +75,7 @@ def _actions(model: Snapshot, first: int, last: int) -> list[str]:
 
 
 def _rewards(
-    model: Snapshot,
+    model: ExplicitExport,
     structure: Rewards,
     start: int,
     stop: int,

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from symcheck.errors import UnsupportedError
-from symcheck.exchange.explicit_export import Snapshot
+from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import FULL_PRECISION, lines
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["labels", "state_rewards", "states", "transition_rewards", "transitions"]
 
 
-def transitions(model: Snapshot, *, precision: int = FULL_PRECISION) -> Iterator[str]:
+def transitions(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> Iterator[str]:
     """The matrix `P` (of rates: `R`). Raises UnsupportedError for an MDP, which is no single matrix."""
     name = "R" if model.type is ModelType.CTMC else "P"
     yield from _matrix(
@@ -23,7 +23,7 @@ def transitions(model: Snapshot, *, precision: int = FULL_PRECISION) -> Iterator
 
 
 def transition_rewards(
-    model: Snapshot, number: int, *, precision: int = FULL_PRECISION
+    model: ExplicitExport, number: int, *, precision: int = FULL_PRECISION
 ) -> Iterator[str]:
     """The matrix `C1` (`C2` and so on for further structures). Raises UnsupportedError for an MDP."""
     rewards = model.entry_rewards(number)
@@ -31,7 +31,7 @@ def transition_rewards(
 
 
 def state_rewards(
-    model: Snapshot, number: int, *, precision: int = FULL_PRECISION
+    model: ExplicitExport, number: int, *, precision: int = FULL_PRECISION
 ) -> Iterator[str]:
     """The column `c1` (`c2` and so on)."""
     name, values = f"c{number + 1}", model.rewards[number].states
@@ -40,7 +40,7 @@ def state_rewards(
     yield from lines(f"{name}(%d)=%s;", len(some), some + 1, values[some], precision=precision)
 
 
-def states(model: Snapshot) -> Iterator[str]:
+def states(model: ExplicitExport) -> Iterator[str]:
     """The matrix `states`: a row per state, a column per variable (true is 1)."""
     yield f"% ({','.join(v.name for v in model.variables)})\nstates=[\n"
     yield from lines(
@@ -54,7 +54,7 @@ def states(model: Snapshot) -> Iterator[str]:
     yield "];\n"
 
 
-def labels(model: Snapshot, names: Sequence[str]) -> Iterator[str]:
+def labels(model: ExplicitExport, names: Sequence[str]) -> Iterator[str]:
     """A column `l_NAME` for each label, 1 where it holds."""
     columns = [
         "l_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in name) for name in names
@@ -66,7 +66,7 @@ def labels(model: Snapshot, names: Sequence[str]) -> Iterator[str]:
 
 
 def _matrix(
-    model: Snapshot,
+    model: ExplicitExport,
     name: str,
     some: np.ndarray[tuple[int], np.dtype[np.bool_]],
     values: object,

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from symcheck.errors import UsageError
-from symcheck.exchange.column_reader import Fields, number_table, read_fields
-from symcheck.exchange.explicit_data import Given, GivenRewards, expected_rewards
+from symcheck.exchange.column_reader import Columns, number_table, read_columns
+from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
@@ -85,7 +85,9 @@ def _pair(
     return (states, transitions) if states or transitions else None
 
 
-def read_files(argument: str, kind: ModelType | None = None, *, check_sums: bool = True) -> Given:
+def read_files(
+    argument: str, kind: ModelType | None = None, *, check_sums: bool = True
+) -> ExplicitData:
     """The model that -importmodel names: `base.all` and the like (see `model_files`), or `file.umb`.
 
     Raises UsageError, SyntaxFault, UnsupportedError.
@@ -103,7 +105,7 @@ def read_files(argument: str, kind: ModelType | None = None, *, check_sums: bool
 
 def read_model(
     files: ModelFiles, kind: ModelType | None = None, *, check_sums: bool = True
-) -> Given:
+) -> ExplicitData:
     """The model in some files.
 
     Without a type: what a comment of the transitions file says; else an MDP where transitions have choices, a DTMC where
@@ -114,7 +116,7 @@ def read_model(
     columns = _read_states(files.states, n) if files.states else [("x", Type.INT, np.arange(n))]
     labels = _read_labels(files.labels, n) if files.labels else {}
     rewards = [_read_rewards(pair, found) for pair in files.rewards]
-    return Given(
+    return ExplicitData(
         found.type, columns, found.matrix, found.actions, found.row_actions, labels, rewards
     )
 
@@ -123,7 +125,7 @@ def read_model(
 
 
 def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _Transitions:
-    file = read_fields(path)
+    file = read_columns(path)
     size = file.header(
         (2, 3), "the numbers of states and transitions, or of states, choices and transitions"
     )
@@ -143,7 +145,7 @@ def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _
     return _mdp(file, size, check_sums) if has_choices else _chain(file, size[0], kind, check_sums)
 
 
-def _chain(file: Fields, n: int, kind: ModelType | None, check_sums: bool) -> _Transitions:
+def _chain(file: Columns, n: int, kind: ModelType | None, check_sums: bool) -> _Transitions:
     file.widths((3, 4), "source, target, probability or rate, and perhaps an action")
     source, target, values = (
         file.integers(0, n, "state"),
@@ -154,7 +156,7 @@ def _chain(file: Fields, n: int, kind: ModelType | None, check_sums: bool) -> _T
     if file.table is not None or all(len(row) == 3 for row in file.rows[1:]):
         _unique(file, order, source, target)
     sums: Floats = np.bincount(source, values, n).astype(np.float64)
-    told = kind or _told(file)
+    told = kind or _entry_rewards(file)
     if told is None:
         told = (
             ModelType.DTMC
@@ -172,7 +174,7 @@ def _chain(file: Fields, n: int, kind: ModelType | None, check_sums: bool) -> _T
     return _Transitions(told, matrix, (), np.full(n, -1, np.int32), sums)
 
 
-def _mdp(file: Fields, size: Sequence[int], check_sums: bool) -> _Transitions:
+def _mdp(file: Columns, size: Sequence[int], check_sums: bool) -> _Transitions:
     n, rows, _ = size
     file.widths((4, 5), "source, choice, target, probability, and perhaps an action")
     source, target, values = (
@@ -214,7 +216,7 @@ def _mdp(file: Fields, size: Sequence[int], check_sums: bool) -> _Transitions:
     return _Transitions(ModelType.MDP, matrix, actions, row_actions, sums)
 
 
-def _weights(file: Fields, word: int) -> Floats:
+def _weights(file: Columns, word: int) -> Floats:
     values = file.reals(word)
     for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
         file.fault(
@@ -223,7 +225,7 @@ def _weights(file: Fields, word: int) -> Floats:
     return values
 
 
-def _unique(file: Fields, order: Int64s, *keys: Int64s) -> None:
+def _unique(file: Columns, order: Int64s, *keys: Int64s) -> None:
     same = np.ones(max(len(order) - 1, 0), bool)
     for key in keys:
         same &= np.diff(key[order]) == 0
@@ -236,7 +238,7 @@ def _unique(file: Fields, order: Int64s, *keys: Int64s) -> None:
 
 
 def _check_sums(
-    file: Fields,
+    file: Columns,
     sums: Floats,
     source: Int64s,
     text: str,
@@ -256,7 +258,7 @@ def _check_sums(
 
 
 def _read_actions(
-    file: Fields, order: Int64s, row: Int64s, rows: int
+    file: Columns, order: Int64s, row: Int64s, rows: int
 ) -> tuple[tuple[str, ...], Int32s]:
     """The actions in order of appearance, and each row's; the lines of a row must agree."""
     texts = [r[4] if len(r) > 4 else "" for r in file.rows[1:]]
@@ -272,7 +274,7 @@ def _read_actions(
     return names, found
 
 
-def _told(file: Fields) -> ModelType | None:
+def _entry_rewards(file: Columns) -> ModelType | None:
     """The type of model that a comment such as `Transitions (CTMC)` tells."""
     for comment in file.comments:
         if match := re.fullmatch(r"Transitions \((DTMC|CTMC|MDP)\)", comment):
@@ -284,7 +286,7 @@ def _told(file: Fields) -> ModelType | None:
 
 
 def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
-    file = read_fields(path)
+    file = read_columns(path)
     text = "".join(file.first)
     match = re.fullmatch(r"\(([^()]*)\)", text)
     if match is None:
@@ -319,7 +321,7 @@ def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
 
 
 def _plain_states(
-    file: Fields, names: Sequence[str], n: int
+    file: Columns, names: Sequence[str], n: int
 ) -> list[tuple[str, Type, Int64s]] | None:
     """The states where the file has them all in order, without a fault; None otherwise (then it is read line by line)."""
     body = file.source.text[file.body :]
@@ -353,7 +355,7 @@ def _plain_states(
     ]
 
 
-def _column(file: Fields, name: str, texts: list[str]) -> tuple[str, Type, Int64s]:
+def _column(file: Columns, name: str, texts: list[str]) -> tuple[str, Type, Int64s]:
     if all(t in ("true", "false") for t in texts):
         return name, Type.BOOL, np.array([t == "true" for t in texts], np.int64)
     try:
@@ -367,7 +369,7 @@ def _column(file: Fields, name: str, texts: list[str]) -> tuple[str, Type, Int64
 
 
 def _read_labels(path: Path, n: int) -> dict[str, Bools]:
-    file = read_fields(path)
+    file = read_columns(path)
     declared = re.findall(r'(\d+)="([^"]*)"', " ".join(file.first))
     if not declared:
         file.fault(0, 'the first line should hold the labels, as 0="init" 1="deadlock"', "header")
@@ -398,11 +400,11 @@ def _is_number(text: str) -> bool:
 # ---------------------------------------------------------------------------------------------------------------- rewards
 
 
-def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) -> GivenRewards:
+def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) -> ExplicitRewards:
     m = model.matrix
-    found = GivenRewards(None, np.zeros(m.states), np.zeros(m.rows))
+    found = ExplicitRewards(None, np.zeros(m.states), np.zeros(m.rows))
     if pair[0] is not None:
-        file = read_fields(pair[0])
+        file = read_columns(pair[0])
         size = file.header((2,), "the numbers of states and of rewards")
         _same_size(file, size[:1], (m.states,))
         file.expect(size[1], "rewards")
@@ -410,24 +412,24 @@ def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) ->
         found.states[file.integers(0, m.states, "state")] = file.reals(1)
         found = found._replace(name=_reward_name(file))
     if pair[1] is not None:
-        file = read_fields(pair[1])
+        file = read_columns(pair[1])
         entries = _transition_rewards(file, model)
         found = found._replace(
             name=found.name or _reward_name(file),
-            rows=expected_rewards(model.type, m, entries),
+            rows=row_rewards(model.type, m, entries),
             entries=entries,
         )
     return found
 
 
-def _reward_name(file: Fields) -> str | None:
+def _reward_name(file: Columns) -> str | None:
     for comment in file.comments:
         if match := re.fullmatch(r'Reward structure:? "([^"]*)"', comment):
             return match[1]
     return None
 
 
-def _same_size(file: Fields, found: Sequence[int], wanted: Sequence[int]) -> None:
+def _same_size(file: Columns, found: Sequence[int], wanted: Sequence[int]) -> None:
     for i, (a, b, what) in enumerate(zip(found, wanted, ("states", "choices"), strict=False)):
         if a != b:
             file.fault(
@@ -435,7 +437,7 @@ def _same_size(file: Fields, found: Sequence[int], wanted: Sequence[int]) -> Non
             )
 
 
-def _transition_rewards(file: Fields, model: _Transitions) -> Floats:
+def _transition_rewards(file: Columns, model: _Transitions) -> Floats:
     """The reward of each transition of the model."""
     m = model.matrix
     chain = m.groups is None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.exchange.explicit_export import Rewards, Snapshot
+from symcheck.exchange.explicit_export import ExplicitExport, Rewards
 from symcheck.exchange.text import CHUNK, FULL_PRECISION, lines, number_texts
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.state_faults import SUM_TOLERANCE
@@ -26,14 +26,14 @@ __all__ = [
 ]
 
 
-def states_file(model: Snapshot) -> Iterator[str]:
+def states_file(model: ExplicitExport) -> Iterator[str]:
     """`.sta`: the names of the variables, then the states, as `0:(1,true)`."""
     yield f"({','.join(v.name for v in model.variables)})\n"
     yield from lines("%d:%s", model.n, np.arange(model.n), model.state_texts)
 
 
 def transitions_file(
-    model: Snapshot,
+    model: ExplicitExport,
     *,
     precision: int = FULL_PRECISION,
     actions: bool = True,
@@ -77,7 +77,7 @@ def transitions_file(
     )
 
 
-def labels_file(model: Snapshot, names: Sequence[str] | None = None) -> Iterator[str]:
+def labels_file(model: ExplicitExport, names: Sequence[str] | None = None) -> Iterator[str]:
     """`.lab`: the numbers of the labels (all, or those named), then the states that have some."""
     names = list(model.labels) if names is None else names
     yield " ".join(f'{i}="{name}"' for i, name in enumerate(names)) + "\n"
@@ -94,7 +94,11 @@ def labels_file(model: Snapshot, names: Sequence[str] | None = None) -> Iterator
 
 
 def state_rewards_file(
-    model: Snapshot, structure: Rewards, *, precision: int = FULL_PRECISION, headers: bool = True
+    model: ExplicitExport,
+    structure: Rewards,
+    *,
+    precision: int = FULL_PRECISION,
+    headers: bool = True,
 ) -> Iterator[str]:
     """`.srew`: the number of states and of rewards that are not 0, then these."""
     some = np.flatnonzero(structure.states != 0)
@@ -104,7 +108,7 @@ def state_rewards_file(
 
 
 def transition_rewards_file(
-    model: Snapshot,
+    model: ExplicitExport,
     number: int,
     *,
     precision: int = FULL_PRECISION,
@@ -136,7 +140,7 @@ def transition_rewards_file(
         )
 
 
-def _size(model: Snapshot) -> str:
+def _size(model: ExplicitExport) -> str:
     return f"{model.n}" if model.matrix.groups is None else f"{model.n} {model.matrix.rows}"
 
 
@@ -146,7 +150,11 @@ def _heading(structure: Rewards, what: str) -> str:
 
 
 def _row_lines(
-    model: Snapshot, values: NDArray[Any], some: NDArray[np.bool_], precision: int, actions: bool
+    model: ExplicitExport,
+    values: NDArray[Any],
+    some: NDArray[np.bool_],
+    precision: int,
+    actions: bool,
 ) -> Iterator[str]:
     """A line per row: its state and `value:target` of the entries that are chosen."""
     m = model.matrix

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
-from symcheck.exchange.explicit_data import Given, GivenRewards, expected_rewards
+from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
 from symcheck.exchange.formats.umb_writer import umbi_package
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
@@ -18,7 +18,7 @@ from symcheck.syntax.ast import ModelType, Type
 __all__ = ["read_umb"]
 
 
-def read_umb(path: Path, kind: ModelType | None = None, *, check_sums: bool = True) -> Given:
+def read_umb(path: Path, kind: ModelType | None = None, *, check_sums: bool = True) -> ExplicitData:
     """The model in a UMB file: a DTMC, CTMC or MDP with numbers (no intervals), and variables that are bool or int.
 
     Raises UsageError where the file cannot be read or is at odds with itself, UnsupportedError for other models.
@@ -66,7 +66,7 @@ def _type(raw: Any) -> ModelType:
             )
 
 
-def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> Given:
+def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> ExplicitData:
     n = int(raw.index.transition_system.num_states)
     if n == 0:
         raise UsageError(f"'{path}' has no states")
@@ -82,7 +82,7 @@ def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> Given:
         _rewards(name, values, matrix, kind, row_of_branch[by], by)
         for name, values in _annotations(raw, "rewards").items()
     ]
-    return Given(kind, _columns(raw, n), matrix, actions, row_actions, labels, rewards)
+    return ExplicitData(kind, _columns(raw, n), matrix, actions, row_actions, labels, rewards)
 
 
 def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix, Int64s, Int64s]:
@@ -171,7 +171,7 @@ def _rewards(
     kind: ModelType,
     row_of_entry: Int64s,
     by: Int64s,
-) -> GivenRewards:
+) -> ExplicitRewards:
     """Rewards of choices and of branches are both earned on a transition; in a CTMC they are weighted with its rate."""
 
     def numbers(part: str, count: int) -> Floats:
@@ -179,7 +179,7 @@ def _rewards(
 
     states = numbers("states", matrix.states)
     if not values.get("choices") and not values.get("branches"):
-        return GivenRewards(name, states, np.zeros(matrix.rows))
+        return ExplicitRewards(name, states, np.zeros(matrix.rows))
     choices = numbers("choices", matrix.rows)
     if len(choices) != matrix.rows:  # a chain's states without a choice are rows here
         filled = np.zeros(matrix.rows)
@@ -188,7 +188,7 @@ def _rewards(
     entries = choices[row_of_entry] + (
         numbers("branches", 0)[by] if values.get("branches") else 0.0
     )
-    return GivenRewards(name, states, expected_rewards(kind, matrix, entries), entries)
+    return ExplicitRewards(name, states, row_rewards(kind, matrix, entries), entries)
 
 
 def _columns(raw: Any, n: int) -> list[tuple[str, Type, Int64s]]:

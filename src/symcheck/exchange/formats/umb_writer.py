@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symcheck import __version__
 from symcheck.errors import UnsupportedError, UsageError
-from symcheck.exchange.explicit_export import Snapshot
+from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import same_path
 from symcheck.syntax.ast import ModelType, Type
 
@@ -27,7 +27,7 @@ def umbi_package() -> None:
         ) from None
 
 
-def write_umb(model: Snapshot, target: str) -> None:
+def write_umb(model: ExplicitExport, target: str) -> None:
     """Write a model as a UMB file. Raises UsageError where it cannot be written, UnsupportedError without the package."""
     umbi_package()
     if Path(target).is_symlink() or (Path(target).exists() and not Path(target).is_file()):
@@ -45,7 +45,7 @@ def _written(made: Any, path: Path) -> None:
     ended.replace(path)
 
 
-def umb_model(model: Snapshot) -> Any:
+def umb_model(model: ExplicitExport) -> Any:
     """The model as a `umbi.umb.ExplicitUmb`, the package's picture of a file: in a CTMC, probabilities and exit rates."""
     import umbi.umb
 
@@ -88,7 +88,7 @@ def _numbers(values: NDArray[Any]) -> tuple[Any, list[Any]]:
     return SizedType.for_type(kind), found
 
 
-def _annotate(model: Snapshot, made: Any) -> None:
+def _annotate(model: ExplicitExport, made: Any) -> None:
     """The labels and rewards. A reward of transitions stands at choices, or at branches where they differ."""
     from umbi.binary import SizedType
     from umbi.datatypes import PrimitiveType
@@ -115,7 +115,7 @@ def _annotate(model: Snapshot, made: Any) -> None:
     made.annotations = {group: names for group, names in found.items() if names}
 
 
-def _transition_rewards(model: Snapshot, number: int) -> tuple[str, NDArray[Any]]:
+def _transition_rewards(model: ExplicitExport, number: int) -> tuple[str, NDArray[Any]]:
     """The rewards of choices, or of branches where a choice has several."""
     entries = model.entry_rewards(number)
     rows = model.matrix.rows
@@ -125,7 +125,7 @@ def _transition_rewards(model: Snapshot, number: int) -> tuple[str, NDArray[Any]
     return "branches", entries
 
 
-def _valuations(model: Snapshot, made: Any) -> None:
+def _valuations(model: ExplicitExport, made: Any) -> None:
     import umbi.binary
     from umbi.binary import SizedType
     from umbi.datatypes import NumericPrimitiveType, PrimitiveType
