@@ -34,8 +34,8 @@ CASES = (
 
 def measure(path: str, constants: str) -> dict[str, float]:
     """Explore one model in this process."""
-    from symcheck.check.options import Options
     from symcheck.explicit.build import Exploration
+    from symcheck.options import Options
     from symcheck.semantics.binding.bind import bind
     from symcheck.syntax.parse import parse_model_file
 

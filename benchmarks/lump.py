@@ -81,9 +81,9 @@ def ours(
 ) -> dict[str, Any]:
     from symcheck.check.bisimulation.on_quotient import quotient
     from symcheck.check.context import Context
-    from symcheck.check.options import Options
     from symcheck.engines.symbolic.hybrid import HybridEngine
     from symcheck.engines.symbolic.materialized import written_out
+    from symcheck.options import Options
     from symcheck.semantics.binding.bind import bind, bind_properties
     from symcheck.symbolic.build import construct
     from symcheck.syntax.parse import parse_model_file, parse_properties

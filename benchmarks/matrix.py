@@ -15,11 +15,11 @@ from time import perf_counter
 
 import numpy as np
 
-from symcheck.check.options import Options
 from symcheck.engines.explicit.engine import SparseOperator
 from symcheck.engines.symbolic.hybrid import HybridEngine
 from symcheck.matrices.blocks import flatten
 from symcheck.matrices.rows import SparseMatrix
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_model_file

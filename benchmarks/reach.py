@@ -33,8 +33,8 @@ def instances(peers: Path, only: str) -> Iterator[tuple[Path, str, int]]:
 def measure(
     path: Path, constants: str, schedule: str | None, order: str | None, limit: float
 ) -> dict[str, object]:
-    from symcheck.check.options import Options
     from symcheck.errors import SymcheckError
+    from symcheck.options import Options
     from symcheck.semantics.binding.bind import bind
     from symcheck.symbolic.build import build
     from symcheck.symbolic.matrix.transitions import transitions

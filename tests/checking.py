@@ -8,11 +8,11 @@ from pathlib import Path
 
 from symcheck.check.checker import check
 from symcheck.check.expected_results import Verdict, judge
-from symcheck.check.options import Options
 from symcheck.check.result import Result
 from symcheck.engines.base import Engine
 from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType

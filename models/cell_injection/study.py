@@ -18,7 +18,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from symcheck.check.options import Options
+from symcheck.options import Options
 from symcheck.errors import ModelFault
 from symcheck.experiment.sweep import Finished, Instance, sweep
 from symcheck.semantics.binding.bind import bind

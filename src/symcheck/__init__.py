@@ -15,7 +15,7 @@ _HOME = {
     "BoundModel": "symcheck.semantics.model",
     "Engine": "symcheck.engines.base",
     "Model": "symcheck.api",
-    "Options": "symcheck.check.options",
+    "Options": "symcheck.options",
     "Result": "symcheck.check.result",
     "SymcheckError": "symcheck.errors",
     "bind": "symcheck.semantics.binding.bind",

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symcheck.check.checker import check
-from symcheck.check.options import Options
 from symcheck.check.property_instance import Question, lumped, reduced
 from symcheck.check.result import Result
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
 from symcheck.errors import UsageError
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import BoundProperties, BoundProperty, bind, bind_properties
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import ModelType

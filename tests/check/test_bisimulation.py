@@ -14,9 +14,9 @@ from generate import random_model, random_property
 from symcheck.api import load, loads
 from symcheck.check.bisimulation import on_quotient
 from symcheck.check.checker import check
-from symcheck.check.options import Options
 from symcheck.engines.symbolic.materialized import written_out
 from symcheck.errors import InputError, UnsupportedError
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind_properties
 from symcheck.syntax.parse import parse_properties
 

@@ -65,7 +65,7 @@ def test_fair_strategies(name):
 
 def test_observer_sees_the_iterations_and_may_end_them():
     from symcheck.check.checker import check
-    from symcheck.check.options import Options
+    from symcheck.options import Options
     from symcheck.semantics.binding.bind import bind_properties
     from symcheck.syntax.parse import parse_properties
 

@@ -10,11 +10,11 @@ from checking import judge_file
 from symcheck.api import load
 from symcheck.check.checker import check
 from symcheck.check.expected_results import VerdictKind
-from symcheck.check.options import Options
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import ModelFault
 from symcheck.explicit.build import explore
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.semantics.reduction.reset_dead_variables import observe, reduce
 from symcheck.syntax.parse import parse_model_file, parse_properties_file

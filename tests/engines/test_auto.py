@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from symcheck.check.options import Options
 from symcheck.engines import selection
 from symcheck.engines.registry import build
 from symcheck.engines.symbolic.materialized import WrittenEngine, written_out
 from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.errors import MemoryLimitError, TimeLimitError
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.reachability import search as reaching
 from symcheck.syntax.parse import parse_model

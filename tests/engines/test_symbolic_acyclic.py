@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from symcheck.check.options import Options
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic import acyclic
 from symcheck.engines.symbolic.sparse import SparseEngine
@@ -13,6 +12,7 @@ from symcheck.explicit.build import Exploration
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.settings import Accuracy
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_expression as parse

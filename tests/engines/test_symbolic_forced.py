@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from engines import twins
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import reach_reward, until
-from symcheck.check.options import Options
 from symcheck.direction import Direction
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -27,6 +26,7 @@ from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import explore
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.settings import Accuracy
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_expression, parse_model

@@ -8,7 +8,6 @@ from functools import cache
 
 import numpy as np
 
-from symcheck.check.options import Options
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.engine import SymbolicEngine
@@ -17,6 +16,7 @@ from symcheck.engines.symbolic.mtbdd import MtbddEngine
 from symcheck.engines.symbolic.sets import SymbolicSet
 from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import explore
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_model

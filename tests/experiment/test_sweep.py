@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from symcheck.check.bisimulation import on_quotient
-from symcheck.check.options import Options
 from symcheck.experiment.sweep import Instance, check_instance, read_journal, sweep
+from symcheck.options import Options
 
 MODEL = """dtmc const int N; const double p; module m s : [0..N] init 0; t : [0..3] init 0;
   [] s<N -> p:(s'=s+1)&(t'=2) + 1-p:(s'=0)&(t'=1); [] s=N -> true; endmodule label "done" = s=N;"""

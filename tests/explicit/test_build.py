@@ -10,11 +10,11 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from explicit.models import models
-from symcheck.check.options import Options
 from symcheck.errors import InputError, Interrupted, MemoryLimitError, ModelFault, TimeLimitError
 from symcheck.explicit.build import Exploration, explore
 from symcheck.explicit.states import Layout
 from symcheck.kernels.explore.packed_states import order_rows
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.interpreter import initial_states, state_rewards, transitions
 from symcheck.semantics.model import Variable

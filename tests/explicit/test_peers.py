@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from symcheck.check.options import Options
 from symcheck.explicit.build import explore
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.syntax.parse import parse_model_file
 

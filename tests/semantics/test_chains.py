@@ -8,10 +8,10 @@ import pytest
 
 from semantics.test_reduce import _value, count, phased
 from symcheck.check.checker import check
-from symcheck.check.options import Options
 from symcheck.check.property_instance import Question, reduced
 from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.reduction.reset_dead_variables import Reduction, observe, reduce

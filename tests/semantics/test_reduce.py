@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from generate import random_model, random_property
 from symcheck.check.checker import check
-from symcheck.check.options import Options
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.registry import build
 from symcheck.errors import InputError, ModelFault, NumericalError, SymcheckError
 from symcheck.explicit.build import explore
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.reduction.live_variables import liveness

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from generate import random_model
-from symcheck.check.options import Options
 from symcheck.errors import ModelFault, NameFault
 from symcheck.explicit.build import explore
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.interpreter import state_rewards, transitions
 from symcheck.semantics.model import BoundModel

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from symcheck.check.options import Options
+from symcheck.options import Options
 from symcheck.semantics import interpreter
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel

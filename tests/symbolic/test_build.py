@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from symbolic.oracle import assert_same, at, bound, states_of, symbolic
-from symcheck.check.options import Options
 from symcheck.errors import ModelFault, UnsupportedError
+from symcheck.options import Options
 from symcheck.symbolic.build import build, construct
 from symcheck.symbolic.matrix.transitions import transitions
 from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, Transitions

@@ -6,8 +6,8 @@ import pytest
 
 from symbolic.oracle import assert_same, bound, explore, states_of
 from symbolic.test_build import MODELS
-from symcheck.check.options import Options
 from symcheck.errors import ModelFault
+from symcheck.options import Options
 from symcheck.symbolic.build import build
 from symcheck.symbolic.encoding.translate import Limits
 from symcheck.symbolic.matrix.transitions import transitions

@@ -12,12 +12,12 @@ from engines.twins import MODELS as TWINS
 from generate import random_model, random_property
 from symbolic.oracle import bound
 from symbolic.test_learn import NOTHING, WIDE
-from symcheck.check.options import Options
 from symcheck.engines.symbolic import enumerated_rows
 from symcheck.engines.symbolic.enumerated_rows import ListedEngine
 from symcheck.errors import ModelFault, SymcheckError
 from symcheck.explicit.build import explore
 from symcheck.matrices.rows import SparseMatrix
+from symcheck.options import Options
 from symcheck.symbolic.build import build, explored
 from symcheck.symbolic.matrix import enumerate_rows as lister
 from symcheck.symbolic.matrix.enumerate_rows import listed_rows

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from symbolic.oracle import assert_same, bound, symbolic
-from symcheck.check.options import Options
 from symcheck.errors import UsageError
+from symcheck.options import Options
 from symcheck.symbolic.build import build
 from symcheck.symbolic.ordering.order import force, spans, variable_order
 from symcheck.symbolic.reachability.search import reach

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from symcheck.check.options import Options
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_model_file

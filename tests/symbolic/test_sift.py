@@ -12,11 +12,11 @@ import pytest
 import symcheck
 from symbolic.oracle import assert_same, bound, symbolic
 from symbolic.test_order import partners
-from symcheck.check.options import Options
 from symcheck.dd.manager import DiagramManager
 from symcheck.engines import registry, selection
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError, UsageError
 from symcheck.exchange.explicit_export import explicit_export
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import build, chosen_order
 from symcheck.symbolic.encoding.variables import encode

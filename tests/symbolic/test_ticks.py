@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import symcheck
-from symcheck.check.options import Options
+from symcheck.options import Options
 from symcheck.symbolic.build import build
 from symcheck.symbolic.model import SymbolicModel
 from symcheck.symbolic.reachability.clock_search import Front, advance, begin, clocks, turns

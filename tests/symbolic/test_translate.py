@@ -10,8 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from symbolic.oracle import at, bound
-from symcheck.check.options import Options
 from symcheck.errors import InputError
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.symbolic.build import build

@@ -10,7 +10,7 @@ import pytest
 
 import symcheck
 from symcheck import teach
-from symcheck.check.options import Options
+from symcheck.options import Options
 from symcheck.symbolic.build import construct
 from symcheck.symbolic.reachability.search import SCHEDULES
 from symcheck.syntax.parse import parse_expression

@@ -10,8 +10,8 @@ import pytest
 
 import symcheck
 from symcheck import view
-from symcheck.check.options import Options
 from symcheck.errors import UnsupportedError
+from symcheck.options import Options
 from symcheck.symbolic.build import construct
 from symcheck.symbolic.model import Transitions
 

@@ -11,9 +11,9 @@ import pytest
 
 import symcheck
 from symcheck import teach, view
-from symcheck.check.options import Options
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.linear.problem import Step
+from symcheck.options import Options
 from symcheck.symbolic.build import construct
 from symcheck.symbolic.model import Iteration
 

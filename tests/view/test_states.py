@@ -6,9 +6,9 @@ import pytest
 
 import symcheck
 from symcheck import view
-from symcheck.check.options import Options
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.model import ExplicitModel
+from symcheck.options import Options
 from symcheck.syntax.parse import parse_expression
 from symcheck.view.layout import place, routes
 

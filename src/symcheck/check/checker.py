@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 from symcheck.check.context import Context, Notes
 from symcheck.check.filters import Outcome
 from symcheck.check.omega_regular import ctl
-from symcheck.check.options import Options
 from symcheck.check.path_formulas import negated, resolve
 from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result, Run
 from symcheck.check.state_formulas import filter_outcome, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, UnsupportedError, told_in_memory
 from symcheck.numerics.linear.problem import Observer
+from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Expression,

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from symcheck.check.options import Options
 from symcheck.check.result import Line, Run
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.numerics.linear.problem import Observer
+from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import describe_state

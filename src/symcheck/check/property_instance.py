@@ -13,8 +13,8 @@ from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import Common
-    from symcheck.check.options import Options
     from symcheck.engines.base import Engine
+    from symcheck.options import Options
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
 
 __all__ = ["Question", "lumped", "reduced"]

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.options import Options
 from symcheck.engines.base import ROUNDING, Engine
 from symcheck.errors import NumericalError, UnsupportedError, UsageError, told_in_memory
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
+from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]

@@ -9,7 +9,6 @@ import numpy as np
 
 from symcheck.check.checker import check
 from symcheck.check.expected_results import Verdict, VerdictKind, judge
-from symcheck.check.options import Options
 from symcheck.check.property_instance import Question
 from symcheck.check.result import Result, Statistical, show_value
 from symcheck.cli.output_paths import Values, own_file
@@ -20,6 +19,7 @@ from symcheck.cli.simulation import Simulation
 from symcheck.engines.base import Engine
 from symcheck.errors import ResourceError, SymcheckError
 from symcheck.experiment.table import Row
+from symcheck.options import Options
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import Common

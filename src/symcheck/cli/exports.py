@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.options import Options
 from symcheck.cli.output_paths import NOTHING, Values, own_file
 from symcheck.cli.report import Report
+from symcheck.constant_values import combinations, parse_constants
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UnsupportedError, UsageError
-from symcheck.experiment.constants import combinations, parse_constants
+from symcheck.options import Options
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, LabelReference, ModelType

@@ -7,7 +7,6 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from symcheck.check.expected_results import judge
-from symcheck.check.options import Options
 from symcheck.check.property_instance import Question, lumped, reduced
 from symcheck.cli import exports
 from symcheck.cli.check_property import Stop, answer, broken, conclude, unbuilt
@@ -16,10 +15,11 @@ from symcheck.cli.progress import Progress
 from symcheck.cli.properties_input import Texts, read_texts
 from symcheck.cli.run_state import Job, options_of
 from symcheck.cli.simulation import Simulation, simulation
+from symcheck.constant_values import combinations, parse_constants
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, NameFault, ResourceError, SymcheckError, UsageError
-from symcheck.experiment.constants import combinations, parse_constants
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind, bind_properties, needed_constants, split_constants
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType

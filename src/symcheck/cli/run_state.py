@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from symcheck.check.options import Options
 from symcheck.cli.report import Report
 from symcheck.engines.base import Engine
 from symcheck.experiment.table import Row
+from symcheck.options import Options
 
 __all__ = ["Job", "options_of", "results_file", "sorted_rows"]
 

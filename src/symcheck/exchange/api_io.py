@@ -9,7 +9,6 @@ from typing import Any, NoReturn
 
 from symcheck.api import Model
 from symcheck.check.context import Context
-from symcheck.check.options import Options
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UnsupportedError, told_in_memory
@@ -17,6 +16,7 @@ from symcheck.exchange import export as targets
 from symcheck.exchange.explicit_data import ExplicitData, imported_engine
 from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.formats.prism_reader import read_files
+from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import LabelReference, ModelType
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.check.options import Options
 from symcheck.engines.base import Engine
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
 

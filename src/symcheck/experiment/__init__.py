@@ -1,1 +1,1 @@
-"""Many values of constants: which there are, and tables of results."""
+"""Sweeps over values of constants, and tables of their results."""

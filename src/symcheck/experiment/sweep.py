@@ -23,13 +23,13 @@ from time import perf_counter, process_time
 
 from symcheck import __version__
 from symcheck.check.checker import check
-from symcheck.check.options import Options
 from symcheck.check.property_instance import Question, lumped, reduced
 from symcheck.check.result import show_value
+from symcheck.constant_values import combinations
 from symcheck.engines import registry
 from symcheck.errors import SymcheckError
-from symcheck.experiment.constants import combinations
 from symcheck.experiment.table import Row
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind, needed_constants
 from symcheck.syntax.parse import parse_model, parse_properties
 

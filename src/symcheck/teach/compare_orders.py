@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from symcheck.symbolic.build import construct
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
+    from symcheck.options import Options
     from symcheck.semantics.model import BoundModel
 
 __all__ = ["OrderFrame", "order_lab"]

@@ -10,8 +10,8 @@ from symcheck.symbolic.events.commands import touched_by
 from symcheck.symbolic.matrix.transitions import full_matrix, participant_matrix, transitions
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
     from symcheck.dd.manager import Bdd, Mtbdd
+    from symcheck.options import Options
     from symcheck.symbolic.encoding.variables import Encoding
     from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
 

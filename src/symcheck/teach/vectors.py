@@ -13,9 +13,9 @@ from symcheck.direction import Direction
 from symcheck.numerics.linear.methods import solve_linear
 
 if TYPE_CHECKING:
-    from symcheck.check.options import Options
     from symcheck.engines.base import Engine, StateSet
     from symcheck.numerics.linear.problem import LinearProblem, Solution, Step
+    from symcheck.options import Options
 
 __all__ = ["Vectors", "vectors"]
 

@@ -17,12 +17,12 @@ from symcheck.check.bisimulation.quotient import (
 )
 from symcheck.check.context import Context
 from symcheck.check.filters import Outcome, apply_filter
-from symcheck.check.options import Options
 from symcheck.check.state_formulas import is_plain, modern_filter, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, NumericalError, UnsupportedError
 from symcheck.numerics.bisimulation import lump
+from symcheck.options import Options
 from symcheck.syntax.ast import Expression, Filter, LabelReference, Name, StateFilter, Type
 
 if TYPE_CHECKING:
