@@ -69,7 +69,8 @@ class Model:
 
     def with_options(self, **changes: Any) -> Model:
         """The same model, to be built and checked otherwise."""
-        return Model(self.program, self.constants, replace(self.options, **changes), self.type)
+        changed = replace(self.options, **_arithmetic(changes))
+        return Model(self.program, self.constants, changed, self.type)
 
     def check(self, formula: str, constants: Given | None = None) -> Result:
         """Check one property, such as `P=? [ F "done" ]`. Raises SymcheckError."""
@@ -189,6 +190,13 @@ class Model:
         return self._reduced[asked]
 
 
+def _arithmetic(options: dict[str, Any]) -> dict[str, Any]:
+    """Options in which an engine says its arithmetic: that of the exact engine is rational, from the text on."""
+    if "engine" in options and "exact" not in options:
+        return options | {"exact": options["engine"] == "exact"}
+    return options
+
+
 def load(
     path: str | Path,
     constants: Given | None = None,
@@ -197,11 +205,11 @@ def load(
     **options: Any,
 ) -> Model:
     """Read a model file. `options` are the fields of `symcheck.Options`, such as engine="sparse". Raises InputError."""
-    return Model(parse_model_file(path), constants or {}, Options(**options), type)
+    return Model(parse_model_file(path), constants or {}, Options(**_arithmetic(options)), type)
 
 
 def loads(
     text: str, constants: Given | None = None, *, type: ModelType | None = None, **options: Any
 ) -> Model:
     """A model from its text, as `load`."""
-    return Model(parse_model(text), constants or {}, Options(**options), type)
+    return Model(parse_model(text), constants or {}, Options(**_arithmetic(options)), type)
