@@ -8,12 +8,12 @@ from math import inf, nan
 import pytest
 
 from symcheck.check.expected_results import VerdictKind, expected_value, judge
-from symcheck.check.result import Certified, Exact, Result, Run
+from symcheck.check.result import Certified, Exact, Result, SolverRun
 from symcheck.errors import NumericalError, UnsupportedError
 
 PASS, FAIL = VerdictKind.PASS, VerdictKind.FAIL
-SOLVED = (Run("linear", "topological", 5, 1),)
-STEPPED = (Run("steps", "step by step", 5, 3),)
+SOLVED = (SolverRun("linear", "topological", 5, 1),)
+STEPPED = (SolverRun("steps", "step by step", 5, 3),)
 
 
 def verdict(expected, value, constants=None, runs=SOLVED, exact=False):

@@ -65,13 +65,13 @@ def test_system(engine, seed):
     rows = some.members[owner]
     assert system.n == some.count
     assert np.array_equal(dense(system.matrix), whole[rows][:, some.members])
-    assert system.into(target) == pytest.approx(whole[rows] @ target.members)
+    assert system.one_step_probability(target) == pytest.approx(whole[rows] @ target.members)
     assert system.row_sums() == pytest.approx(whole[rows].sum(axis=1))
     x = np.arange(1.0, system.n + 1)
     assert system.operator.multiply(x) == pytest.approx(whole[rows][:, some.members] @ x)
     values = engine.indicator(target)
     outside = whole[rows] * ~some.members
-    assert system.into_values(values)[0] == pytest.approx(outside @ target.members)
+    assert system.one_step_values(values)[0] == pytest.approx(outside @ target.members)
     if engine.matrix.groups is not None:
         places = np.searchsorted(np.flatnonzero(some.members), owner[rows])
         assert np.array_equal(np.repeat(np.arange(system.n), np.diff(system.groups)), places)

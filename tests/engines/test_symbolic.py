@@ -168,9 +168,9 @@ def test_systems(name: str, kind: type[SymbolicEngine]) -> None:
         values = (ArrayValues(v, v + 1), b.system(b.all).lift(v, v + 1))
         for left, right in (
             (np.zeros(s.matrix.rows), np.zeros(t.matrix.rows)),
-            (s.into(q.array), t.into(q.diagram)),
-            (s.into_values(values[0])[0], t.into_values(values[1])[0]),
-            (s.into_values(values[0])[1], t.into_values(values[1])[1]),
+            (s.one_step_probability(q.array), t.one_step_probability(q.diagram)),
+            (s.one_step_values(values[0])[0], t.one_step_values(values[1])[0]),
+            (s.one_step_values(values[0])[1], t.one_step_values(values[1])[1]),
             (s.row_sums(), t.row_sums()),
             (s.operator.multiply(x), t.operator.multiply(x)),
             *((s.rewards(i)[1], t.rewards(i)[1]) for i in range(len(a.model.rewards))),
@@ -315,10 +315,14 @@ def test_another_order_of_the_variables_only_numbers_the_states_otherwise(name: 
         members[moved] = p.array.members
         q = b.from_bools(members)
         expected = np.zeros(a.states)
-        expected[moved] = np.add.reduceat(a.system(a.all).into(p.array), _starts(a.matrix))
+        expected[moved] = np.add.reduceat(
+            a.system(a.all).one_step_probability(p.array), _starts(a.matrix)
+        )
         whole = b.system(b.all)
         np.testing.assert_allclose(
-            np.add.reduceat(whole.into(q), _starts(whole.matrix)), expected, rtol=1e-13
+            np.add.reduceat(whole.one_step_probability(q), _starts(whole.matrix)),
+            expected,
+            rtol=1e-13,
         )
         assert same(
             b,

@@ -85,7 +85,9 @@ def test_probabilities_and_a_part_of_the_states() -> None:
     expected = among(
         explicit,
         inside,
-        explicit.system(explicit.all).into(explicit.where(parse("depth=5 & place>20"))),
+        explicit.system(explicit.all).one_step_probability(
+            explicit.where(parse("depth=5 & place>20"))
+        ),
     )
     low, high = found.values.minimum(symbolic.initial)
     assert low <= expected[0] <= high

@@ -77,7 +77,12 @@ def expected_values(
     from symcheck.numerics.linear.problem import LinearProblem
 
     problem = LinearProblem(
-        system.into(yes), system.matrix, None, system.into(~unknown), direction, True
+        system.one_step_probability(yes),
+        system.matrix,
+        None,
+        system.one_step_probability(~unknown),
+        direction,
+        True,
     )
     out = yes.members.astype(float)
     if unknown:

@@ -9,11 +9,20 @@ from math import isinf, isnan
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from symcheck.check.context import Context, Notes
+from symcheck.check.context import CheckLog, Context
 from symcheck.check.filters import Outcome
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import negated, resolve
-from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Result, Run
+from symcheck.check.result import (
+    Accuracy,
+    Answer,
+    Certified,
+    Estimate,
+    Exact,
+    Number,
+    Result,
+    SolverRun,
+)
 from symcheck.check.state_formulas import filter_outcome, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, UnsupportedError, told_in_memory
@@ -64,13 +73,13 @@ def check(
     started = perf_counter()
     if isinstance(formula, Property):
         formula = formula.formula
-    notes = Notes()
+    log = CheckLog()
     context = Context(
         engine,
         options or Options(),
         labels or {},
         properties or {},
-        notes,
+        log,
         rebind,
         observer=observer,
     )
@@ -92,10 +101,10 @@ def check(
     return replace(
         result,
         strategy=strategy,
-        lines=tuple(notes.lines),
-        runs=tuple(notes.runs),
-        warnings=tuple(notes.warnings),
-        witness=notes.witness,
+        lines=tuple(log.lines),
+        runs=tuple(log.runs),
+        warnings=tuple(log.warnings),
+        witness=log.witness,
         seconds=perf_counter() - started,
         engine=engine,
     )
@@ -123,12 +132,12 @@ def _lumped(
             )
             result = _lifted(result, smaller, context.engine.initial)
     except (UnsupportedError, NumericalError) as error:
-        context.notes.warn(f"checked without -bisim: {error}")
+        context.log.warn(f"checked without -bisim: {error}")
         return None
     size = f"{context.engine.states} states -> {smaller.engine.states}"
     text = f"bisimulation: {size}, {smaller.cost}"
-    context.notes.runs.insert(
-        0, Run("graph", "bisimulation", context.engine.states, smaller.rounds, 0.0, text)
+    context.log.runs.insert(
+        0, SolverRun("graph", "bisimulation", context.engine.states, smaller.rounds, 0.0, text)
     )
     return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
 
@@ -155,7 +164,7 @@ def _strategy(context: Context, formula: Expression) -> Strategy | None:
     try:
         return strategy_of(context, formula, states_of)
     except UnsupportedError as error:
-        context.notes.warn(f"no strategy: {error}")
+        context.log.warn(f"no strategy: {error}")
         return None
 
 
@@ -176,7 +185,7 @@ def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
     """Look for a path that shows why E holds, or why A does not."""
     if value == (formula.quantifier == "E"):
         path = resolve(formula.path, states_of(context), context.engine.all)
-        context.notes.witness = ctl.witness(context, path if value else negated(path))
+        context.log.witness = ctl.witness(context, path if value else negated(path))
 
 
 def _numeric(context: Context, formula: Expression, type: Type) -> Result:
@@ -263,7 +272,7 @@ def _answer(
     if type is Type.INT and not isinf(low) and not isnan(low):
         return int(low), Exact()
     value: Number = float(low) if isinstance(low, int) else low
-    if not all(r.certified for r in context.notes.runs):
+    if not all(r.certified for r in context.log.runs):
         return value, Estimate()
     return value, Exact(rounding=rounded and not context.engine.exact)
 

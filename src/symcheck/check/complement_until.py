@@ -15,10 +15,10 @@ from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["missed"]
+__all__ = ["complement_until"]
 
 
-def missed(
+def complement_until(
     context: Context, path: UntilPath, direction: Direction | None, certain: StateSet
 ) -> Values:
     """(Least or greatest) probability that a run does not satisfy left U right within the window of `path`.
@@ -34,13 +34,15 @@ def missed(
         )
 
     def unbounded(inner: Context) -> Values:
-        return missed(inner, UntilPath(left, right), direction, certain)
+        return complement_until(inner, UntilPath(left, right), direction, certain)
 
     if context.engine.model.type is not ModelType.CTMC:
-        return step_bounded.bounded_miss(context, left, right, path.window, direction, unbounded)
+        return step_bounded.bounded_complement(
+            context, left, right, path.window, direction, unbounded
+        )
     from symcheck.check.measures import ctmc
 
-    return ctmc.bounded_miss(context, left, right, path.window, unbounded)
+    return ctmc.bounded_complement(context, left, right, path.window, unbounded)
 
 
 def _least(context: Context, left: StateSet, right: StateSet) -> Values:
@@ -54,6 +56,6 @@ def _least(context: Context, left: StateSet, right: StateSet) -> Values:
     part = equations(context, ~(never | surely))
     if part.system.n == 0:
         return context.engine.indicator(never)
-    problem = part.problem(part.into(never), None, Direction.MIN, probability=True)
+    problem = part.problem(part.one_step_probability(never), None, Direction.MIN, probability=True)
     stays = next(graph.end_components(part.system.states), None) is not None
-    return part.solve(problem, [(never, 1.0)], wait=stays)
+    return part.solve(problem, [(never, 1.0)], allow_stay=stays)

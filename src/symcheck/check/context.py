@@ -1,4 +1,4 @@
-"""What a formula is checked against, and the notes taken on the way."""
+"""What a formula is checked against, and the log that checking keeps."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from symcheck.check.result import Line, Run
+from symcheck.check.result import Line, SolverRun
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.numerics.linear.problem import Observer
@@ -16,14 +16,14 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
-__all__ = ["Context", "Notes"]
+__all__ = ["CheckLog", "Context"]
 
 
 @dataclass
-class Notes:
+class CheckLog:
     """What is noted while a property is checked: numerical runs, lines to print, warnings, and a path that shows why."""
 
-    runs: list[Run] = field(default_factory=list)
+    runs: list[SolverRun] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     witness: Sequence[Mapping[str, int | bool]] | None = None
@@ -42,7 +42,7 @@ class Context:
 
     labels: those of the properties file (the model's are with the model). properties: the named properties.
     rebind: gives the formula that is checked, bound to the same model in exact arithmetic (thresholds such as 1/6 then are
-      rationals). open: the properties that are being expanded, so that one that refers to itself is found. matter: the
+      rationals). open: the properties that are being expanded, so that one that refers to itself is found. relevant_states: the
       states at which values are needed to the accuracy asked for (None: all); elsewhere their bounds may be wider.
     observer: is told of each step of a computation, and may raise to end it.
     """
@@ -51,10 +51,10 @@ class Context:
     options: Options
     labels: Mapping[str, Expression] = field(default_factory=dict)
     properties: Mapping[str, Expression] = field(default_factory=dict)
-    notes: Notes = field(default_factory=Notes)
+    log: CheckLog = field(default_factory=CheckLog)
     rebind: Callable[[BoundModel], Expression] | None = None
     open: frozenset[str] = frozenset()
-    matter: StateSet | None = None
+    relevant_states: StateSet | None = None
     observer: Observer | None = None
 
     def referred(self, reference: LabelReference) -> Expression:
@@ -83,12 +83,12 @@ class Context:
         """The context for what a reference stands for."""
         return replace(self, open=self.open | {reference.name})
 
-    def about(self, states: StateSet) -> Context:
+    def relevant_at(self, states: StateSet) -> Context:
         """The same where values are needed at these states (at all, if the options say so)."""
-        return replace(self, matter=None if self.options.everywhere else states)
+        return replace(self, relevant_states=None if self.options.everywhere else states)
 
-    def tighter(self, epsilon: float) -> Context:
-        """The same with another accuracy wanted; notes are shared."""
+    def with_epsilon(self, epsilon: float) -> Context:
+        """The same with another accuracy wanted; the log is shared."""
         return replace(self, options=replace(self.options, epsilon=epsilon))
 
     def example(self, states: StateSet) -> str:

@@ -88,7 +88,7 @@ def _count(context: Context, _: Filter, formula: StateSet, states: StateSet) -> 
 
 def _print_bool(context: Context, node: Filter, formula: StateSet, states: StateSet) -> Outcome:
     wanted = states if node.operator == "printall" else states & formula
-    context.notes.lines.extend(lines(context, formula, wanted, Type.BOOL))
+    context.log.lines.extend(lines(context, formula, wanted, Type.BOOL))
     return Outcome(None, formula)
 
 
@@ -131,13 +131,13 @@ def _arguments(context: Context, node: Filter, formula: Values, states: StateSet
     else:
         sure, maybe = formula.compare(">=", formula.maximum(states)[0])
     found = (sure | maybe) & states
-    context.notes.lines.extend(lines(context, formula, found, Type.DOUBLE))
+    context.log.lines.extend(lines(context, formula, found, Type.DOUBLE))
     return Outcome(None, found)
 
 
 def _print(context: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
     wanted = states if node.operator == "printall" else states & formula.compare("!=", 0)[0]
-    context.notes.lines.extend(lines(context, formula, wanted, Type.DOUBLE))
+    context.log.lines.extend(lines(context, formula, wanted, Type.DOUBLE))
     return Outcome(None, formula)
 
 

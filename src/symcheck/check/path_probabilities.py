@@ -48,10 +48,10 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
         satisfied = context.engine.indicator(known - path.right if path.negative else path.right)
         return satisfied.choose(known, context.engine.constant(0, 1))
     if isinstance(path, UntilPath) and path.negative and not context.engine.exact:
-        from symcheck.check.complement_until import missed
+        from symcheck.check.complement_until import complement_until
 
         certain = _zero(context, path.left, path.right, direction and direction.dual)
-        return missed(context, path, direction, certain)
+        return complement_until(context, path, direction, certain)
     if isinstance(path, NextPath) and path.negative and path.window.trivial:
         return measures(context).next_probability(context, ~path.target, path.window, direction)
     if path.negative and not isinstance(path, StatePath | TemporalPath):
@@ -71,8 +71,10 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
             return measures(context).until(context, left, right, direction)
         case RewardPath(inner, counts):
             if isinstance(inner, NextPath):
-                return measures(context).counted_next(context, inner.target, counts, direction)
-            return measures(context).counted_until(
+                return measures(context).reward_bounded_next(
+                    context, inner.target, counts, direction
+                )
+            return measures(context).reward_bounded_until(
                 context, inner.left, inner.right, counts, direction
             )
         case TemporalPath():
@@ -83,7 +85,7 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
 
 def _decided(context: Context, path: UntilPath) -> bool:
     """Whether the model is large, and the states where a value is needed decide the formula by themselves."""
-    matter = context.matter
+    matter = context.relevant_states
     if matter is None or context.engine.states < _LARGE or not path.window.at_once:
         return False
     return matter <= path.right | ~path.left
@@ -149,7 +151,9 @@ def qualitative(
 def _possibly(context: Context, path: UntilPath, direction: Direction | None) -> StateSet | None:
     """Where the probability is greater than 0."""
     if not path.window.trivial:
-        return measures(context).positive(context, path.left, path.right, path.window, direction)
+        return measures(context).prob_greater_zero(
+            context, path.left, path.right, path.window, direction
+        )
     return ~_zero(context, path.left, path.right, direction)
 
 

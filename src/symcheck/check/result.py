@@ -19,7 +19,7 @@ __all__ = [
     "Line",
     "Number",
     "Result",
-    "Run",
+    "SolverRun",
     "Statistical",
     "show_value",
 ]
@@ -91,7 +91,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class SolverRun:
     """One numerical computation behind a result. `kind`: 'linear', 'steps', 'transient', 'steady', 'exact' or 'graph' (no numbers)."""
 
     kind: str
@@ -119,7 +119,7 @@ class Result:
     satisfying: StateSet | None = field(default=None, repr=False)
     values: Values | None = field(default=None, repr=False)
     lines: tuple[Line, ...] = field(default=(), repr=False)
-    runs: tuple[Run, ...] = field(default=(), repr=False)
+    runs: tuple[SolverRun, ...] = field(default=(), repr=False)
     witness: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
     strategy: Any = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()

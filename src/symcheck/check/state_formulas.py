@@ -109,7 +109,7 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
     if is_plain(formula):
         return context.engine.values(formula, context.type(formula))
     here = partial(numbers, context, matter=matter)
-    context = context.about(matter)
+    context = context.relevant_at(matter)
     match formula:
         case Unary("-", operand):
             return here(operand).map("-")
@@ -227,7 +227,7 @@ def _bounded_probability(
     operator, threshold = formula.bound.operator, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
     path = resolve(formula.path, states_of(context), context.engine.all)
-    context = context.about(matter)
+    context = context.relevant_at(matter)
     by_graph = qualitative(context, path, operator, threshold, direction)
     if by_graph is not None:
         return by_graph
@@ -246,7 +246,7 @@ def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet)
     operator, threshold = formula.bound.operator, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
     structure = structure_number(context, formula)
-    context = context.about(matter)
+    context = context.relevant_at(matter)
 
     def compute(c: Context) -> Values:
         return reward_values(c, formula, structure, states_of(c), direction)
@@ -259,7 +259,7 @@ def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet)
 def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) -> StateSet:
     assert formula.bound is not None
     states = states_of(context)(formula.formula)
-    context = context.about(matter)
+    context = context.relevant_at(matter)
     threshold, operator = _threshold(formula.bound), formula.bound.operator
     direction = _direction(context, formula, formula.direction, operator)
     return decide(

@@ -41,7 +41,7 @@ def decide(
     sure, undecided = context.engine.none, matter
     for epsilon in (context.options.epsilon, *tighter):
         try:
-            values = compute(context.tighter(epsilon))
+            values = compute(context.with_epsilon(epsilon))
         except NumericalError as error:
             # More accuracy than the method reaches: rational arithmetic may still decide.
             failure = error
@@ -56,7 +56,7 @@ def decide(
     exact = _by_rationals(context.engine, exactly)
     if isinstance(exact, SymcheckError):
         raise _undecided(context, operator, threshold, undecided & matter, failure or exact)
-    context.notes.warn(
+    context.log.warn(
         "a threshold was too close to the value for floating point: decided by rational arithmetic"
     )
     return (sure - undecided) | (exact & undecided)

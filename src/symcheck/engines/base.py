@@ -151,11 +151,11 @@ class System(Protocol):
         """The matrix in the engine's own form, with `multiply(x: Floats) -> Floats` giving a value per row."""
         ...
 
-    def into(self, target: OwnSet) -> Floats:
+    def one_step_probability(self, target: OwnSet) -> Floats:
         """Per row: the one-step probability (rate) of entering `target` (states outside of `states` too)."""
         ...
 
-    def into_values(self, values: OwnValues) -> tuple[Floats, Floats]:
+    def one_step_values(self, values: OwnValues) -> tuple[Floats, Floats]:
         """Per row: sum over the successors outside of `states` of probability (rate) × value (lower, upper)."""
         ...
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.check.context import Context, Notes
+from symcheck.check.context import CheckLog, Context
 from symcheck.check.measures.reachability import equations
 from symcheck.direction import Direction
 from symcheck.numerics.linear.methods import solve_linear
@@ -46,13 +46,13 @@ def vectors(
 
     direction: 'min' or 'max' in an MDP. Keeps a copy of each iterate: for small models. Raises what the method raises.
     """
-    context = Context(engine, options, {}, {}, Notes())
+    context = Context(engine, options, {}, {}, CheckLog())
     no, yes = engine.graph.prob0(left, right, direction), engine.graph.prob1(left, right, direction)
     maybe = ~(no | yes)
     if not maybe:
         return Vectors(no, yes, maybe, None, None, ())
     part = equations(context, maybe)
-    problem = part.problem(part.into(yes), None, direction, probability=True)
+    problem = part.problem(part.one_step_probability(yes), None, direction, probability=True)
     steps: list[Step] = []
 
     def watch(step: Step) -> None:

@@ -45,7 +45,7 @@ class Measures(Protocol):
         """Probability of left U right where `right` holds at some time in the window, and `left` before."""
         ...
 
-    def counted_until(
+    def reward_bounded_until(
         self,
         context: Context,
         left: StateSet,
@@ -56,7 +56,7 @@ class Measures(Protocol):
         """Probability of left U right where the rewards gathered until `right` are within bounds."""
         ...
 
-    def counted_next(
+    def reward_bounded_next(
         self,
         context: Context,
         target: StateSet,
@@ -66,7 +66,7 @@ class Measures(Protocol):
         """Probability that the next state is in `target`, and the rewards of the step are within bounds."""
         ...
 
-    def positive(
+    def prob_greater_zero(
         self,
         context: Context,
         left: StateSet,

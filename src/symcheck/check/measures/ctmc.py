@@ -15,24 +15,24 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.measures.long_run import steady_probability, steady_reward
 from symcheck.check.measures.reachability import equations, reach_reward, until
-from symcheck.check.measures.reward_bounded_until import counted_next, counted_until
+from symcheck.check.measures.reward_bounded_until import reward_bounded_next, reward_bounded_until
 from symcheck.check.measures.total_reward import total_reward
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.matrices.rows import Floats
 
 __all__ = [
-    "bounded_miss",
+    "bounded_complement",
     "bounded_until",
-    "counted_next",
-    "counted_until",
     "cumulative_reward",
     "instantaneous_reward",
     "next_probability",
-    "positive",
+    "prob_greater_zero",
     "reach_reward",
+    "reward_bounded_next",
+    "reward_bounded_until",
     "steady_probability",
     "steady_reward",
     "total_reward",
@@ -53,8 +53,8 @@ def next_probability(
     engine = context.engine
     part = equations(context, engine.all)
     assert part.rates is not None
-    value = part.into(target)
-    context.notes.runs.append(Run("transient", "one jump", part.system.n, 1))
+    value = part.one_step_probability(target)
+    context.log.runs.append(SolverRun("transient", "one jump", part.system.n, 1))
     sure, never = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
     if window.trivial:
         return part.system.lift(value, None, exact=True).choose(
@@ -79,8 +79,8 @@ def bounded_until(
             else _within(context, left, right, upper)
         )
     # What follows time a is needed at all states that may be reached by then, and the two parts share the error.
-    context = context.tighter(context.options.epsilon / 3)
-    everywhere = replace(context, matter=None)
+    context = context.with_epsilon(context.options.epsilon / 3)
+    everywhere = replace(context, relevant_states=None)
     later = (
         until(everywhere, left, right, direction)
         if upper is None
@@ -89,7 +89,7 @@ def bounded_until(
     return _delayed(context, left, later, lower)
 
 
-def bounded_miss(
+def bounded_complement(
     context: Context,
     left: StateSet,
     right: StateSet,
@@ -103,13 +103,13 @@ def bounded_miss(
     lower, upper = window.times()
     if lower == 0 and upper is not None:
         return _missing(context, left, right, upper)
-    context = context.tighter(context.options.epsilon / 3)
-    everywhere = replace(context, matter=None)
+    context = context.with_epsilon(context.options.epsilon / 3)
+    everywhere = replace(context, relevant_states=None)
     later = miss(everywhere) if upper is None else _missing(everywhere, left, right, upper - lower)
     return later if lower == 0 else _delayed(context, left, later, lower, 1.0)
 
 
-def positive(
+def prob_greater_zero(
     context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
 ) -> StateSet | None:
     """Where left U[a,b] right has a positive probability: any number of jumps happens within any time, however short."""
@@ -147,7 +147,7 @@ def _within(context: Context, left: StateSet, right: StateSet, time: float) -> V
     if time == 0:
         return engine.indicator(right)
     system = engine.system((left - right) & engine.graph.exists_until(left, right))
-    lower, upper = _values(context, system, time, gain=system.into(right))
+    lower, upper = _values(context, system, time, gain=system.one_step_probability(right))
     return system.lift(lower, np.minimum(upper, 1.0), [(right, 1.0)])
 
 
@@ -159,7 +159,11 @@ def _missing(context: Context, left: StateSet, right: StateSet, time: float) -> 
     possible = engine.graph.exists_until(left, right)
     system = engine.system((left - right) & possible)
     lower, upper = _values(
-        context, system, time, terminal=np.ones(system.n), gain=system.into(~possible)
+        context,
+        system,
+        time,
+        terminal=np.ones(system.n),
+        gain=system.one_step_probability(~possible),
     )
     return system.lift(np.minimum(lower, 1.0), np.minimum(upper, 1.0), [(~possible, 1.0)])
 
@@ -170,7 +174,7 @@ def _delayed(
     """The expected value at time t of runs that stay in `left` until then (`outside` for other runs)."""
     system = context.engine.system(left)
     low, high = values.at(left)
-    gain = system.into(~left) if outside else None
+    gain = system.one_step_probability(~left) if outside else None
     lower, upper = _values(context, system, time, terminal=low, gain=gain)
     if not values.exact:
         _, upper = _values(context, system, time, terminal=high, gain=gain)
@@ -214,8 +218,8 @@ def _values(
     started = perf_counter()
     rates = system.matrix if context.engine.has_rows else system.operator
     interest = None
-    if context.matter is not None:
-        interest = np.flatnonzero(system.restrict(context.matter))
+    if context.relevant_states is not None:
+        interest = np.flatnonzero(system.restrict(context.relevant_states))
     found = transient_values(
         rates,
         system.row_sums(),
@@ -227,8 +231,10 @@ def _values(
         observer=context.observer,
     )
     seconds = perf_counter() - started
-    context.notes.runs.append(
-        Run("transient", "uniformisation", system.n, found.iterations, seconds, found.explanation)
+    context.log.runs.append(
+        SolverRun(
+            "transient", "uniformisation", system.n, found.iterations, seconds, found.explanation
+        )
     )
     _note_width(context, system, found.lower, found.upper, found.explanation)
     return found.lower, found.upper
@@ -241,9 +247,9 @@ def _note_width(
     width = upper - lower
     if context.options.relative:
         width = np.maximum(width - _TINY, 0.0) / np.maximum(np.abs(upper), _TINY)
-    if context.matter is not None:
-        width = width[system.restrict(context.matter) > 0]
+    if context.relevant_states is not None:
+        width = width[system.restrict(context.relevant_states) > 0]
     if len(width) and width.max() > context.options.epsilon * (1 + 1e-9):
-        context.notes.warn(
+        context.log.warn(
             f"the bounds are {width.max():.1E} apart, further than asked for: {explanation}"
         )

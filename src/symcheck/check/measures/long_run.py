@@ -12,7 +12,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import boundary_values
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.matrices.rows import Bools, Floats
@@ -94,8 +94,8 @@ def _component_average(context: Context, system: System, reward: Floats) -> tupl
     started = perf_counter()
     found = long_run_average(system.matrix, reward, context.options, context.observer)
     seconds = perf_counter() - started
-    context.notes.runs.append(
-        Run(
+    context.log.runs.append(
+        SolverRun(
             "steady",
             "long-run average",
             system.n,

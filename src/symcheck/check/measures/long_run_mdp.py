@@ -13,7 +13,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.step_bounded import per_row
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
@@ -81,7 +81,7 @@ def _average(
         lower, upper = np.clip(lower, 0.0, 1.0), np.clip(upper, 0.0, 1.0)
     count = gains.parts.count
     about = f"{count} end component{'s' * (count != 1)}, the largest of {max(1, gains.largest)} states; {found.explanation}"
-    run = Run(
+    run = SolverRun(
         "steady",
         "mean payoff",
         system.n,
@@ -90,7 +90,7 @@ def _average(
         about,
         found.certified,
     )
-    context.notes.runs.append(run)
+    context.log.runs.append(run)
     _note_width(context, lower, upper)
     values = system.lift(
         0.5 * (lower + upper) if exact else lower, None if exact else upper, exact=exact
@@ -124,4 +124,4 @@ def _note_width(context: Context, lower: Floats, upper: Floats) -> None:
         width = width / np.maximum(np.maximum(np.abs(lower), np.abs(upper)), 1e-300)
     apart = float(width.max(initial=0.0))
     if apart > context.options.epsilon * (1 + 1e-9):
-        context.notes.warn(f"the bounds are {apart:.1E} apart, further than asked for")
+        context.log.warn(f"the bounds are {apart:.1E} apart, further than asked for")

@@ -6,7 +6,7 @@ from symcheck.check.context import Context
 from symcheck.check.measures import step_bounded
 from symcheck.check.measures.long_run_mdp import steady_probability, steady_reward
 from symcheck.check.measures.reachability import reach_reward, until
-from symcheck.check.measures.reward_bounded_until import counted_next, counted_until
+from symcheck.check.measures.reward_bounded_until import reward_bounded_next, reward_bounded_until
 from symcheck.check.measures.total_reward import total_reward
 from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
@@ -14,13 +14,13 @@ from symcheck.engines.base import StateSet, Values
 
 __all__ = [
     "bounded_until",
-    "counted_next",
-    "counted_until",
     "cumulative_reward",
     "instantaneous_reward",
     "next_probability",
-    "positive",
+    "prob_greater_zero",
     "reach_reward",
+    "reward_bounded_next",
+    "reward_bounded_until",
     "steady_probability",
     "steady_reward",
     "total_reward",
@@ -39,7 +39,7 @@ def bounded_until(
     return step_bounded.bounded_until(context, left, right, window, direction, until)
 
 
-def positive(
+def prob_greater_zero(
     context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
 ) -> StateSet | None:
     """Left to the numbers: products of positive numbers are positive, and zeros are exact."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.step_bounded import best, per_row
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
@@ -69,9 +69,9 @@ class Equations:
         """A rate per row as a probability per row (the value itself where there are no rates)."""
         return rows if self.rates is None else rows / self.rates
 
-    def into(self, target: StateSet) -> Floats:
+    def one_step_probability(self, target: StateSet) -> Floats:
         """Per row: the probability of entering `target` with the next step."""
-        return self.scaled(self.system.into(target))
+        return self.scaled(self.system.one_step_probability(target))
 
     def problem(
         self,
@@ -82,7 +82,7 @@ class Equations:
         probability: bool,
     ) -> LinearProblem:
         """The equations x = A x + constant (bounds: up to `upper`)."""
-        leave = self.into(~self.system.states)
+        leave = self.one_step_probability(~self.system.states)
         if self.system.has_rows or self._end_components_matter(direction, probability):
             return LinearProblem(constant, self._matrix(), upper, leave, direction, probability)
         operator = (
@@ -139,11 +139,11 @@ class Equations:
         problem: LinearProblem | Embedded,
         rest: list[tuple[StateSet, float]],
         *,
-        wait: bool = False,
+        allow_stay: bool = False,
     ) -> Values:
         """The solution, lifted to all states with constants on the sets in `rest`.
 
-        `wait`: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards); or it
+        `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards); or it
         must not (least probabilities of what is met outside).
         """
         from symcheck.numerics.linear.methods import solve_linear
@@ -155,7 +155,7 @@ class Equations:
         # that waiting is never better than leaving and need not be among the choices of these states.
         against = Direction.MAX if problem.probability else Direction.MIN
         smaller = None
-        if wait and not isinstance(problem, Embedded):
+        if allow_stay and not isinstance(problem, Embedded):
             smaller = collapse(replace(problem, matrix=self._matrix(), direction=against))
         if smaller is None:
             found = solve_linear(problem, options, observer)
@@ -168,12 +168,12 @@ class Equations:
         seconds = perf_counter() - started
         width = found.width(self.context.options.relative)
         if found.certified and width > self.context.options.epsilon:
-            self.context.notes.warn(
+            self.context.log.warn(
                 f"the bounds are {width:.1E} apart, further than asked for: {found.explanation}"
             )
         point = found.exact or not found.certified
-        self.context.notes.runs.append(
-            Run(
+        self.context.log.runs.append(
+            SolverRun(
                 "linear",
                 found.method,
                 self.system.n,
@@ -213,7 +213,7 @@ def until(context: Context, left: StateSet, right: StateSet, direction: Directio
     if part.system.n == 0:
         return context.engine.indicator(yes)
     problem = part.among_all([(yes, 1.0)], direction) or part.problem(
-        part.into(yes), None, direction, probability=True
+        part.one_step_probability(yes), None, direction, probability=True
     )
     return part.solve(problem, [(yes, 1.0)])
 
@@ -244,7 +244,7 @@ def _shorter_reward(
 def boundary_values(context: Context, states: StateSet, outside: Values) -> Values:
     """The expected value of `outside` where a run leaves `states`, which it must do almost surely (DTMC, CTMC)."""
     part = equations(context, states)
-    low, high = (part.scaled(v) for v in part.system.into_values(outside))
+    low, high = (part.scaled(v) for v in part.system.one_step_values(outside))
     exact = outside.exact
     inner = part.solve(part.problem(low, None if exact else high, None, probability=False), [])
     return inner.choose(states, outside)
@@ -274,7 +274,9 @@ def reach_reward(
         part = equations(context, certain - target)
         reward = step_rewards(part, structure)
     # A choice that may lead to where the reward is infinite is never best.
-    allowed = part.system.into(~certain) == 0 if direction == Direction.MIN else None
+    allowed = (
+        part.system.one_step_probability(~certain) == 0 if direction == Direction.MIN else None
+    )
     everything = allowed is None or bool(allowed.all())
     embedded = part.among_all([], direction, structure=structure) if everything else None
     if embedded is not None:
@@ -301,8 +303,8 @@ def _acyclic(
     if found is None:
         return None
     note = f"no cycles: {found.steps} steps on diagrams"
-    context.notes.runs.append(
-        Run(
+    context.log.runs.append(
+        SolverRun(
             "linear", "topological", states.count, found.steps, perf_counter() - started, note, True
         )
     )

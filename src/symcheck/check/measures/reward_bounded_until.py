@@ -18,7 +18,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.measures.reward_scaling import Limits, main_first, scaled
 from symcheck.check.measures.step_bounded import best, per_row
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.check.time_bounds import Count
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from symcheck.numerics.reward_bounds.epoch_system import Epochs
     from symcheck.numerics.reward_bounds.epochs import Found
 
-__all__ = ["check_even", "counted_next", "counted_until"]
+__all__ = ["check_even", "reward_bounded_next", "reward_bounded_until"]
 
 
-def counted_until(
+def reward_bounded_until(
     context: Context,
     left: StateSet,
     right: StateSet,
@@ -78,7 +78,7 @@ def counted_until(
     return _lift(context, system, found.lower[first], found.upper[first])
 
 
-def counted_next(
+def reward_bounded_next(
     context: Context, target: StateSet, counts: Sequence[Count], direction: Direction | None
 ) -> Values:
     """Probability that the next state is in `target`, and the reward of the step within its bounds."""
@@ -91,7 +91,7 @@ def counted_next(
         allowed &= limit.rewards >= limit.lower
         if limit.upper is not None:
             allowed &= limit.rewards <= limit.upper
-    into = system.into(target)
+    into = system.one_step_probability(target)
     if engine.model.type is ModelType.CTMC:
         into = into / system.row_sums()
     sure = engine.to_bools(engine.graph.all_successors_in(target))
@@ -100,7 +100,7 @@ def counted_next(
         system,
         direction,
     )
-    context.notes.runs.append(Run("steps", "one step", system.n, 1))
+    context.log.runs.append(SolverRun("steps", "one step", system.n, 1))
     slip = 0.25 * ROUNDING * np.where((values == 0) | (values == 1), 0.0, values)
     return _lift(context, system, values - slip, np.minimum(values + slip, 1.0))
 
@@ -197,7 +197,7 @@ def _problem(
 ) -> Epochs:
     from symcheck.numerics.reward_bounds.epoch_system import Epochs
 
-    matrix, leave = system.matrix, system.into(~system.states)
+    matrix, leave = system.matrix, system.one_step_probability(~system.states)
     if context.engine.model.type is ModelType.CTMC:
         rates = system.row_sums()
         matrix = SparseMatrix(
@@ -226,8 +226,8 @@ def _problem(
 def _note(context: Context, found: Found, problem: Epochs, seconds: float) -> None:
     cycles = f", cycles without reward of up to {found.cycle} states" if found.cycle > 1 else ""
     about = f"{found.levels} levels of the budget{cycles}"
-    context.notes.runs.append(
-        Run(
+    context.log.runs.append(
+        SolverRun(
             "epochs",
             "budget by budget",
             problem.matrix.states,
@@ -245,7 +245,7 @@ def _lift(context: Context, system: System, lower: Floats, upper: Floats) -> Val
     options = context.options
     apart = float((relative if options.relative else width).max(initial=0.0))
     if apart > options.epsilon:
-        context.notes.warn(f"the bounds are {apart:.1E} apart, further than asked for")
+        context.log.warn(f"the bounds are {apart:.1E} apart, further than asked for")
     if float(relative.max(initial=0.0)) > ROUNDING:
         return system.lift(lower, upper)
     values = system.lift(0.5 * (lower + upper), None, exact=True)

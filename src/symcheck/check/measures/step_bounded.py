@@ -12,7 +12,7 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
@@ -22,7 +22,7 @@ from symcheck.numerics.linear.problem import Step
 __all__ = [
     "Until",
     "best",
-    "bounded_miss",
+    "bounded_complement",
     "bounded_until",
     "cumulative_reward",
     "instantaneous_reward",
@@ -54,7 +54,7 @@ def next_probability(
         return engine.constant(0)
     system = engine.system(engine.all)
     _note(context, system.n, 1)
-    value = best(system.into(target), system, direction)
+    value = best(system.one_step_probability(target), system, direction)
     # Where all successors are in the target, or none, the answer is certain: summing must not blur it.
     sure = engine.graph.all_successors_in(target)
     never = ~engine.graph.predecessors(target)
@@ -85,7 +85,7 @@ def bounded_until(
     )
 
 
-def bounded_miss(
+def bounded_complement(
     context: Context,
     left: StateSet,
     right: StateSet,
@@ -121,7 +121,7 @@ def _within(
     """Probability of reaching `goal` through `between` within so many steps; runs that are still between count as `end`."""
     engine = context.engine
     system = engine.system(between)
-    enter = system.into(goal)
+    enter = system.one_step_probability(goal)
     x = np.full(system.n, end)
     taken = 0
     for taken in range(1, steps + 1):
@@ -144,14 +144,14 @@ def _delayed(
 ) -> Values:
     """The expected value after `steps` steps, all of which begin in `left` (`outside` for other runs)."""
     system = context.engine.system(left)
-    lost = outside * system.into(~left)
+    lost = outside * system.one_step_probability(~left)
 
     def step(x: Floats, enter: Floats | float = 0.0) -> Floats:
         return best(system.operator.multiply(x) + enter, system, direction)
 
     sides = [
         step(inside, enter)
-        for inside, enter in zip(values.at(left), system.into_values(values), strict=True)
+        for inside, enter in zip(values.at(left), system.one_step_values(values), strict=True)
     ]
     if values.exact:
         sides = sides[:1]
@@ -237,4 +237,4 @@ def _observe(context: Context, system: System, taken: int) -> None:
 
 
 def _note(context: Context, unknowns: int, steps: int) -> None:
-    context.notes.runs.append(Run("steps", "step by step", unknowns, steps))
+    context.log.runs.append(SolverRun("steps", "step by step", unknowns, steps))

@@ -61,4 +61,4 @@ def _greatest(context: Context, structure: int, whole: System, reward: Floats) -
         Direction.MAX,
         probability=False,
     )
-    return part.solve(problem, [(infinite, np.inf)], wait=True)
+    return part.solve(problem, [(infinite, np.inf)], allow_stay=True)

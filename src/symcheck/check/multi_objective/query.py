@@ -22,7 +22,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
 from symcheck.check.path_formulas import StatesOf
-from symcheck.check.result import Answer, Estimate, Exact, Result, Run
+from symcheck.check.result import Answer, Estimate, Exact, Result, SolverRun
 from symcheck.check.strategies.to_explicit import listed
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.numerics.multi_objective import linear_program as numerics
@@ -114,8 +114,8 @@ def _undecided(error: Exception | None) -> NumericalError:
 
 def _result(context: Context, found: _Asked, started: float) -> Result:
     note = f"linear program of {found.variables} variables{', proved in rational arithmetic' if found.proved else ''}: {found.about}"
-    context.notes.runs.append(
-        Run(
+    context.log.runs.append(
+        SolverRun(
             "linear",
             "linear program",
             found.variables,

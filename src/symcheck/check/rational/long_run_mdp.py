@@ -19,7 +19,7 @@ from symcheck.check.rational.linear_systems import (
     exact_matrix,
     least_solution,
 )
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.rational.engine import ExactEngine
 from symcheck.engines.rational.values import Rationals
@@ -64,7 +64,7 @@ def mean_payoff(
         gains.append(sign * gain)
         evaluated += count
     out, count = _endings(engine, parts, gains, direction)
-    context.notes.runs.append(Run("exact", "rational policy iteration", n, evaluated + count))
+    context.log.runs.append(SolverRun("exact", "rational policy iteration", n, evaluated + count))
     return out
 
 

@@ -17,7 +17,7 @@ from symcheck.check.rational.linear_systems import (
     exact_matrix,
     least_solution,
 )
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.check.time_bounds import Count, Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
@@ -90,7 +90,7 @@ class ExactMeasures:
             x = _pick(_own(left).members, _step(engine, matrix, x, direction), Fraction(0))
         return RationalValues(x)
 
-    def counted_until(
+    def reward_bounded_until(
         self,
         context: Context,
         left: StateSet,
@@ -118,7 +118,7 @@ class ExactMeasures:
             )
         )
 
-    def counted_next(
+    def reward_bounded_next(
         self,
         context: Context,
         target: StateSet,
@@ -137,7 +137,7 @@ class ExactMeasures:
         into = _probabilities(engine).multiply(_array(engine.indicator(_own(target))))
         return RationalValues(_best(engine, _pick(allowed, into, Fraction(0)), direction))
 
-    def positive(
+    def prob_greater_zero(
         self,
         context: Context,
         left: StateSet,
@@ -150,7 +150,7 @@ class ExactMeasures:
             return None
         from symcheck.check.measures import ctmc
 
-        return ctmc.positive(context, left, right, window, direction)
+        return ctmc.prob_greater_zero(context, left, right, window, direction)
 
     def reach_reward(
         self, context: Context, structure: int, target: StateSet, direction: Direction | None
@@ -368,7 +368,7 @@ def _solve(
         groups.append(len(rows))
     problem = RationalProblem(rows, constants, groups, direction, start if proper else None)
     solution, iterations = least_solution(problem)
-    context.notes.runs.append(Run("exact", "rational elimination", len(chosen), iterations))
+    context.log.runs.append(SolverRun("exact", "rational elimination", len(chosen), iterations))
     values = outside.copy()
     values[chosen] = solution
     return RationalValues(values)

@@ -23,7 +23,9 @@ def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expressi
     Raises UnsupportedError where the model cannot be explored so.
     """
     engine = _exact_engine(context)
-    return replace(context, engine=engine, matter=None), _twin(context, engine.model, formula)
+    return replace(context, engine=engine, relevant_states=None), _twin(
+        context, engine.model, formula
+    )
 
 
 def exactly_bound(model: BoundModel) -> BoundModel:
@@ -45,11 +47,11 @@ def _exact_engine(context: Context) -> ExactEngine:
     """The model explored exactly; once per check."""
     from symcheck.engines.rational.engine import ExactEngine, explore_exactly
 
-    if not isinstance(context.notes.exact_engine, ExactEngine):
+    if not isinstance(context.log.exact_engine, ExactEngine):
         # A model that was read state by state has no text to bind again, and brings its own rationals.
         own = getattr(context.engine, "rational", None)
         if own is not None:
-            context.notes.exact_engine = engine = own()
+            context.log.exact_engine = engine = own()
             return engine  # type: ignore[no-any-return]
         model = exactly_bound(context.engine.model)
         engine = explore_exactly(
@@ -59,8 +61,8 @@ def _exact_engine(context: Context) -> ExactEngine:
             raise UnsupportedError(
                 "explored exactly, the model has other states than in floating point"
             )
-        context.notes.exact_engine = engine
-    return context.notes.exact_engine
+        context.log.exact_engine = engine
+    return context.log.exact_engine
 
 
 def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:

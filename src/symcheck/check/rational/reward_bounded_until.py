@@ -17,7 +17,7 @@ from symcheck.check.context import Context
 from symcheck.check.measures.reward_bounded_until import check_even
 from symcheck.check.measures.reward_scaling import Limits, common_step, in_steps, main_first
 from symcheck.check.rational.linear_systems import Entries, RationalProblem, least_solution
-from symcheck.check.result import Run
+from symcheck.check.result import SolverRun
 from symcheck.check.time_bounds import Count
 from symcheck.direction import Direction
 from symcheck.engines.explicit.array_values import ArraySet
@@ -97,8 +97,8 @@ def counted_values(
         origin = origin[rows]
     run = _Levels(problem, matrix, origin)
     values = run.solve(unbounded)
-    context.notes.runs.append(
-        Run("exact", "rational, budget by budget", problem.matrix.states, run.count)
+    context.log.runs.append(
+        SolverRun("exact", "rational, budget by budget", problem.matrix.states, run.count)
     )
     out = np.empty(engine.states, dtype=object)
     out[:] = values[:: problem.matrix.states // engine.states]

@@ -159,7 +159,7 @@ def _remembering(context: Context, path: TemporalPath, direction: Direction) -> 
         context, replace(path, negative=direction == Direction.MIN), counted
     )
     assert isinstance(product, ExplicitProduct)
-    chooser = _Chooser(replace(context, engine=product.engine, matter=None), Direction.MAX)
+    chooser = _Chooser(replace(context, engine=product.engine, relevant_states=None), Direction.MAX)
     chooser.until(product.engine.all, chooser.for_ever(pairs))
     found = chooser.strategy(direction)
     return replace(found, memory=product.pairs.automaton, entry=product.entry)
@@ -197,7 +197,7 @@ class _Chooser:
 
     def next(self, target: OwnSet) -> None:
         """The rows that most (least) probably enter the target."""
-        values = self.engine.system(self.engine.all).into(target)
+        values = self.engine.system(self.engine.all).one_step_probability(target)
         values = values if self.direction == Direction.MAX else -values
         best = np.maximum.reduceat(values, self.edges.groups[:-1])
         first = np.flatnonzero(values == np.repeat(best, np.diff(self.edges.groups)))
@@ -218,7 +218,8 @@ class _Chooser:
             self._stay(self.engine.to_bools(no), self.engine.to_bools(no & (left - right)))
         part = equations(self.context, ~(yes | no))
         self._solve(
-            part.system.states, part.problem(part.into(yes), None, self.direction, probability=True)
+            part.system.states,
+            part.problem(part.one_step_probability(yes), None, self.direction, probability=True),
         )
 
     def for_ever(self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]) -> OwnSet:
@@ -254,7 +255,7 @@ class _Chooser:
             self._miss(target)
             self._solve(part.system.states, problem)
         else:
-            allowed = part.system.into(~certain) == 0
+            allowed = part.system.one_step_probability(~certain) == 0
             self._solve(
                 part.system.states,
                 chosen_rows(problem, part.system.matrix, allowed),
@@ -268,7 +269,7 @@ class _Chooser:
     def _stay(self, within: Bools, where: Bools) -> None:
         """In the states `where`, a row that stays `within` for certain."""
         members = self.engine.from_bools(within)
-        leaves = self.engine.system(self.engine.all).into(~members) > 0
+        leaves = self.engine.system(self.engine.all).one_step_probability(~members) > 0
         inside = np.flatnonzero(~leaves & where[self.edges.owner])
         self.rows[self.edges.owner[inside[::-1]]] = inside[::-1]
 

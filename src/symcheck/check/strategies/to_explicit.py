@@ -18,5 +18,5 @@ def listed(context: Context) -> Context:
     return replace(
         context,
         engine=build(context.engine.model, replace(context.options, engine="explicit")),
-        matter=None,
+        relevant_states=None,
     )

@@ -198,11 +198,11 @@ class ExplicitSystem:
         """The matrix as an operator."""
         return SparseOperator(self.matrix)
 
-    def into(self, target: ArraySet) -> Floats:
+    def one_step_probability(self, target: ArraySet) -> Floats:
         """Per row: the one-step probability (rate) of entering the target."""
         return self._sums(target.members, None)
 
-    def into_values(self, values: ArrayValues) -> tuple[Floats, Floats]:
+    def one_step_values(self, values: ArrayValues) -> tuple[Floats, Floats]:
         """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
         outside = ~self.states.members
         lower = self._sums(outside, values.lower)
@@ -222,7 +222,7 @@ class ExplicitSystem:
 
     def row_sums(self) -> Floats:
         """Per row: the total probability (exit rate)."""
-        return self.into(self.engine.all)
+        return self.one_step_probability(self.engine.all)
 
     def rewards(self, structure: int) -> tuple[Floats, Floats]:
         """State rewards per state and transition rewards per row."""

@@ -138,7 +138,7 @@ class Components:
         if not stay:
             return None, graph.EndComponents(np.empty(0, np.int32), np.empty(0, bool), 0)
         part = self._part(stay)
-        inside = part.into(~part.states) == 0
+        inside = part.one_step_probability(~part.states) == 0
         return part, graph.maximal_end_components(part.matrix, np.ones(part.n, bool), inside)
 
     def accepting_end_components(

@@ -144,13 +144,13 @@ class SymbolicSystem:
             out[rows] = self.odd.to_vector(function)[present]
         return out
 
-    def into(self, target: SymbolicSet) -> Floats:
+    def one_step_probability(self, target: SymbolicSet) -> Floats:
         """Per row: the one-step probability (rate) of entering the target."""
         d = self._d
         columns = target.bdd.rename(d.to_columns).to_mtbdd()
         return self.per_row([root.multiply_sum(columns, d.column_cube) for root in self.roots])
 
-    def into_values(self, values: SymbolicValues) -> tuple[Floats, Floats]:
+    def one_step_values(self, values: SymbolicValues) -> tuple[Floats, Floats]:
         """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
         outside = ~self.states
         lower: Floats = np.zeros(self.layout.rows if self.layout is not None else self.n)
@@ -167,7 +167,7 @@ class SymbolicSystem:
 
     def _weighted(self, piece: Piece, target: SymbolicSet) -> tuple[Floats, Floats]:
         if piece.constant:
-            weight = self.into(target)
+            weight = self.one_step_probability(target)
             low, high = float(piece.values.lower[0]), float(piece.values.upper[0])
             with np.errstate(invalid="ignore"):  # nothing times infinity is nothing here
                 return np.where(weight > 0, weight * low, 0.0), np.where(
