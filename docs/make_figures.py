@@ -1,4 +1,4 @@
-"""The figures of the tutorial: `python docs/make_figures.py [FOLDER]` (extra `plot`); into docs/figures by default."""
+"""The figures of the tutorial: `python docs/make_figures.py [FOLDER]` (extras `plot` and `view`); into docs/figures by default."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ import symcheck
 from symcheck import Options, teach, view
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_expression
-from symcheck.view.layout import place
 
 ROOT = Path(__file__).resolve().parent.parent
 PAIRS = """dtmc
@@ -41,7 +40,7 @@ def bound(name: str) -> symcheck.BoundModel:
 def die_states() -> Any:
     """The die as a state graph."""
     model = symcheck.explore(bound("die/die.pm"), Options())
-    return view.draw(view.state_graph(model, marked=model.evaluate(parse_expression("d=6")), title="the die; green: six"))
+    return view.state_graph(model, marked=model.evaluate(parse_expression("d=6")), title="the die; green: six").draw()
 
 
 def die_diagrams() -> Any:
@@ -53,11 +52,9 @@ def die_diagrams() -> Any:
         view.picture(made.space.states, encoding, title="reachable states"),
         view.picture(made.matrix, encoding, title="matrix"),
     )
-    sizes = [place(p) for p in pictures]
-    widths, height = [s.width for s in sizes], max(s.height for s in sizes)
-    _, axes = pyplot.subplots(1, 2, figsize=(sum(widths) / 72, height / 72), layout="constrained", width_ratios=widths)
+    _, axes = pyplot.subplots(1, 2, figsize=(12, 4.2), layout="constrained", width_ratios=(1, 2))
     for picture, part in zip(pictures, axes, strict=True):
-        view.draw(picture, part)
+        picture.draw(part)
     return axes[0]
 
 
@@ -71,7 +68,7 @@ def search() -> Any:
 def bounds() -> Any:
     """Interval iteration on a fair game of the gambler."""
     engine = symcheck.load(ROOT / "models" / "gambler" / "gambler.pm").engine
-    seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval"))
+    seen = teach.until_trace(engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval"))
     axes = view.plot_bounds(seen.steps[:600], state=4, truth=0.25, title="the gambler wins 20, starting with 5")
     axes.set(xlim=(0, 600), ylabel="probability of winning")
     return axes
@@ -79,8 +76,8 @@ def bounds() -> Any:
 
 def blocks() -> Any:
     """The matrix of Herman's ring as blocks."""
-    seen = teach.anatomy(construct(bound("herman/herman7.pm"), Options()), budget=1)
-    title = f"Herman's ring of 7: {len(seen.blocks)} distinct blocks at {len(seen.places)} places"
+    seen = teach.block_structure(construct(bound("herman/herman7.pm"), Options()), budget=1)
+    title = f"Herman's ring of 7: {len(seen.blocks)} distinct blocks, {len(seen.occurrences)} occurrences"
     return view.plot_blocks(seen, title=title)
 
 
@@ -90,7 +87,7 @@ def orders() -> Any:
     pairs = ("a1", "b1", "a2", "b2", "a3", "b3")
     apart = ("a1", "a2", "a3", "b1", "b2", "b3")
     tried = [("i", *pairs), (*pairs, "i"), ("i", *apart), (*apart, "i"), ("a1", "b1", "a2", "b2", "i", "a3", "b3")]
-    return view.plot_orders(list(teach.order_lab(model, Options(), tried)), title="one model, five orders")
+    return view.plot_orders(list(teach.compare_orders(model, Options(), tried)), title="one model, five orders")
 
 
 FIGURES = {f.__name__: f for f in (die_states, die_diagrams, search, bounds, blocks, orders)}

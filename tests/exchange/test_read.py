@@ -113,7 +113,7 @@ FAULTS = [
     (
         {"tra": "3 5\n0 1 0.5\n0 2 0.5\n1 1 1\n2 2 1\n"},
         "m.tra:1:3",
-        "tells of 5 transitions, and 4 follow",
+        "announces 5 transitions, but 4 follow",
     ),
     ({"tra": "3 4\n0 1 0.5\n0 2 zero\n1 1 1\n2 2 1\n"}, "m.tra:3:5", "'zero' is not a number"),
     ({"tra": "3 4\n0 1 0.5\n0 2 nan\n1 1 1\n2 2 1\n"}, "m.tra:3:5", "not negative"),
@@ -131,7 +131,7 @@ FAULTS = [
     ({"tra": MDP.replace("0 0 1 0.5 a", "0 0 1 0.6 a")}, "m.tra:2:1", "sum to 1.1, not to 1"),
     ({"tra": MDP.replace("0 0 1 0.5 a", "0 0 1 0.5 c")}, "m.tra:3:1", "different actions"),
     ({"tra": MDP.replace("0 1 1 1 b", "0 2 1 1 b")}, "m.tra:4:3", "choice 1 of state 0 is missing"),
-    ({"tra": MDP.replace("2 3 4", "2 4 4")}, "m.tra:1:3", "tells of 4 choices, and 3 follow"),
+    ({"tra": MDP.replace("2 3 4", "2 4 4")}, "m.tra:1:3", "announces 4 choices, but 3 follow"),
     ({"tra": DTMC, "sta": "x\n0:(1)\n1:(2)\n2:(3)\n"}, "m.sta:1:1", "names of the variables"),
     ({"tra": DTMC, "sta": "(x)\n0:(1)\n1:(2)\n"}, "m.sta:3:1", "has 3 states, and this file 2"),
     ({"tra": DTMC, "sta": "(x)\n0:(1)\n1:(2,3)\n2:(3)\n"}, "m.sta:3:1", "number:(x)"),
@@ -143,8 +143,8 @@ FAULTS = [
     ({"tra": DTMC, "lab": '0="init"\n0: 0\n1: 4\n'}, "m.lab:3:1", "label 4"),
     ({"tra": DTMC, "lab": '0="init"\n0 0\n'}, "m.lab:2:1", "colon"),
     ({"tra": DTMC, "lab": '0="init" 1="a"\n0: 1\n'}, "m.lab:1:1", 'no state has the label "init"'),
-    ({"tra": DTMC, "srew": "4 1\n0 1\n"}, "m.srew:1:1", "has 3 states, and this file tells of 4"),
-    ({"tra": DTMC, "srew": "3 2\n0 1\n"}, "m.srew:1:3", "tells of 2 rewards, and 1 follow"),
+    ({"tra": DTMC, "srew": "4 1\n0 1\n"}, "m.srew:1:1", "has 3 states, but this file announces 4"),
+    ({"tra": DTMC, "srew": "3 2\n0 1\n"}, "m.srew:1:3", "announces 2 rewards, but 1 follow"),
     ({"tra": DTMC, "trew": "3 1\n1 0 1\n"}, "m.trew:2:1", "no such transition"),
     ({"tra": MDP, "trew": "2 3 1\n1 3 1 1\n"}, "m.trew:2:3", "state 1 has no choice 3"),
 ]

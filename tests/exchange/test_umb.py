@@ -172,7 +172,7 @@ def test_what_is_no_probability_is_refused(wrong, tmp_path):
     raw = umbi.umb.read(tmp_path / "m.umb")
     raw.branch_to_probability = [wrong, 1.5, 1.0]
     umbi.umb.write(raw, tmp_path / "n.umb")
-    with pytest.raises(UsageError, match="is no probability or rate"):
+    with pytest.raises(UsageError, match="is not a probability or rate"):
         symcheck.load_explicit(str(tmp_path / "n.umb"))
 
 

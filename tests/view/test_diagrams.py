@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-import shutil
+import sys
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import pytest
 
 import symcheck
 from symcheck import view
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.options import Options
 from symcheck.symbolic.build import construct
 from symcheck.symbolic.model import Transitions
@@ -127,10 +128,26 @@ def test_dot_and_svg_name_every_node(made: Transitions) -> None:
     assert all(line in texts for n in picture.nodes for line in n.label.split("\n"))
 
 
-def test_graphviz_is_used_where_it_is(made: Transitions, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_are_saved_by_their_extension(made: Transitions, tmp_path: Path) -> None:
     picture = view.picture(made.space.states, made.space.symbolic.encoding)
-    if shutil.which("dot"):
-        assert b"<svg" in view.graphviz(picture)
-    monkeypatch.setenv("PATH", "")
-    with pytest.raises(UnsupportedError, match="not installed"):
-        view.graphviz(picture)
+    for extension, start in ((".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF")):
+        path = tmp_path / f"states{extension}"
+        picture.save(path)
+        assert path.read_bytes().startswith(start)
+    picture.save(tmp_path / "states.dot")
+    assert (tmp_path / "states.dot").read_text() == picture.dot
+    with pytest.raises(UsageError, match=r"cannot be saved as '.gif'"):
+        picture.save(tmp_path / "states.gif")
+
+
+def test_pictures_say_what_to_install(made: Transitions, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = view.picture(made.space.states, made.space.symbolic.encoding)
+    monkeypatch.setitem(sys.modules, "pygraphviz", None)
+    with pytest.raises(UnsupportedError, match=r"pip install 'symcheck\[view\]'"):
+        picture.save("states.svg")
+
+
+def test_legends_say_what_edges_mean(made: Transitions) -> None:
+    states, encoding = made.space.states, made.space.symbolic.encoding
+    assert "dashed edge: 0" in view.picture(states, encoding, bits=True).dot
+    assert "labelled with values" in view.picture(states, encoding).dot

@@ -57,25 +57,27 @@ def test_blocks_orders_and_pictures() -> None:
     made = construct(
         symcheck.bind(symcheck.parse_model_file(MODELS / "herman/herman7.pm")), Options()
     )
-    seen = teach.anatomy(made, budget=1)
-    assert len(view.plot_blocks(seen).patches) == len(seen.places)
-    many = dataclasses.replace(seen, places=np.zeros((20_001, 4), np.int64))
+    seen = teach.block_structure(made, budget=1)
+    assert len(view.plot_blocks(seen).patches) == len(seen.occurrences)
+    many = dataclasses.replace(seen, occurrences=np.zeros((20_001, 4), np.int64))
     with pytest.raises(UnsupportedError, match="smaller model"):
         view.plot_blocks(many)
     frames = list(
-        teach.order_lab(symcheck.bind(symcheck.parse_model_file(MODELS / "die/die.pm")), Options())
+        teach.compare_orders(
+            symcheck.bind(symcheck.parse_model_file(MODELS / "die/die.pm")), Options()
+        )
     )
     assert [t.get_text() for t in view.plot_orders(frames).get_yticklabels()] == ["s < d", "d < s"]
     picture = view.picture(made.space.states, made.space.symbolic.encoding, title="all")
-    axes = view.draw(picture)
-    assert len(axes.patches) == len(picture.nodes) + len(picture.edges)
+    axes = picture.draw()
+    assert axes.images[0].get_array().shape[:2] > (20, 20)
 
 
 def test_missing_matplotlib_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for plot in (
         lambda: view.plot_search(ITERATIONS),
-        lambda: view.draw(view.Picture("", (), (), ())),
+        lambda: view.Picture("", (), (), ()).draw(),
     ):
         with pytest.raises(UnsupportedError, match=r"pip install 'symcheck\[plot\]'"):
             plot()

@@ -1,31 +1,31 @@
-"""Films: the stages of symbolic model checking as frozen frames.
+"""Traces: the stages of symbolic model checking as frozen frames.
 
-No algorithm of its own: each film walks through the production code's functions, generators and observers, and yields what
-they make. `symcheck.view` draws the diagrams of the frames.
+A trace observes the production code and yields what it computes; this package has no algorithm of
+its own. `symcheck.view` draws the diagrams of the frames.
 """
 
 from __future__ import annotations
 
-from symcheck.teach.blocks import Anatomy, Level, anatomy
-from symcheck.teach.compare_orders import OrderFrame, order_lab
+from symcheck.teach.blocks import BlockStructure, Level, block_structure
+from symcheck.teach.compare_orders import OrderFrame, compare_orders
 from symcheck.teach.construction import BuildFrame, construction
 from symcheck.teach.fixpoints import SetFrame, prob0, prob1
 from symcheck.teach.frontiers import SearchFrame, frontiers
-from symcheck.teach.vectors import Vectors, vectors
+from symcheck.teach.vectors import UntilTrace, until_trace
 
 __all__ = [
-    "Anatomy",
+    "BlockStructure",
     "BuildFrame",
     "Level",
     "OrderFrame",
     "SearchFrame",
     "SetFrame",
-    "Vectors",
-    "anatomy",
+    "UntilTrace",
+    "block_structure",
+    "compare_orders",
     "construction",
     "frontiers",
-    "order_lab",
     "prob0",
     "prob1",
-    "vectors",
+    "until_trace",
 ]

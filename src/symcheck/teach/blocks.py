@@ -1,4 +1,7 @@
-"""Anatomy of the hybrid engine: the numbers in an ODD, and the blocks of a matrix with the places where they stand."""
+"""The hybrid engine from the inside: the offsets of an ODD, and the blocks of a matrix.
+
+Source: Parker (2002), Implementation of symbolic model checking for probabilistic systems, ch. 6.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,18 @@ from symcheck.matrices.rows import Int64s
 if TYPE_CHECKING:
     from symcheck.symbolic.model import Transitions
 
-__all__ = ["Anatomy", "Level", "anatomy"]
+__all__ = ["BlockStructure", "Level", "block_structure"]
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A bit of the ODD. `offsets`: of each node that reads it, how many members are on its low branch (those on the high
-    branch are numbered from there on); `counts`: how many members are below the node.
+    """A level of an ODD.
+
+    Attributes:
+        bit: the bit that the nodes of the level test.
+        offsets: per node, the number of states on its 0 branch. States on the 1 branch are
+            numbered from there on.
+        counts: per node, the number of states below it.
     """
 
     bit: str
@@ -29,29 +37,40 @@ class Level:
 
 
 @dataclass(frozen=True, eq=False)
-class Anatomy:
-    """levels: the ODD of the reachable states. nodes, triples: of the quad-DAG.
+class BlockStructure:
+    """The ODD of the reachable states, and the matrix as distinct blocks.
 
-    blocks: int64[blocks, 3], rows, columns and runs. places: int64[places, 4], matrix (choice slot), block, row, column of its
-    corner. statistics: as BlockMatrix has them. nbytes: memory of the blocks and places.
+    Attributes:
+        levels: the ODD.
+        nodes, triples: the size of the quad-DAG.
+        blocks: int64[blocks, 3]: rows, columns and diagonal runs of each distinct block.
+        occurrences: int64[occurrences, 4]: matrix (choice class), block, first row, first column.
+        statistics: the statistics of the BlockMatrix.
+        nbytes: the memory of blocks and occurrences, in bytes.
     """
 
     levels: tuple[Level, ...] = field(repr=False)
     nodes: int
     triples: int
     blocks: Int64s = field(repr=False)
-    places: Int64s = field(repr=False)
+    occurrences: Int64s = field(repr=False)
     statistics: Mapping[str, int]
     nbytes: int
 
 
-def anatomy(made: Transitions, budget: int = 60_000) -> Anatomy:
-    """The reachable states' ODD, and the matrix as blocks of `budget` runs in all (small budgets cut small models too)."""
+def block_structure(made: Transitions, budget: int = 60_000) -> BlockStructure:
+    """The ODD of the reachable states, and the blocks of the matrix.
+
+    Args:
+        made: the transitions of a symbolic model.
+        budget: the most diagonal runs that all distinct blocks may have together. A small budget
+            partitions the matrix of a small model too.
+    """
     odd, encoding = made.space.odd, made.space.symbolic.encoding
     quad = quad_dag(made.roots, odd, odd, encoding.columns)
     matrix = blocks(quad, budget=budget)
     shapes, places = matrix.stamps.listing()
-    return Anatomy(
+    return BlockStructure(
         _levels(made),
         quad.nodes,
         quad.triples,

@@ -1,4 +1,4 @@
-"""Order lab: the same model under several orders of its variables."""
+"""The same model under several variable orders."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from symcheck.options import Options
     from symcheck.semantics.model import BoundModel
 
-__all__ = ["OrderFrame", "order_lab"]
+__all__ = ["OrderFrame", "compare_orders"]
 
 
 @dataclass(frozen=True, slots=True)
 class OrderFrame:
-    """What one order (from the top of the diagrams down) leads to: nodes of the states and of the matrices, seconds."""
+    """A model built under one variable order: states, diagram nodes, seconds."""
 
     order: tuple[str, ...]
     states: int
@@ -29,16 +29,23 @@ class OrderFrame:
     seconds: float
 
 
-def order_lab(
+def compare_orders(
     model: BoundModel,
     options: Options,
     orders: Iterable[Sequence[str]] | None = None,
     *,
     limit: int = 120,
 ) -> Iterator[OrderFrame]:
-    """Build a model under each of the orders, in a manager each; None: all permutations, at most `limit` of them.
+    """Build a model under each variable order, in a diagram manager of its own.
 
-    Raises what `construct` raises.
+    Args:
+        model: the bound model.
+        options: limits of memory and time.
+        orders: variable names from the top of the diagrams down. None: all permutations.
+        limit: the most orders that are tried.
+
+    Raises:
+        SymcheckError: as `construct`.
     """
     names = [v.name for v in model.variables]
     for order in islice(permutations(names) if orders is None else orders, limit):

@@ -1,4 +1,4 @@
-"""From guard to matrix: how the commands of a model become one diagram."""
+"""The construction of the transition matrix, from the guards of commands on."""
 
 from __future__ import annotations
 
@@ -20,9 +20,14 @@ __all__ = ["BuildFrame", "construction"]
 
 @dataclass(frozen=True, eq=False)
 class BuildFrame:
-    """A diagram on the way to the matrix.
+    """A diagram that the construction of the matrix makes.
 
-    stage: 'guard' and 'update' (sets), 'command', 'module', 'event' and 'model' (functions to probabilities or rates).
+    Attributes:
+        stage: 'guard' and 'update' (sets); 'command', 'module', 'event' and 'model' (functions to
+            probabilities or rates).
+        title: the stage, with action, command and module.
+        diagram: the BDD or MTBDD.
+        encoding: says which bits encode which variable.
     """
 
     stage: str
@@ -32,15 +37,19 @@ class BuildFrame:
 
     @property
     def nodes(self) -> int:
-        """Nodes of the diagram."""
+        """Number of nodes of the diagram."""
         return self.diagram.node_count
 
 
 def construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
-    """For each event: its commands' guards and updates, each command, each module's sum, their product; at last the model.
+    """The diagrams from which the matrix is built, restricted to reachable states.
 
-    All on reachable states. The frames of 'model' are the matrices of `transitions`, one per choice slot of an MDP. Raises
-    what `transitions` raises.
+    Per event: guards and updates of its commands, the commands, their sum per module, and the
+    product over modules. The last frames are the matrices of the model: one of a chain, one per
+    choice class of an MDP.
+
+    Raises:
+        SymcheckError: as `transitions`.
     """
     symbolic = space.symbolic
     for number, event in enumerate(symbolic.events):
@@ -61,7 +70,7 @@ def construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
     for slot, root in enumerate(made.roots):
         yield BuildFrame(
             "model",
-            "matrix" if made.matrix is not None else f"choice slot {slot + 1}",
+            "matrix" if made.matrix is not None else f"choice class {slot + 1}",
             root,
             symbolic.encoding,
         )

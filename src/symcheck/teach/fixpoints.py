@@ -1,4 +1,4 @@
-"""prob0 and prob1: how graph analysis finds the certain states, set by set."""
+"""The fixpoints of prob0 and prob1 (Baier & Katoen 2008, 10.1.1 and 10.6.1), set by set."""
 
 from __future__ import annotations
 
@@ -19,10 +19,16 @@ __all__ = ["SetFrame", "prob0", "prob1"]
 
 @dataclass(frozen=True, eq=False)
 class SetFrame:
-    """A set on the way to a fixpoint.
+    """An iterate of a fixpoint.
 
-    stage: 'closure' (states with a path to the target, growing), 'every strategy reaches' (prob0 of 'min'), 'candidates' and
-    'sure' (prob1 of 'max': the outer and the inner fixpoint), and 'result'.
+    Attributes:
+        number: the number of the frame, from 0.
+        stage: 'closure' (backward reachability, growing), 'every strategy reaches' (prob0 for the
+            minimum), 'candidates' and 'sure' (prob1 for the maximum: outer and inner fixpoint), or
+            'result'.
+        states: the set.
+        count: its number of states.
+        nodes: its number of BDD nodes.
     """
 
     number: int
@@ -33,7 +39,7 @@ class SetFrame:
 
     @property
     def bdd(self) -> Bdd:
-        """The set as a diagram."""
+        """The BDD of the set."""
         return self.states.bdd
 
     def __str__(self) -> str:
@@ -46,8 +52,14 @@ def prob0(
     right: SymbolicSet,
     direction: Direction | None = None,
 ) -> Iterator[SetFrame]:
-    """The sets on the way to the states whose (min/max) probability of left U right is 0; the last frame holds these."""
-    return _film(engine, lambda graph: graph.prob0(left, right, direction))
+    """The iterates of prob0; the last frame holds the states with probability 0.
+
+    Args:
+        engine: a symbolic engine.
+        left, right: the sets of `left U right`.
+        direction: minimise or maximise over strategies; None for a chain.
+    """
+    return _trace(engine, lambda graph: graph.prob0(left, right, direction))
 
 
 def prob1(
@@ -56,11 +68,11 @@ def prob1(
     right: SymbolicSet,
     direction: Direction | None = None,
 ) -> Iterator[SetFrame]:
-    """As `prob0`, for probability 1."""
-    return _film(engine, lambda graph: graph.prob1(left, right, direction))
+    """The iterates of prob1; the last frame holds the states with probability 1. See `prob0`."""
+    return _trace(engine, lambda graph: graph.prob1(left, right, direction))
 
 
-def _film(
+def _trace(
     engine: SymbolicEngine, run: Callable[[SymbolicGraph], SymbolicSet]
 ) -> Iterator[SetFrame]:
     from symcheck.engines.symbolic.sets import SymbolicSet

@@ -1,4 +1,4 @@
-"""The search for reachable states, step by step."""
+"""The reachability search, iteration by iteration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,15 @@ __all__ = ["SearchFrame", "frontiers"]
 
 @dataclass(frozen=True, eq=False)
 class SearchFrame:
-    """The search after an iteration. `found`: values of the states found last (the first of them), in declaration order."""
+    """The reachability search after an iteration.
+
+    Attributes:
+        iteration: counts of the iteration.
+        states: the states reached so far.
+        frontier: the states that this iteration found.
+        found: the first of these, as values in declaration order.
+        encoding: says which bits encode which variable.
+    """
 
     iteration: Iteration
     states: Bdd = field(repr=False)
@@ -46,7 +54,18 @@ def frontiers(
     limit: int = 8,
     frames: int | None = None,
 ) -> Iterator[SearchFrame]:
-    """A frame per iteration of `symcheck.symbolic.reachability.search.search`, with up to `limit` new states; at most so many frames."""
+    """A frame per iteration of the reachability search.
+
+    Args:
+        symbolic: the encoded model.
+        schedule: 'frontier' (breadth first), 'chaining' or 'saturation'.
+        limit: the most new states that a frame lists.
+        frames: the most frames. None: no limit.
+
+    Example:
+        >>> for frame in teach.frontiers(symbolic):  # doctest: +SKIP
+        ...     print(frame)
+    """
     encoding = symbolic.encoding
     for found in islice(search(symbolic, schedule), frames):
         rows = minterms(found.symbolic.manager, found.frontier, encoding.rows, limit)

@@ -1,4 +1,4 @@
-"""What a numerical method does to its vectors: the three visible steps of reachability, and the iterates of the third."""
+"""The computation of until probabilities: prob0, prob1, and the iterates of the linear system."""
 
 from __future__ import annotations
 
@@ -17,46 +17,62 @@ if TYPE_CHECKING:
     from symcheck.numerics.linear.problem import LinearProblem, Solution, Step
     from symcheck.options import Options
 
-__all__ = ["Vectors", "vectors"]
+__all__ = ["UntilTrace", "until_trace"]
 
 
 @dataclass(frozen=True, eq=False)
-class Vectors:
-    """Reachability in three steps. no, yes, maybe: states of probability 0, 1, and others (the unknowns, n of them).
+class UntilTrace:
+    """The probability of an until formula in three steps.
 
-    problem: x = A x + b over the unknowns (None where there are none). steps: what the method told, with its vectors.
+    Attributes:
+        zero, one: the states with probability 0 and 1, by graph analysis.
+        unknown: the other states.
+        problem: x = A x + b over the unknown states (None if there are none).
+        solution: the solution of the problem.
+        steps: the iterations of the numerical method, with copies of the vectors.
     """
 
-    no: StateSet
-    yes: StateSet
-    maybe: StateSet
+    zero: StateSet
+    one: StateSet
+    unknown: StateSet
     problem: LinearProblem | None = field(repr=False)
     solution: Solution | None = field(repr=False)
     steps: tuple[Step, ...] = field(repr=False)
 
 
-def vectors(
+def until_trace(
     engine: Engine,
     left: StateSet,
     right: StateSet,
     options: Options,
     direction: Direction | None = None,
-) -> Vectors:
-    """Probability of left U right by `options.method` ('interval' shows both bounds), as `check.reach.until` computes it.
+) -> UntilTrace:
+    """Trace the computation of the probability of `left U right`.
 
-    direction: 'min' or 'max' in an MDP. Keeps a copy of each iterate: for small models. Raises what the method raises.
+    The trace keeps a copy of each iterate: use it for small models.
+
+    Args:
+        engine: the engine.
+        left, right: sets of states of the engine.
+        options: `options.method` names the method; 'interval' has both bounds.
+        direction: minimise or maximise over strategies; None for a chain.
+
+    Raises:
+        SymcheckError: as the method.
     """
     context = Context(engine, options, {}, {}, CheckLog())
-    no, yes = engine.graph.prob0(left, right, direction), engine.graph.prob1(left, right, direction)
-    maybe = ~(no | yes)
-    if not maybe:
-        return Vectors(no, yes, maybe, None, None, ())
-    part = equations(context, maybe)
-    problem = part.problem(part.one_step_probability(yes), None, direction, probability=True)
+    zero = engine.graph.prob0(left, right, direction)
+    one = engine.graph.prob1(left, right, direction)
+    unknown = ~(zero | one)
+    if not unknown:
+        return UntilTrace(zero, one, unknown, None, None, ())
+    part = equations(context, unknown)
+    problem = part.problem(part.one_step_probability(one), None, direction, probability=True)
     steps: list[Step] = []
 
     def watch(step: Step) -> None:
         lower, upper = (None if v is None else np.array(v) for v in (step.lower, step.upper))
         steps.append(replace(step, lower=lower, upper=upper))
 
-    return Vectors(no, yes, maybe, problem, solve_linear(problem, options, watch), tuple(steps))
+    solution = solve_linear(problem, options, watch)
+    return UntilTrace(zero, one, unknown, problem, solution, tuple(steps))

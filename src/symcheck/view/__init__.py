@@ -1,16 +1,15 @@
-"""Looking at the values of the path: diagrams and state graphs as DOT and SVG, plots (extra `plot`), tables.
+"""Pictures of diagrams and state graphs, plots, and tables.
 
->>> symcheck.view.picture(space.states, space.symbolic.encoding)   # draws itself in Jupyter  # doctest: +SKIP
->>> print(symcheck.view.dot(space.states, space.symbolic.encoding))  # doctest: +SKIP
+Pictures are laid out by Graphviz (extra `view`), plots are drawn by matplotlib (extra `plot`).
+
+>>> symcheck.view.picture(space.states, space.symbolic.encoding)  # draws itself  # doctest: +SKIP
+>>> symcheck.view.state_graph(model).save("die.svg")  # doctest: +SKIP
 """
 
 from __future__ import annotations
 
 from symcheck.view.diagrams import dot, picture
-from symcheck.view.dot import graphviz
-from symcheck.view.graph import Edge, Node
-from symcheck.view.matplotlib_figures import draw
-from symcheck.view.picture import Picture
+from symcheck.view.picture import Edge, Node, Picture
 from symcheck.view.plots import plot_blocks, plot_bounds, plot_orders, plot_search
 from symcheck.view.states import state_graph
 from symcheck.view.tables import Table, results
@@ -21,8 +20,6 @@ __all__ = [
     "Picture",
     "Table",
     "dot",
-    "draw",
-    "graphviz",
     "picture",
     "plot_blocks",
     "plot_bounds",

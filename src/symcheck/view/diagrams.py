@@ -1,21 +1,21 @@
-"""Decision diagrams as pictures: variables and values, not bits and addresses.
+"""Decision diagrams as pictures.
 
-The bits of a model variable are drawn as one node with an edge for each set of values that leads elsewhere. Such a picture is
-the multi-valued diagram that the binary one encodes. With `bits=True` each binary node is drawn. Branches to 0 are left out.
-Blue nodes read the present value of a variable, orange ones the next value (named with '), purple ones both.
+By default the bits of a model variable are drawn as one node, with one edge per set of values that
+leads to the same node: the picture is the multi-valued diagram that the binary diagram encodes.
+With `bits=True`, the binary nodes are drawn. Edges to the leaf 0 are omitted. Blue nodes test the
+value of a variable before a step, orange nodes the value after it (marked '), purple nodes both.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import UnsupportedError
-from symcheck.view.graph import Edge, Node
-from symcheck.view.picture import Picture
+from symcheck.view.picture import Edge, Kind, Node, Picture
 from symcheck.view.values import moves_text, values_text
 
 if TYPE_CHECKING:
@@ -24,7 +24,11 @@ if TYPE_CHECKING:
 
 __all__ = ["dot", "picture"]
 
-_PAIRS = 2**20  # (value, next value) pairs of a variable up to which its bits are drawn as one node
+_MOST_PAIRS = 2**20
+"""A variable with more pairs (value, next value) than this is drawn bit by bit."""
+
+_BITS = "solid edge: 1; dashed edge: 0; edges to the leaf 0 are omitted"
+_VALUES = "edges are labelled with values; edges to the leaf 0 are omitted"
 _Ints = NDArray[np.int64]
 
 
@@ -36,7 +40,7 @@ def dot(
     bits: bool = False,
     title: str = "diagram",
 ) -> str:
-    """A set or function as DOT text: see `picture`."""
+    """The DOT text of `picture`."""
     return picture(diagram, encoding, max_nodes=max_nodes, bits=bits, title=title).dot
 
 
@@ -48,31 +52,47 @@ def picture(
     bits: bool = False,
     title: str = "diagram",
 ) -> Picture:
-    """A set or function over the row and column bits of `encoding`, as a picture.
+    """The picture of a decision diagram over the row and column bits of an encoding.
 
-    bits: a node per bit; else one per variable, where the bits of each variable are neighbours in the diagrams and the
-    variable has at most a thousand values (else a node per bit after all). Raises UnsupportedError for more than `max_nodes`
-    nodes.
+    Args:
+        diagram: a set (BDD) or a function (MTBDD).
+        encoding: says which bits encode which variable.
+        max_nodes: the most nodes that are drawn.
+        bits: draw one node per bit. Otherwise one node per variable is drawn, provided that the
+            bits of each variable are adjacent in the variable order and that no variable has more
+            than a thousand values.
+        title: the caption.
+
+    Raises:
+        UnsupportedError: the picture has more than `max_nodes` nodes.
+
+    Example:
+        >>> view.picture(space.states, space.symbolic.encoding).save("states.svg")  # doctest: +SKIP
     """
     graph = _Graph.of(diagram)
     if len(graph.level) > 64 * max_nodes:
         raise UnsupportedError(_too_many(len(graph.level), max_nodes))
     blocks = _blocks(graph, encoding)
+    by_bit = bits or blocks is None
     nodes, edges, layers = (
         _binary(graph, encoding) if bits or blocks is None else _grouped(graph, blocks)
     )
     if len(nodes) > max_nodes:
         raise UnsupportedError(_too_many(len(nodes), max_nodes))
-    return Picture(title, tuple(nodes), tuple(edges), tuple(layers))
+    legend = "" if not edges else _BITS if by_bit else _VALUES
+    return Picture(title, tuple(nodes), tuple(edges), tuple(layers), legend)
 
 
 def _too_many(count: int, limit: int) -> str:
-    return f"the diagram has {count:,} nodes, too many to be read: draw a smaller one, or raise max_nodes (now {limit})"
+    return (
+        f"the diagram has {count:,} nodes, and at most {limit} are drawn\n"
+        "  hint: draw a smaller diagram, or raise max_nodes"
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Graph:
-    """A diagram as arrays (see `symcheck.dd.export.NodeTable`); `names`: the variable at each level."""
+    """A diagram as arrays (see `symcheck.dd.export.NodeTable`), and the bit at each level."""
 
     level: NDArray[np.int32]
     low: NDArray[np.int32]
@@ -95,15 +115,15 @@ class _Graph:
         return _Graph(level, low, high, np.array([0.0, 1.0]), int(roots[0]), names, True)
 
     def is_leaf(self, node: int) -> bool:
-        """Whether nothing is decided here."""
+        """Whether the node is a leaf."""
         return node < len(self.values)
 
     def is_zero(self, node: int) -> bool:
-        """Whether this is the leaf 0, which is left out."""
+        """Whether the node is the leaf 0, which is not drawn."""
         return self.is_leaf(node) and self.values[node] == 0.0
 
     def leaf(self, node: int, layer: int) -> Node:
-        """A leaf as a node."""
+        """The node of the picture for a leaf of the diagram."""
         value = self.values[node]
         return Node(
             f"n{node}", str(bool(value)).lower() if self.is_set else f"{value:.6g}", layer, "leaf"
@@ -112,7 +132,7 @@ class _Graph:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """The levels of a variable: first and last, and for each its exponent and whether it is a column bit."""
+    """The levels of a variable: per level the exponent of its bit, and whether it is a column bit."""
 
     variable: EncodedVariable
     levels: dict[int, tuple[int, bool]]
@@ -120,7 +140,7 @@ class _Block:
     columns: bool
 
     @property
-    def kind(self) -> str:
+    def kind(self) -> Literal["pair", "column", "row"]:
         return "pair" if self.rows and self.columns else "column" if self.columns else "row"
 
     @property
@@ -130,7 +150,7 @@ class _Block:
 
 
 def _blocks(graph: _Graph, encoding: Encoding) -> list[_Block] | None:
-    """The variables that the diagram reads, from the top down; None where they cannot be drawn as one node each."""
+    """The variables in the diagram from the top down; None if they cannot be drawn as one node each."""
     at = {name: level for level, name in enumerate(graph.names)}
     used = set(graph.level[len(graph.values) :].tolist())
     blocks: list[_Block] = []
@@ -150,7 +170,7 @@ def _blocks(graph: _Graph, encoding: Encoding) -> list[_Block] | None:
         size = v.high - v.low + 1
         if (
             max(levels) - min(levels) + 1 != len(levels)
-            or (size**2 if rows and columns else size) > _PAIRS
+            or (size**2 if rows and columns else size) > _MOST_PAIRS
         ):
             return None
         blocks.append(_Block(v, levels, rows, columns))
@@ -159,7 +179,7 @@ def _blocks(graph: _Graph, encoding: Encoding) -> list[_Block] | None:
 
 
 def _grouped(graph: _Graph, blocks: list[_Block]) -> tuple[list[Node], list[Edge], list[str]]:
-    """A node for each place where the diagram enters a variable's bits."""
+    """Draw one node per diagram node at which the bits of a variable begin."""
     layer_of = {level: number for number, block in enumerate(blocks) for level in block.levels}
     nodes: dict[int, Node] = {}
     edges: list[Edge] = []
@@ -185,7 +205,7 @@ def _grouped(graph: _Graph, blocks: list[_Block]) -> tuple[list[Node], list[Edge
 
 
 def _walk(graph: _Graph, block: _Block, number: int) -> tuple[_Ints, _Ints, _Ints]:
-    """Present and next values at a node that do not lead to 0, as codes, and the nodes that they lead to."""
+    """The pairs (value, next value) that do not lead to 0, as codes, and the node each leads to."""
     codes = np.arange(block.variable.high - block.variable.low + 1, dtype=np.int64)
     alone = np.zeros(1, dtype=np.int64)
     mesh = np.meshgrid(
@@ -212,18 +232,18 @@ def _text(block: _Block, now: _Ints, after: _Ints) -> str:
 
 
 def _all_values(block: _Block, now: _Ints, after: _Ints) -> str:
-    """The values that lead anywhere."""
+    """The values that do not lead to 0."""
     return values_text(block.variable, np.unique(now if block.rows else after), parts=4)
 
 
 def _binary(graph: _Graph, encoding: Encoding) -> tuple[list[Node], list[Edge], list[str]]:
-    """A node for each binary node: the bit's weight is what it adds to the value."""
+    """Draw one node per diagram node, labelled with the weight of its bit."""
     labels = {}
     for v in encoding.variables:
         for column, part in ((False, v.rows), (True, v.columns)):
             for i, bit in enumerate(part):
                 weight = "" if v.is_bool else f"\n+{2 ** (v.width - 1 - i)}"
-                labels[bit] = (v.name + "'" * column + weight, "column" if column else "row")
+                labels[bit] = (v.name + "'" * column + weight, column)
     used = sorted(set(graph.level[len(graph.values) :].tolist()))
     layer = {level: number for number, level in enumerate(used)}
     nodes: list[Node] = []
@@ -233,7 +253,8 @@ def _binary(graph: _Graph, encoding: Encoding) -> tuple[list[Node], list[Edge], 
             nodes.append(graph.leaf(number, len(used)))
             continue
         bit = graph.names[int(graph.level[number])]
-        label, kind = labels.get(bit, (bit, "row"))
+        label, column = labels.get(bit, (bit, False))
+        kind: Kind = "column" if column else "row"
         nodes.append(Node(f"n{number}", label, layer[int(graph.level[number])], kind))
         for child, dashed in ((int(graph.low[number]), True), (int(graph.high[number]), False)):
             if not graph.is_zero(child):

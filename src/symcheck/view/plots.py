@@ -1,21 +1,27 @@
-"""Plots with matplotlib, the optional extra `plot`. Each function draws into given axes, or makes new ones, and returns them."""
+"""Plots by matplotlib (extra `plot`).
+
+Each function draws into the given axes, or into new ones, and returns them. Each raises
+UnsupportedError if matplotlib is not installed.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats, Int64s
 
-__all__ = ["axes_of", "plot_blocks", "plot_bounds", "plot_orders", "plot_search"]
+__all__ = ["axes_of", "plot_blocks", "plot_bounds", "plot_orders", "plot_search", "read_image"]
 
-_PLACES = 20_000
+_MOST_OCCURRENCES = 20_000
+"""More rectangles than this are not legible, and take matplotlib seconds."""
+
 _BLUE, _ORANGE, _GREEN = "#1f4e8c", "#c8641b", "#2b7a33"
 
 
 class Counted(Protocol):
-    """A step of the search (`symcheck.symbolic.model.Iteration`)."""
+    """An iteration of the reachability search (`symcheck.symbolic.model.Iteration`)."""
 
     @property
     def number(self) -> int: ...
@@ -28,7 +34,7 @@ class Counted(Protocol):
 
 
 class Bounded(Protocol):
-    """A step of a method (`symcheck.numerics.linear.problem.Step`)."""
+    """An iteration of a numerical method (`symcheck.numerics.linear.problem.Step`)."""
 
     @property
     def iteration(self) -> int: ...
@@ -39,7 +45,7 @@ class Bounded(Protocol):
 
 
 class Ordered(Protocol):
-    """A model built under one order of its variables (`symcheck.teach.OrderFrame`)."""
+    """A model built under one variable order (`symcheck.teach.OrderFrame`)."""
 
     @property
     def order(self) -> tuple[str, ...]: ...
@@ -58,15 +64,23 @@ def _pyplot() -> Any:
 
 
 def axes_of(axes: Any, size: tuple[float, float] = (6.4, 4.0)) -> Any:
-    """The axes, or new ones of this size in inches. Raises UnsupportedError where matplotlib is missing."""
+    """The given axes, or new ones of a size in inches."""
     pyplot = _pyplot()
     return pyplot.subplots(figsize=size, layout="constrained")[1] if axes is None else axes
 
 
-def plot_search(iterations: Iterable[Counted], axes: Any = None, title: str = "") -> Any:
-    """Nodes of the reached set and of the frontier per iteration, and the number of states on the right-hand axis.
+def read_image(file: IO[bytes]) -> Any:
+    """The pixels of a PNG image, float32[height, width, 4]."""
+    return _pyplot().imread(file)
 
-    Takes the iterations of a StateSpace that was reached with an observer (else nothing was counted).
+
+def plot_search(iterations: Iterable[Counted], axes: Any = None, title: str = "") -> Any:
+    """Plot BDD nodes of the reached set and of the frontier per iteration, and states on the right.
+
+    Args:
+        iterations: of a reachability search with an observer; without one, nothing is counted.
+        axes: where to draw.
+        title: the caption.
     """
     seen = [i for i in iterations if i.states is not None]
     axes = axes_of(axes)
@@ -91,7 +105,15 @@ def plot_bounds(
     truth: float | None = None,
     title: str = "",
 ) -> Any:
-    """Lower and upper bounds of one unknown, step by step, with the gap between them shaded. `truth`: a line to compare with."""
+    """Plot the lower and upper bound of one unknown per iteration, with the gap shaded.
+
+    Args:
+        steps: the iterations of a numerical method.
+        state: the number of the unknown.
+        axes: where to draw.
+        truth: a value that is drawn as a line for comparison.
+        title: the caption.
+    """
     seen = list(steps)
     axes = axes_of(axes)
     number = [s.iteration for s in seen if s.lower is not None]
@@ -109,7 +131,7 @@ def plot_bounds(
 
 
 def plot_orders(frames: Sequence[Ordered], axes: Any = None, title: str = "") -> Any:
-    """Nodes of the states and of the matrix under each order of the variables, fewest first."""
+    """Plot the nodes of reachable states and matrix under each variable order, fewest first."""
     best = sorted(frames, key=lambda f: f.matrix_nodes, reverse=True)
     axes = axes_of(axes, (6.4, 1.0 + 0.32 * len(best)))
     place = range(len(best))
@@ -134,29 +156,32 @@ def plot_orders(frames: Sequence[Ordered], axes: Any = None, title: str = "") ->
 
 
 class Blocked(Protocol):
-    """The blocks of a matrix (`symcheck.teach.Anatomy`)."""
+    """The blocks of a matrix (`symcheck.teach.BlockStructure`)."""
 
     @property
     def blocks(self) -> Int64s: ...
     @property
-    def places(self) -> Int64s: ...
+    def occurrences(self) -> Int64s: ...
 
 
 def plot_blocks(matrix: Blocked, axes: Any = None, title: str = "") -> Any:
-    """Where the distinct blocks stand in the matrix: places of the same block have the same colour.
+    """Plot the occurrences of the distinct blocks in the matrix, one colour per block.
 
-    Raises UnsupportedError for more than 20 000 places.
+    Raises:
+        UnsupportedError: there are more than 20 000 occurrences.
     """
-    if len(matrix.places) > _PLACES:
+    places = matrix.occurrences
+    if len(places) > _MOST_OCCURRENCES:
         raise UnsupportedError(
-            f"{len(matrix.places):,} places of blocks are too many to be drawn: take a smaller model"
+            f"the matrix has {len(places):,} block occurrences, and at most "
+            f"{_MOST_OCCURRENCES:,} are drawn\n  hint: draw a smaller model"
         )
     axes = axes_of(axes, (5.2, 5.0))
     from matplotlib.patches import Rectangle
 
     colours = _pyplot().get_cmap("tab20")
-    number = {int(b): i for i, b in enumerate(dict.fromkeys(matrix.places[:, 1].tolist()))}
-    for _, block, row, column in matrix.places.tolist():
+    number = {int(b): i for i, b in enumerate(dict.fromkeys(places[:, 1].tolist()))}
+    for _, block, row, column in places.tolist():
         height, width, _ = matrix.blocks[block].tolist()
         colour = colours(number[block] % 20)
         axes.add_patch(
@@ -171,8 +196,7 @@ def plot_blocks(matrix: Blocked, axes: Any = None, title: str = "") -> Any:
             )
         )
     rows, columns = (
-        (matrix.places[:, 2 + i] + matrix.blocks[matrix.places[:, 1], i]).max(initial=1)
-        for i in (0, 1)
+        (places[:, 2 + i] + matrix.blocks[places[:, 1], i]).max(initial=1) for i in (0, 1)
     )
     axes.set(xlim=(0, columns), ylim=(rows, 0), xlabel="to state", ylabel="from state", title=title)
     axes.set_aspect("equal")

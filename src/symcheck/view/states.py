@@ -1,4 +1,4 @@
-"""The state graph of a small model as a picture: states by their values, in layers by distance from the initial states."""
+"""State graphs as pictures: layers by distance from the initial states."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools
-from symcheck.view.graph import Edge, Node
-from symcheck.view.picture import Picture
+from symcheck.view.picture import Edge, Kind, Node, Picture
 
 if TYPE_CHECKING:
     from symcheck.explicit.model import ExplicitModel
@@ -21,17 +20,25 @@ def state_graph(
     model: ExplicitModel,
     *,
     marked: Bools | None = None,
-    max_states: int = 100,
+    max_states: int = 150,
     title: str = "states",
 ) -> Picture:
-    """States with their values, transitions with their probabilities (rates); the choices of an MDP are points.
+    """The state graph of a model: transitions carry probabilities (rates); choices are points.
 
-    marked: bool[n], states to be drawn in green. Raises UnsupportedError for more than `max_states` states.
+    Args:
+        model: an explicitly explored model.
+        marked: states that are drawn in green, bool[n].
+        max_states: the most states that are drawn.
+        title: the caption.
+
+    Raises:
+        UnsupportedError: the model has more than `max_states` states.
     """
     n = len(model.states)
     if n > max_states:
         raise UnsupportedError(
-            f"{n:,} states are too many to be drawn: take a smaller model, or raise max_states (now {max_states})"
+            f"the model has {n:,} states, and at most {max_states} are drawn\n"
+            "  hint: draw a smaller model, or raise max_states"
         )
     distance = _distances(model)
     spread = 1 if model.matrix.groups is None else 2
@@ -44,14 +51,10 @@ def state_graph(
     return Picture(title, tuple(nodes), tuple(edges), ("",) * layers)
 
 
-def _kind(state: int, initial: set[int], marked: Bools | None) -> str:
-    return (
-        "marked"
-        if marked is not None and marked[state]
-        else "initial"
-        if state in initial
-        else "state"
-    )
+def _kind(state: int, initial: set[int], marked: Bools | None) -> Kind:
+    if marked is not None and marked[state]:
+        return "marked"
+    return "initial" if state in initial else "state"
 
 
 def _state_text(model: ExplicitModel, state: int) -> str:
@@ -79,7 +82,7 @@ def _entries(model: ExplicitModel, row: int) -> list[tuple[int, float]]:
 
 
 def _distances(model: ExplicitModel) -> list[int]:
-    """Steps from the initial states (every state is reachable)."""
+    """The distance of each state from the initial states, in steps."""
     distance = np.full(len(model.states), -1)
     layer, number = model.initial.tolist(), 0
     while layer:
@@ -99,7 +102,7 @@ def _edges(model: ExplicitModel) -> list[Edge]:
 
 
 def _choices(model: ExplicitModel, distance: list[int], nodes: list[Node]) -> list[Edge]:
-    """A choice with one successor is a plain edge; others get a point below their state, which is added to `nodes`."""
+    """The edges of an MDP. A choice with several successors adds a point below its state to `nodes`."""
     edges: list[Edge] = []
     for s in range(len(model.states)):
         for number, row in enumerate(_rows(model, s)):

@@ -1,4 +1,4 @@
-"""Tables that print as text and draw themselves in Jupyter."""
+"""Tables that print as text, and as HTML in a notebook."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Table", "results"]
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Texts in rows, each as long as `head`."""
+    """A table of texts; each row is as long as `head`."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -40,7 +40,7 @@ class Table:
 
     @staticmethod
     def of(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
-        """A table of anything: floats with six digits, the rest as str() has it."""
+        """A table of any values: floats have six significant digits, others are shown by str()."""
         return Table(
             tuple(head),
             tuple(
@@ -50,7 +50,11 @@ class Table:
 
 
 def results(answers: Iterable[tuple[str, Result]]) -> Table:
-    """Property, value and accuracy of each result."""
+    """A table of results.
+
+    Args:
+        answers: pairs of a property's text and its result.
+    """
     return Table.of(
         ("property", "value", "accuracy"),
         [(name, show_value(r.value), r.accuracy) for name, r in answers],

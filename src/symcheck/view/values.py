@@ -1,4 +1,4 @@
-"""Sets of values, and of moves from value to value, in few words."""
+"""Short texts for sets of values and for updates of a variable."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ _Ints = NDArray[np.int64]
 
 
 def values_text(variable: EncodedVariable, codes: _Ints, parts: int = 5) -> str:
-    """Ranges of values, such as '0..3, 5'; at most `parts` of them, then '…'. codes: ascending, each once."""
+    """Ranges of values, such as '0..3, 5'; at most `parts` of them, then '…'.
+
+    codes: the values as codes, int64[k], ascending and distinct.
+    """
     if variable.is_bool:
         return ", ".join(str(bool(c)).lower() for c in codes.tolist())
     cuts = np.flatnonzero(np.diff(codes) != 1) + 1
@@ -32,7 +35,10 @@ def values_text(variable: EncodedVariable, codes: _Ints, parts: int = 5) -> str:
 
 
 def moves_text(variable: EncodedVariable, now: _Ints, after: _Ints, parts: int = 6) -> str:
-    """Moves, such as '0 → 1, 2': 'unchanged' where nothing moves, and '0..5: +1' where all move alike. Three or more on a line each."""
+    """Updates, such as '0 → 1, 2'; 'unchanged' for the identity, '0..5: +1' for a common increment.
+
+    now, after: codes before and after a step, int64[k]. Three or more updates take a line each.
+    """
     step = after - now
     if (step == 0).all():
         return (

@@ -15,7 +15,15 @@ __all__ = ["dot_file"]
 def dot_file(
     model: ExplicitExport, *, states: bool = False, precision: int = FULL_PRECISION
 ) -> Iterator[str]:
-    """Nodes are states (with their values where `states`); each choice of an MDP is a point between state and successors."""
+    """The state graph as text chunks in DOT.
+
+    Nodes are states. In an MDP, a point between a state and its successors stands for a choice.
+
+    Args:
+        model: the exported model.
+        states: write the values of the variables into the nodes.
+        precision: significant digits of probabilities and rates.
+    """
     yield 'digraph M {\nnode [label="",shape="box"];\n'
     described = model.state_texts if states else None
     m = model.matrix

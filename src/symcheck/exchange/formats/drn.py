@@ -1,4 +1,7 @@
-"""Storm's DRN format: the whole model in one text (https://www.stormchecker.org/documentation/background/drn.html)."""
+"""Storm's DRN format: one text holds the whole model.
+
+Source: https://www.stormchecker.org/documentation/background/drn.html
+"""
 
 from __future__ import annotations
 
@@ -16,10 +19,10 @@ _STATES = 4096
 
 
 def drn_file(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> Iterator[str]:
-    """States with their labels and rewards, their choices, and the successors of these.
+    """The model as text chunks: states with labels and rewards, their choices, the successors.
 
-    A reward of a transition stands at its choice (its expected value, as in a row). In a CTMC the rewards of transitions
-    are added to those of states, per unit of time, as Storm has none on the choices of a CTMC.
+    DRN has no transition rewards. A choice therefore has the expected reward of its transitions.
+    In a CTMC, where Storm reads no rewards of choices, this is added to the state reward.
     """
     kind = model.type.name
     names = [r.name or f"reward{i + 1}" for i, r in enumerate(model.rewards)]

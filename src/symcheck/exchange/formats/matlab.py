@@ -1,4 +1,4 @@
-"""A chain as a program for Matlab or Octave: sparse matrices and vectors, numbered from 1."""
+"""A chain as a Matlab or Octave script: sparse matrices and vectors, numbered from 1."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["labels", "state_rewards", "states", "transition_rewards", "transitio
 
 
 def transitions(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> Iterator[str]:
-    """The matrix `P` (of rates: `R`). Raises UnsupportedError for an MDP, which is no single matrix."""
+    """The transition matrix `P` (rates of a CTMC: `R`). Raises UnsupportedError for an MDP."""
     name = "R" if model.type is ModelType.CTMC else "P"
     yield from _matrix(
         model, name, np.ones(model.matrix.entries, np.bool_), model.values, precision
@@ -25,7 +25,10 @@ def transitions(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> It
 def transition_rewards(
     model: ExplicitExport, number: int, *, precision: int = FULL_PRECISION
 ) -> Iterator[str]:
-    """The matrix `C1` (`C2` and so on for further structures). Raises UnsupportedError for an MDP."""
+    """The transition rewards as the matrix `C1` (`C2`, … for further structures).
+
+    Raises UnsupportedError for an MDP.
+    """
     rewards = model.entry_rewards(number)
     yield from _matrix(model, f"C{number + 1}", rewards != 0, rewards, precision)
 
@@ -33,7 +36,7 @@ def transition_rewards(
 def state_rewards(
     model: ExplicitExport, number: int, *, precision: int = FULL_PRECISION
 ) -> Iterator[str]:
-    """The column `c1` (`c2` and so on)."""
+    """The state rewards as the column vector `c1` (`c2`, … for further structures)."""
     name, values = f"c{number + 1}", model.rewards[number].states
     some = np.flatnonzero(values != 0)
     yield f"{name} = sparse({model.n},1);\n"
@@ -74,7 +77,8 @@ def _matrix(
 ) -> Iterator[str]:
     if model.matrix.groups is not None:
         raise UnsupportedError(
-            "an MDP is no single matrix, and is not written for Matlab\n  hint: the formats .tra, .drn and .umb hold it"
+            "the Matlab format has one matrix, and an MDP has several choices per state\n"
+            "  hint: the formats .tra, .drn and .umb hold MDPs"
         )
     chosen, numbers = np.flatnonzero(some), np.asarray(values)
     yield f"{name} = sparse({model.n},{model.n});\n"

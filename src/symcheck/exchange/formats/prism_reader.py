@@ -1,4 +1,4 @@
-"""PRISM's explicit files, read: .tra .sta .lab .srew .trew (see prism.py)."""
+"""Read PRISM's explicit files: .tra .sta .lab .srew .trew (see prism_writer.py)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ _KINDS = ("tra", "sta", "lab", "srew", "trew")
 
 @dataclass(frozen=True)
 class ModelFiles:
-    """The files of one model; a state and a transition reward file for each reward structure (None: it has no such file)."""
+    """The files of one model.
+
+    rewards: per reward structure, the file of state rewards and that of transition rewards (None
+        where there is none).
+    """
 
     transitions: Path
     states: Path | None = None
@@ -45,9 +49,13 @@ class _Transitions:
 
 
 def model_files(argument: str) -> ModelFiles:
-    """The files that `base.all` or `base.tra,sta,…` mean. Raises UsageError for unknown kinds and missing files.
+    """The files that `base.all` or `base.tra,sta,…` name.
 
-    `.all` takes those that exist; rewards are `base.srew` and `base.trew`, or `base1.srew`, `base2.srew`, … for several.
+    `.all` takes the files that exist. Rewards are in `base.srew` and `base.trew`, or, for several
+    structures, in `base1.srew`, `base2.srew`, ….
+
+    Raises:
+        UsageError: an extension is unknown, or a file is missing.
     """
     base, dot, listed = argument.rpartition(".")
     kinds = listed.split(",")
@@ -77,7 +85,7 @@ def model_files(argument: str) -> ModelFiles:
 def _pair(
     base: str, number: str | int, wanted: Sequence[bool]
 ) -> tuple[Path | None, Path | None] | None:
-    """The reward files of one structure that exist and are wanted; None where there is none."""
+    """The reward files of one structure that exist and are requested; None where there is none."""
     paths = [Path(f"{base}{number}.{kind}") for kind in ("srew", "trew")]
     states, transitions = (
         p if want and p.is_file() else None for p, want in zip(paths, wanted, strict=True)
@@ -88,9 +96,12 @@ def _pair(
 def read_files(
     argument: str, kind: ModelType | None = None, *, check_sums: bool = True
 ) -> ExplicitData:
-    """The model that -importmodel names: `base.all` and the like (see `model_files`), or `file.umb`.
+    """The model that `-importmodel` names: `base.all` (see `model_files`) or `file.umb`.
 
-    Raises UsageError, SyntaxFault, UnsupportedError.
+    Raises:
+        UsageError: a file is missing or cannot be read.
+        SyntaxFault: a file is faulty; the error points at the place.
+        UnsupportedError: the model is of another type than DTMC, CTMC or MDP.
     """
     names, _, options = argument.rpartition(":")
     if options == "format=umb" or argument.endswith(".umb"):
@@ -106,10 +117,16 @@ def read_files(
 def read_model(
     files: ModelFiles, kind: ModelType | None = None, *, check_sums: bool = True
 ) -> ExplicitData:
-    """The model in some files.
+    """The model in the given files.
 
-    Without a type: what a comment of the transitions file says; else an MDP where transitions have choices, a DTMC where
-    all rows sum to 1, and a CTMC otherwise. Raises SyntaxFault at the place of what is wrong.
+    Args:
+        files: where the parts of the model are.
+        kind: the model type. None: as a comment of the transitions file says; without a comment,
+            an MDP if transitions have choices, a DTMC if all rows sum to 1, else a CTMC.
+        check_sums: check that probabilities sum to 1.
+
+    Raises:
+        SyntaxFault: a file is faulty; the error points at the place.
     """
     found = _read_transitions(files.transitions, kind, check_sums)
     n = found.matrix.states
@@ -139,7 +156,7 @@ def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _
             else f"a {kind.name} has states and transitions"
         )
         file.fault(
-            0, f"{holds} in the first line", "header", None, f"it was asked for by -{kind.value}"
+            0, f"{holds} in the first line", "header", None, f"the switch -{kind.value} requires it"
         )
     file.expect(size[-1], "transitions")
     return _mdp(file, size, check_sums) if has_choices else _chain(file, size[0], kind, check_sums)
@@ -166,7 +183,7 @@ def _chain(file: Columns, n: int, kind: ModelType | None, check_sums: bool) -> _
     if told is ModelType.DTMC and check_sums:
         _check_sums(file, sums, source, "probabilities out of state {}")
     keep = order[values[order] > 0]
-    # With actions, a pair of states may have several lines: what commands of different actions do adds up.
+    # With actions, a pair of states may have several lines, one per action: they are added.
     distinct, place = np.unique(source[keep] * n + target[keep], return_inverse=True)
     indptr = starts_of(np.bincount(distinct // n, minlength=n))
     total: Floats = np.bincount(place, values[keep], len(distinct)).astype(np.float64)
@@ -191,7 +208,7 @@ def _mdp(file: Columns, size: Sequence[int], check_sums: bool) -> _Transitions:
     starts = np.flatnonzero(new)
     if len(starts) != rows:
         file.fault(
-            0, f"the first line tells of {rows} choices, and {len(starts)} follow", "count", 1
+            0, f"the first line announces {rows} choices, but {len(starts)} follow", "count", 1
         )
     groups = starts_of(np.bincount(s[starts], minlength=n))
     expected = np.arange(rows) - groups[s[starts]]
@@ -219,9 +236,7 @@ def _mdp(file: Columns, size: Sequence[int], check_sums: bool) -> _Transitions:
 def _weights(file: Columns, word: int) -> Floats:
     values = file.reals(word)
     for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
-        file.fault(
-            i + 1, "a probability or rate is a number that is not negative", "negative", word
-        )
+        file.fault(i + 1, "a probability or rate must be finite and not negative", "negative", word)
     return values
 
 
@@ -245,7 +260,10 @@ def _check_sums(
     states: Int64s | None = None,
     places: Int64s | None = None,
 ) -> None:
-    """Sums of probabilities, per state (then `source` tells where its lines are) or per row (then `places` does)."""
+    """Check that probabilities sum to 1, per state of a chain or per row of an MDP.
+
+    The line of a fault comes from `source` for a chain, from `places` for an MDP.
+    """
     wrong = np.flatnonzero(
         (np.abs(sums - 1) > SUM_TOLERANCE) & ((sums != 0) | (places is not None))
     )
@@ -260,7 +278,7 @@ def _check_sums(
 def _read_actions(
     file: Columns, order: Int64s, row: Int64s, rows: int
 ) -> tuple[tuple[str, ...], Int32s]:
-    """The actions in order of appearance, and each row's; the lines of a row must agree."""
+    """The actions in order of appearance, and the action of each row (its lines must agree)."""
     texts = [r[4] if len(r) > 4 else "" for r in file.rows[1:]]
     names = tuple(dict.fromkeys(t for t in texts if t))
     number = {"": -1} | {name: i for i, name in enumerate(names)}
@@ -275,7 +293,7 @@ def _read_actions(
 
 
 def _entry_rewards(file: Columns) -> ModelType | None:
-    """The type of model that a comment such as `Transitions (CTMC)` tells."""
+    """The model type that a comment such as `Transitions (CTMC)` states."""
     for comment in file.comments:
         if match := re.fullmatch(r"Transitions \((DTMC|CTMC|MDP)\)", comment):
             return ModelType(match[1].lower())
@@ -300,7 +318,7 @@ def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
     if len(file.rows) - 1 != n:
         file.fault(
             len(file.rows) - 1,
-            f"the transitions file has {n} states, and this file {len(file.rows) - 1}",
+            f"the transitions file has {n} states, but this file has {len(file.rows) - 1}",
             "count",
         )
     values: list[list[str]] = [[""] * len(names) for _ in range(n)]
@@ -323,7 +341,10 @@ def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
 def _plain_states(
     file: Columns, names: Sequence[str], n: int
 ) -> list[tuple[str, Type, Int64s]] | None:
-    """The states where the file has them all in order, without a fault; None otherwise (then it is read line by line)."""
+    """The states of a file that lists all of them in order without a fault.
+
+    None for any other file; it is then read line by line, which is slower.
+    """
     body = file.source.text[file.body :]
     if (
         not names
@@ -433,7 +454,7 @@ def _same_size(file: Columns, found: Sequence[int], wanted: Sequence[int]) -> No
     for i, (a, b, what) in enumerate(zip(found, wanted, ("states", "choices"), strict=False)):
         if a != b:
             file.fault(
-                0, f"the transitions file has {b} {what}, and this file tells of {a}", "count", i
+                0, f"the transitions file has {b} {what}, but this file announces {a}", "count", i
             )
 
 

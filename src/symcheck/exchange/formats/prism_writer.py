@@ -1,6 +1,6 @@
-"""PRISM's explicit files, written: .tra .sta .lab .srew .trew.
+"""Write PRISM's explicit files: .tra .sta .lab .srew .trew.
 
-The formats are those of the appendix 'Explicit Model Files' of the PRISM manual (version 4.8 and later).
+Source: the appendix 'Explicit Model Files' of the PRISM manual, version 4.8 and later.
 """
 
 from __future__ import annotations
@@ -40,14 +40,24 @@ def transitions_file(
     rows: bool = False,
     headers: bool = True,
 ) -> Iterator[str]:
-    """`.tra`: the size, then a line per transition; `rows`: a line per row. An MDP has the number of the choice and its action."""
+    """`.tra`: the size of the model, then one line per transition.
+
+    Lines of an MDP hold the number of the choice and its action too.
+
+    Args:
+        model: the exported model.
+        precision: significant digits.
+        actions: write action names.
+        rows: write one line per row of the matrix instead of one per transition.
+        headers: write a comment with the model type where a reader could not infer it.
+    """
     m = model.matrix
     if (
         headers
         and model.type is ModelType.CTMC
         and bool(np.all(np.abs(model.row_sums - 1) <= SUM_TOLERANCE))
     ):
-        yield "# Transitions (CTMC)\n"  # else a reader takes it for a DTMC
+        yield "# Transitions (CTMC)\n"  # otherwise a reader infers a DTMC
     yield f"{_size(model)} {m.entries}\n"
     if rows:
         yield from _row_lines(model, model.values, np.ones(m.entries, bool), precision, actions)
@@ -78,7 +88,7 @@ def transitions_file(
 
 
 def labels_file(model: ExplicitExport, names: Sequence[str] | None = None) -> Iterator[str]:
-    """`.lab`: the numbers of the labels (all, or those named), then the states that have some."""
+    """`.lab`: the numbers of the labels (all, or those in `names`), then the labelled states."""
     names = list(model.labels) if names is None else names
     yield " ".join(f'{i}="{name}"' for i, name in enumerate(names)) + "\n"
     table = np.array([model.labels[name] for name in names]).reshape(len(names), model.n)
@@ -100,7 +110,7 @@ def state_rewards_file(
     precision: int = FULL_PRECISION,
     headers: bool = True,
 ) -> Iterator[str]:
-    """`.srew`: the number of states and of rewards that are not 0, then these."""
+    """`.srew`: the numbers of states and of nonzero rewards, then one line per nonzero reward."""
     some = np.flatnonzero(structure.states != 0)
     yield _heading(structure, "State rewards") if headers else ""
     yield f"{model.n} {len(some)}\n"
@@ -115,7 +125,7 @@ def transition_rewards_file(
     headers: bool = True,
     rows: bool = False,
 ) -> Iterator[str]:
-    """`.trew`: like `.tra`, for the transitions whose reward in structure `number` is not 0."""
+    """`.trew`: like `.tra`, for the transitions with a nonzero reward in structure `number`."""
     m = model.matrix
     rewards = model.entry_rewards(number)
     some = np.flatnonzero(rewards != 0)
@@ -156,7 +166,7 @@ def _row_lines(
     precision: int,
     actions: bool,
 ) -> Iterator[str]:
-    """A line per row: its state and `value:target` of the entries that are chosen."""
+    """One line per row: its state, and `value:target` of the entries in `some`."""
     m = model.matrix
     names = model.action_texts()
     for start in range(0, m.rows, CHUNK):

@@ -1,4 +1,4 @@
-"""UMB files, read through the package `umbi` (https://github.com/pmc-tools/umb)."""
+"""Read the unified Markov binary format (https://github.com/pmc-tools/umb) by the package `umbi`."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ __all__ = ["read_umb"]
 
 
 def read_umb(path: Path, kind: ModelType | None = None, *, check_sums: bool = True) -> ExplicitData:
-    """The model in a UMB file: a DTMC, CTMC or MDP with numbers (no intervals), and variables that are bool or int.
+    """The model in a UMB file: a DTMC, CTMC or MDP over bool and int variables.
 
-    Raises UsageError where the file cannot be read or is at odds with itself, UnsupportedError for other models.
+    Raises:
+        UsageError: the file cannot be read, or its parts contradict each other.
+        UnsupportedError: the model is of another type, has intervals, or other variables.
     """
     raw = _raw(path)
     found = _type(raw)
     if kind is not None and kind is not found:
-        raise UsageError(f"'{path}' holds a {found.name}, and -{kind.value} was asked for")
+        raise UsageError(f"'{path}' holds a {found.name}, but -{kind.value} was given")
     try:
         return _given(raw, found, path, check_sums)
     except (IndexError, KeyError, TypeError, ValueError) as error:
-        raise UsageError(
-            f"'{path}' is at odds with itself: {type(error).__name__}: {error}"
-        ) from None
+        raise UsageError(f"'{path}' contradicts itself: {type(error).__name__}: {error}") from None
 
 
 def _raw(path: Path) -> Any:
@@ -86,7 +86,7 @@ def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> ExplicitD
 
 
 def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix, Int64s, Int64s]:
-    """The matrix; the row of each branch; and the branches in the order of the entries, without those that never happen."""
+    """The matrix, the row of each branch, and the branches of nonzero probability by entry."""
     choices, branches = (
         np.asarray(raw.state_to_choices, np.int64),
         np.asarray(raw.choice_to_branches, np.int64),
@@ -100,9 +100,9 @@ def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix
         or targets.min(initial=0) < 0
         or targets.max(initial=-1) >= n
     ):
-        raise UsageError(f"'{path}' is at odds with itself: its parts have different sizes")
+        raise UsageError(f"'{path}' contradicts itself: its parts have different sizes")
     if kind is not ModelType.MDP and counts.max(initial=0) > 1:
-        raise UsageError(f"'{path}' is at odds with itself: a state of a chain has several choices")
+        raise UsageError(f"'{path}' contradicts itself: a state of a chain has several choices")
     row = np.repeat(np.arange(len(branches) - 1), np.diff(branches))
     if kind is ModelType.CTMC:
         values = values * np.repeat(_exit_rates(raw, counts), np.diff(branches))
@@ -110,7 +110,7 @@ def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix
     if kind is not ModelType.MDP:
         row, rows = np.flatnonzero(counts)[row], n
     for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
-        raise UsageError(f"'{path}': {values[i]:g} is no probability or rate (branch {i})")
+        raise UsageError(f"'{path}': {values[i]:g} is not a probability or rate (branch {i})")
     by = np.lexsort((targets, row))
     by = by[values[by] > 0]  # a matrix holds no zeros
     keys = row[by] * n + targets[by]
@@ -149,7 +149,7 @@ def _actions(raw: Any, matrix: SparseMatrix, kind: ModelType) -> tuple[tuple[str
 
 
 def _annotations(raw: Any, group: str) -> Mapping[str, Mapping[str, Any]]:
-    """What a group tells, under the names that people gave (the aliases) where there are some."""
+    """The annotations of a group, by alias where they have one and by name otherwise."""
     found = (raw.annotations or {}).get(group, {})
     told = (raw.index.annotations or {}).get(group, {})
     return {
@@ -160,7 +160,7 @@ def _annotations(raw: Any, group: str) -> Mapping[str, Mapping[str, Any]]:
 def _bools(values: Any, n: int, what: str, path: Path) -> Bools:
     found = np.asarray(values, np.bool_)
     if found.shape != (n,):
-        raise UsageError(f"'{path}' is at odds with itself: {what} for {found.size} states of {n}")
+        raise UsageError(f"'{path}' contradicts itself: {what} for {found.size} states of {n}")
     return found
 
 
@@ -172,7 +172,10 @@ def _rewards(
     row_of_entry: Int64s,
     by: Int64s,
 ) -> ExplicitRewards:
-    """Rewards of choices and of branches are both earned on a transition; in a CTMC they are weighted with its rate."""
+    """A reward structure. Rewards of choices and of branches are both transition rewards.
+
+    In a CTMC, they are weighted with the rate of the transition.
+    """
 
     def numbers(part: str, count: int) -> Floats:
         return np.array([float(x) for x in values[part]]) if values.get(part) else np.zeros(count)

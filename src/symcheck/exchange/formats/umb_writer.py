@@ -1,4 +1,4 @@
-"""The unified Markov binary format (https://github.com/pmc-tools/umb), through the package `umbi`."""
+"""Write the unified Markov binary format (https://github.com/pmc-tools/umb) by the package `umbi`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["umb_model", "umbi_package", "write_umb"]
 
 
 def umbi_package() -> None:
-    """Make sure that the package can be used. Raises UnsupportedError where it is not installed."""
+    """Check that the package is installed. Raises UnsupportedError if it is not."""
     try:
         import umbi  # noqa: F401
     except ImportError:
@@ -28,7 +28,12 @@ def umbi_package() -> None:
 
 
 def write_umb(model: ExplicitExport, target: str) -> None:
-    """Write a model as a UMB file. Raises UsageError where it cannot be written, UnsupportedError without the package."""
+    """Write a model as a UMB file.
+
+    Raises:
+        UsageError: the file cannot be written.
+        UnsupportedError: the package `umbi` is not installed.
+    """
     umbi_package()
     if Path(target).is_symlink() or (Path(target).exists() and not Path(target).is_file()):
         raise UsageError(f"cannot write '{target}': a UMB file is a plain file")
@@ -46,7 +51,7 @@ def _written(made: Any, path: Path) -> None:
 
 
 def umb_model(model: ExplicitExport) -> Any:
-    """The model as a `umbi.umb.ExplicitUmb`, the package's picture of a file: in a CTMC, probabilities and exit rates."""
+    """The model as a `umbi.umb.ExplicitUmb`. A CTMC is stored as probabilities and exit rates."""
     import umbi.umb
 
     m, timed = model.matrix, model.type is ModelType.CTMC
@@ -80,7 +85,7 @@ def umb_model(model: ExplicitExport) -> Any:
 
 
 def _numbers(values: NDArray[Any]) -> tuple[Any, list[Any]]:
-    """Numbers of one type, and what the file calls it."""
+    """Numbers of one type, and the name of that type in the file."""
     import umbi.datatypes
     from umbi.binary import SizedType
 
@@ -89,7 +94,7 @@ def _numbers(values: NDArray[Any]) -> tuple[Any, list[Any]]:
 
 
 def _annotate(model: ExplicitExport, made: Any) -> None:
-    """The labels and rewards. A reward of transitions stands at choices, or at branches where they differ."""
+    """Add labels and rewards. Transition rewards belong to choices, or to branches if these differ."""
     from umbi.binary import SizedType
     from umbi.datatypes import PrimitiveType
     from umbi.umb.index import AnnotationDescription

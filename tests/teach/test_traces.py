@@ -1,4 +1,4 @@
-"""Films end where production ends, and every frame is what it says."""
+"""Traces end where production ends, and every frame is what it says."""
 
 from __future__ import annotations
 
@@ -71,11 +71,11 @@ def test_frontiers_are_limited() -> None:
     assert str(frames[1]).endswith("in all")
 
 
-def test_order_lab_counts_the_same_states() -> None:
-    frames = list(teach.order_lab(bound(PHILOSOPHERS), OPTIONS))
+def test_orders_count_the_same_states() -> None:
+    frames = list(teach.compare_orders(bound(PHILOSOPHERS), OPTIONS))
     assert len({f.order for f in frames}) == 6
     assert {f.states for f in frames} == {155}
-    given = list(teach.order_lab(bound(MODELS / "die/die.pm"), OPTIONS, [("d",)]))
+    given = list(teach.compare_orders(bound(MODELS / "die/die.pm"), OPTIONS, [("d",)]))
     assert [f.order for f in given] == [("d", "s")]
 
 
@@ -98,10 +98,10 @@ def test_fixpoints_end_with_the_answer(name: str, direction: str) -> None:
 
 def test_bounds_close_in_on_the_value() -> None:
     engine = symcheck.load(MODELS / "gambler/gambler.pm").engine
-    seen = teach.vectors(
+    seen = teach.until_trace(
         engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval")
     )
-    assert (seen.no.count, seen.yes.count, seen.maybe.count) == (1, 1, 19)
+    assert (seen.zero.count, seen.one.count, seen.unknown.count) == (1, 1, 19)
     truth = np.array([float(Fraction(i, 20)) for i in range(1, 20)])
     before = np.zeros(19), np.ones(19)
     for step in seen.steps:
@@ -119,7 +119,9 @@ def test_bounds_close_in_on_the_value() -> None:
 def test_every_iteration_shows_its_vector(method: str) -> None:
     engine = symcheck.load(MODELS / "gambler/gambler.pm").engine
     options = Options(method=method, certify=method == "optimistic")
-    seen = teach.vectors(engine, engine.all, engine.where(parse_expression("money=20")), options)
+    seen = teach.until_trace(
+        engine, engine.all, engine.where(parse_expression("money=20")), options
+    )
     lows = [step.lower for step in seen.steps]
     assert all(low is not None and low.shape == (19,) for low in lows)
     assert np.abs(lows[-1] - np.arange(1, 20) / 20).max() < 1e-3
@@ -128,18 +130,18 @@ def test_every_iteration_shows_its_vector(method: str) -> None:
 
 def test_nothing_to_solve() -> None:
     engine = symcheck.load(MODELS / "die/die.pm").engine
-    seen = teach.vectors(engine, engine.all, engine.where(parse_expression("s=7")), OPTIONS)
-    assert (seen.maybe.count, seen.problem, seen.steps) == (0, None, ())
+    seen = teach.until_trace(engine, engine.all, engine.where(parse_expression("s=7")), OPTIONS)
+    assert (seen.unknown.count, seen.problem, seen.steps) == (0, None, ())
 
 
-def test_anatomy_covers_the_matrix() -> None:
+def test_blocks_cover_the_matrix() -> None:
     made = construct(bound(MODELS / "herman/herman7.pm"), OPTIONS)
     for budget in (1, 60_000):
-        seen = teach.anatomy(made, budget)
+        seen = teach.block_structure(made, budget)
         assert seen.levels[0].counts == (made.space.count,)
         assert [level.bit for level in seen.levels] == list(made.space.symbolic.encoding.rows)
         covered = np.zeros((128, 128), bool)
-        for root, block, row, column in seen.places.tolist():
+        for root, block, row, column in seen.occurrences.tolist():
             rows, columns, runs = seen.blocks[block].tolist()
             assert root == 0
             assert runs > 0
