@@ -66,8 +66,8 @@ def test_a_chain_for_matlab():
     ]
 
 
-def test_an_mdp_is_no_matrix():
-    with pytest.raises(UnsupportedError, match="no single matrix"):
+def test_an_mdp_has_no_single_matrix():
+    with pytest.raises(UnsupportedError, match="has one matrix, and an MDP has several choices"):
         matlab(MDP, "tra")
 
 

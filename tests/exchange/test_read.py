@@ -120,7 +120,7 @@ FAULTS = [
     ({"tra": "3 4\n0 1 0.5\n0 2 1/0\n1 1 1\n2 2 1\n"}, "m.tra:3:5", "'1/0' is not a number"),
     ({"tra": "3 4\n0 1 0.5\n0 2 -0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:5", "not negative"),
     ({"tra": "3 4\n0 1 0.5\n0 3 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:3", "state 3 does not exist"),
-    ({"tra": "3 4\n0 1 0.5\n0 a 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:3", "'a' is not a whole number"),
+    ({"tra": "3 4\n0 1 0.5\n0 a 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:3", "'a' is not an integer"),
     ({"tra": "3 4\n0 1 0.5\n0 1 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:1", "already"),
     ({"tra": "3 4\n0 1 0.5\n0 2\n1 1 1\n2 2 1\n"}, "m.tra:3:1", "source, target"),
     (
@@ -133,7 +133,7 @@ FAULTS = [
     ({"tra": MDP.replace("0 1 1 1 b", "0 2 1 1 b")}, "m.tra:4:3", "choice 1 of state 0 is missing"),
     ({"tra": MDP.replace("2 3 4", "2 4 4")}, "m.tra:1:3", "announces 4 choices, but 3 follow"),
     ({"tra": DTMC, "sta": "x\n0:(1)\n1:(2)\n2:(3)\n"}, "m.sta:1:1", "names of the variables"),
-    ({"tra": DTMC, "sta": "(x)\n0:(1)\n1:(2)\n"}, "m.sta:3:1", "has 3 states, and this file 2"),
+    ({"tra": DTMC, "sta": "(x)\n0:(1)\n1:(2)\n"}, "m.sta:3:1", "has 3 states, but this file has 2"),
     ({"tra": DTMC, "sta": "(x)\n0:(1)\n1:(2,3)\n2:(3)\n"}, "m.sta:3:1", "number:(x)"),
     ({"tra": DTMC, "sta": "(x)\n0:(1)\n1:(yes)\n2:(3)\n"}, "m.sta:3:1", "'yes' is not a value"),
     ({"tra": DTMC, "sta": "(x)\n0:(1)\n0:(2)\n2:(3)\n"}, "m.sta:3:1", "already"),

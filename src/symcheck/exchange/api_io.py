@@ -1,4 +1,4 @@
-"""Models in and out, for the API: `symcheck.export(model, "die.all")` and `symcheck.load_explicit("die.all")`."""
+"""Export and import for the library: `symcheck.export(model, "die.all")`, `symcheck.load_explicit`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["ReadModel", "export", "load_explicit"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReadModel(Model):
-    """A model that was read state by state: its program declares names, and has no commands that could be followed."""
+    """A model that was read state by state. Its program declares names and has no commands."""
 
     given: ExplicitData | None = None
 
@@ -48,7 +48,8 @@ class ReadModel(Model):
     def simulate(self, *_: Any, **__: Any) -> NoReturn:
         """Not offered. Raises UnsupportedError."""
         raise UnsupportedError(
-            "a random path follows the commands of a model in the PRISM language; what was read state by state has none"
+            "a random path follows the commands of a model in the PRISM language, "
+            "and a model in explicit files has none"
         )
 
     def estimate(self, *_: Any, **__: Any) -> NoReturn:
@@ -58,9 +59,23 @@ class ReadModel(Model):
 
 @told_in_memory()
 def export(model: Model, target: str) -> list[str]:
-    """Write a built model: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`, `die.umb` (see -exportmodel); gives the files.
+    """Write a model to files.
 
-    Raises UsageError for what cannot be written, and what building raises.
+    Args:
+        model: the model.
+        target: the files, as for `-exportmodel`: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`,
+            `die.umb`.
+
+    Returns:
+        The names of the files that were written.
+
+    Raises:
+        UsageError: a format is unknown, or a file cannot be written.
+        SymcheckError: the model cannot be built.
+
+    Example:
+        >>> symcheck.export(model, "die.tra,sta")  # doctest: +SKIP
+        ['die.tra', 'die.sta']
     """
     wanted, context = targets.parse_target(target, "model"), Context(model.engine, model.options)
 
@@ -76,12 +91,18 @@ def export(model: Model, target: str) -> list[str]:
     )
 
 
-@told_in_memory("a .umb file is read with less than text is")
+@told_in_memory("reading a .umb file needs less memory than reading text")
 def load_explicit(files: str, *, type: ModelType | None = None, **options: Any) -> Model:
-    """Read a model that is given state by state in PRISM's explicit files, such as `die.all` or `die.tra,lab`, or as `die.umb`.
+    """Read a model from explicit files.
 
-    `options` are the fields of `symcheck.Options`. Raises SyntaxFault at the place of what is wrong, and UsageError for
-    files that cannot be read.
+    Args:
+        files: PRISM's explicit files, such as `die.all` or `die.tra,lab`, or a UMB file.
+        type: the model type. None: as the files say.
+        options: the fields of `symcheck.Options`.
+
+    Raises:
+        SyntaxFault: a file is faulty; the error points at the place.
+        UsageError: a file cannot be read.
     """
     chosen = Options(**options)
     given = read_files(files, type, check_sums=chosen.check_sums)

@@ -1,4 +1,4 @@
-"""Text files of numbers, read column by column; what is wrong is pointed at by file, line and column."""
+"""Read text files of numbers column by column; errors point at file, line and column."""
 
 from __future__ import annotations
 
@@ -22,9 +22,13 @@ __all__ = ["Columns", "number_table", "read_columns"]
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The lines of a file, taken apart at blanks, without empty lines and comments; `comments`: those, without `#`.
+    """The lines of a file, split at blanks, without empty lines and comments.
 
-    numbers: the number of each line in the file, from 0. body: where, in the text, the second of these lines begins.
+    Attributes:
+        source: the text, and its file.
+        body: the offset in the text at which the second line begins.
+        first: the words of the first line.
+        comments: the comments, without `#`.
     """
 
     source: Source
@@ -34,9 +38,9 @@ class Columns:
 
     @cached_property
     def _lines(self) -> tuple[list[int], list[list[str]]]:
-        """Numbers and words of all lines: slow, and made only where a file is not a plain table or has a fault."""
+        """Line numbers and words of all lines. Slow: only for faulty files and unusual formats."""
         numbers, rows = [], []
-        # Millions of small lists: looking for cycles among them would take longer than all the rest.
+        # The collector would search millions of small lists for cycles, which takes longest.
         collecting = gc.isenabled()
         gc.disable()
         try:
@@ -62,7 +66,7 @@ class Columns:
 
     @cached_property
     def table(self) -> Floats | None:
-        """The lines after the first, float64[lines, words]; None where they are not all numbers, of one width, below 2**53."""
+        """The lines after the first, float64[lines, words]; None as in `number_table`."""
         return number_table(self.source.text[self.body :])
 
     @property
@@ -73,7 +77,7 @@ class Columns:
     def fault(
         self, line: int, message: str, code: str, word: int | None = None, hint: str | None = None
     ) -> NoReturn:
-        """Raise SyntaxFault for a line (by its place in `rows`), or for one of its words."""
+        """Raise SyntaxFault for a line (its index in `rows`), or for one of its words."""
         if not self.numbers:
             start = end = 0
         else:
@@ -91,7 +95,7 @@ class Columns:
         raise SyntaxFault(Diagnostic(message, Span(self.source, start, end), code, hint))
 
     def header(self, widths: Sequence[int], what: str) -> list[int]:
-        """The whole numbers in the first line."""
+        """The integers in the first line."""
         if not self.first:
             self.fault(0, f"the file is empty: its first line should hold {what}", "header")
         first = self.first
@@ -113,7 +117,7 @@ class Columns:
                 self.fault(i, f"a line should hold {what}", "fields")
 
     def integers(self, word: int, limit: int, what: str) -> Int64s:
-        """A column of whole numbers from 0 to limit - 1, of the lines after the first."""
+        """A column of the lines after the first: integers from 0 to limit - 1, int64[lines]."""
         found = self._integers(word)
         for i in np.flatnonzero((found < 0) | (found >= limit))[:1].tolist():
             self.fault(
@@ -133,11 +137,11 @@ class Columns:
         try:
             return np.array(list(map(int, column)), np.int64)
         except (ValueError, OverflowError):
-            self._first(column, _is_integer, word, "'{}' is not a whole number")
+            self._first(column, _is_integer, word, "'{}' is not an integer")
             raise
 
     def reals(self, word: int) -> Floats:
-        """A column of numbers (decimal, or a/b), of the lines after the first."""
+        """A column of the lines after the first: decimals or fractions a/b, float64[lines]."""
         if self.table is not None:
             return np.ascontiguousarray(self.table[:, word])
         column = [row[word] for row in self.rows[1:]]
@@ -156,11 +160,11 @@ class Columns:
                 self.fault(i + 1, message.format(text), "number", word)
 
     def expect(self, count: int, what: str) -> None:
-        """Check that as many lines follow the first as it says."""
+        """Check that as many lines follow the first line as it announces."""
         if self.count != count:
             self.fault(
                 0,
-                f"the first line tells of {count} {what}, and {self.count} follow",
+                f"the first line announces {count} {what}, but {self.count} follow",
                 "count",
                 len(self.first) - 1,
             )
@@ -183,13 +187,13 @@ def _real(text: str) -> Fraction | float:
 
 
 def read_columns(path: Path) -> Columns:
-    """Read a file. Raises UsageError where it cannot be read."""
+    """Read a file. Raises UsageError if it cannot be read or is not UTF-8 text."""
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(
-            f"cannot read '{path}': {getattr(error, 'strerror', None) or error}"
-        ) from None
+    except OSError as error:
+        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise UsageError(f"cannot read '{path}': not a UTF-8 text file") from None
     comments: list[str] = []
     first: list[str] = []
     start = 0
@@ -206,7 +210,10 @@ def read_columns(path: Path) -> Columns:
 
 
 def number_table(text: str) -> Floats | None:
-    """Lines of numbers as float64[lines, words]; None where they are not all numbers, of one width, below 2**53."""
+    """Lines of numbers as float64[lines, words].
+
+    None if a word is not a number, if lines differ in length, or if a number exceeds 2**53.
+    """
     if not text.strip():
         return None
     try:

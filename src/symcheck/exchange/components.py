@@ -1,4 +1,4 @@
-"""Strong components and end components of a model, as lists of states."""
+"""Strongly connected components and end components of a model, as lists of states."""
 
 from __future__ import annotations
 
@@ -18,10 +18,15 @@ _TITLES = {"sccs": "SCC", "bsccs": "BSCC", "mecs": "MEC"}
 
 
 def components_file(model: ExplicitExport, kind: str) -> Iterator[str]:
-    """The variables, then each component: a title such as `BSCC 1/6:`, and its states as in a `.sta` file.
+    """The variables, then each component: a title such as `BSCC 1/6:`, and its states as in `.sta`.
 
-    kind: 'sccs' (strong components with a transition inside), 'bsccs' (those that nothing leaves), or 'mecs' (maximal end
-    components of an MDP). They come in the order of their first states. Raises UnsupportedError for 'mecs' of a chain.
+    Args:
+        model: the exported model.
+        kind: 'sccs' (nontrivial strongly connected components), 'bsccs' (bottom ones) or 'mecs'
+            (maximal end components). Components are ordered by their first states.
+
+    Raises:
+        UnsupportedError: 'mecs' of a chain.
     """
     found = sorted(_components(model, kind), key=lambda states: int(states[0]))
     yield f"({','.join(v.name for v in model.variables)})\n"
@@ -40,7 +45,8 @@ def _components(model: ExplicitExport, kind: str) -> list[Int64s]:
         case "mecs":
             if model.matrix.groups is None:
                 raise UnsupportedError(
-                    "end components are those of an MDP\n  hint: -exportbsccs lists the bottom components of a chain"
+                    "end components exist only in MDPs\n"
+                    "  hint: -exportbsccs lists the bottom components of a chain"
                 )
             return _grouped(
                 graph.maximal_end_components(model.matrix, np.ones(model.n, np.bool_)).of
@@ -50,7 +56,7 @@ def _components(model: ExplicitExport, kind: str) -> list[Int64s]:
 
 
 def _inner(model: ExplicitExport) -> list[Int64s]:
-    """Strong components, without single states that have no loop."""
+    """Strongly connected components, without single states that have no self-loop."""
     source = model.state_of_row[model.row_of_entry]
     looping = np.zeros(model.n, np.bool_)
     looping[source[source == model.matrix.indices]] = True
@@ -58,7 +64,7 @@ def _inner(model: ExplicitExport) -> list[Int64s]:
 
 
 def _grouped(of: Int32s) -> list[Int64s]:
-    """The states of each component (`of`: its number, -1 for none), in ascending order."""
+    """The states of each component, ascending; `of` is the component of each state, -1 for none."""
     order = np.argsort(of, kind="stable")
     order = order[of[order] >= 0]
     return np.split(order, np.flatnonzero(np.diff(of[order])) + 1) if len(order) else []

@@ -1,4 +1,4 @@
-"""A model that was given state by state: no text, but all that the checker asks of a model."""
+"""Models that are read state by state: an explicit engine without a model text."""
 
 from __future__ import annotations
 
@@ -33,7 +33,11 @@ _TRUE = Literal(True, Type.BOOL)
 
 
 class ExplicitRewards(NamedTuple):
-    """A reward structure: a reward per state, per row the weighted sum over its transitions, and per transition (None: a row's own)."""
+    """A reward structure.
+
+    states: a reward per state. rows: per row, the weighted sum of its transition rewards. entries: a
+    reward per transition, or None if the transitions of each row share one.
+    """
 
     name: str | None
     states: Any
@@ -42,12 +46,15 @@ class ExplicitRewards(NamedTuple):
 
 
 def row_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Floats:
-    """Per row (float64[rows]): the sum of probability (rate) times reward, of rewards per transition (float64[entries])."""
+    """Per row, float64[rows]: the sum of probability (rate) times reward over its transitions.
+
+    rewards: a reward per transition, float64[entries].
+    """
     of = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
     total: Floats = np.bincount(of, matrix.data * rewards, matrix.rows).astype(np.float64)
     if kind is ModelType.CTMC:
         return total
-    # Where all transitions of a row have the same reward, it is the expected one: rounding must not blur it.
+    # If all transitions of a row have one reward, it is the expected reward, without rounding.
     least, most = np.full(matrix.rows, np.inf), np.full(matrix.rows, -np.inf)
     np.minimum.at(least, of, rewards)
     np.maximum.at(most, of, rewards)
@@ -56,10 +63,17 @@ def row_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Float
 
 @dataclass(frozen=True, eq=False)
 class ExplicitData:
-    """A model of n states as it was read: see `ExplicitExport`; `labels` may hold "init" and "deadlock".
+    """A model of n states as it was read.
 
-    columns: per variable its name, type, and int64[n]. matrix: rows of states without transitions are missing where it
-    is a chain's (then the row is empty) or an MDP's (then the group is empty).
+    Attributes:
+        type: the model type.
+        columns: per variable its name, its type and its values, int64[n].
+        matrix: probabilities (rates). A state without transitions has an empty row in a chain, and
+            no row in an MDP.
+        actions: the action names.
+        row_actions: per row an index into `actions`, or -1, int32[rows].
+        labels: bool[n] each; "init" and "deadlock" may be among them.
+        rewards: the reward structures.
     """
 
     type: ModelType
@@ -73,7 +87,7 @@ class ExplicitData:
 
 @dataclass(frozen=True, repr=False)
 class _ImportedModel(BoundModel):
-    """A bound model whose actions are known, as there are no commands to tell them."""
+    """A bound model without commands: its action names are given."""
 
     names: tuple[str, ...] = ()
 
@@ -87,21 +101,28 @@ class _ImportedModel(BoundModel):
 class ImportedEngine(ExplicitEngine):
     """The explicit engine on a model that was read: labels are sets of states, not expressions.
 
-    entry_rewards: per reward structure the reward of each transition (None: those of its row are all the row's).
+    Attributes:
+        members: the states of each label.
+        entry_rewards: per reward structure the reward of each transition, or None if the
+            transitions of each row share one.
     """
 
     members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
     entry_rewards: Sequence[Any] = field(default=(), repr=False)
 
     def where(self, expression: Expression) -> ArraySet:
-        """The states that satisfy an expression over the variables, or have a label."""
+        """The states that satisfy an expression over the variables, or that have a label."""
         known = self.members.get(expression)
         return super().where(expression) if known is None else ArraySet(known)
 
     def rational(self) -> Any:
-        """The same model in rational arithmetic: each double is read as a/b with a small b where that is the same double.
+        """The same model in rational arithmetic.
 
-        So what was 1/3 when it was written is 1/3 again. Raises UnsupportedError where probabilities then do not sum to 1.
+        A double becomes the fraction with a denominator of at most 10**6 that rounds to it, if there
+        is one. So 1/3 is 1/3 again after it was written as a decimal.
+
+        Raises:
+            UnsupportedError: the probabilities then do not sum to 1.
         """
         from symcheck.engines.rational.values import RationalMatrix
 
@@ -158,9 +179,17 @@ def _rational(value: float) -> Fraction | float:
     return near if float(near) == value else Fraction(repr(value))
 
 
-@told_in_memory("the rows are listed as they were read: there is no engine that needs less")
+@told_in_memory("an explicit file is stored row by row: no other engine needs less memory")
 def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> ImportedEngine:
-    """The explicit engine on a model that was read. Raises ModelFault for a deadlock that is not to be fixed."""
+    """The explicit engine on a model that was read.
+
+    Args:
+        given: the model.
+        fix_deadlocks: add a self-loop to states without transitions.
+
+    Raises:
+        ModelFault: the model has a deadlock, and `fix_deadlocks` is False.
+    """
     fixed, row_actions, rewards, dead = _fixed(given, fix_deadlocks)
     members = dict(given.labels)
     initial = members.pop("init", None)
@@ -207,7 +236,7 @@ def _model(given: ExplicitData, marks: Mapping[str, Expression]) -> BoundModel:
 def _fixed(
     given: ExplicitData, fix_deadlocks: bool
 ) -> tuple[SparseMatrix, Int32s, list[ExplicitRewards], Bools]:
-    """The matrix, actions and rewards with a self-loop where there was no transition, and where that is."""
+    """Matrix, actions and rewards with a self-loop at each deadlock, and the deadlocks, bool[n]."""
     m = given.matrix
     n = m.states
     counts = np.diff(m.indptr) if m.groups is None else np.diff(m.groups)

@@ -1,4 +1,4 @@
-"""A built model as plain arrays, whatever the engine: what every format is written from."""
+"""A built model as plain arrays, for any engine: the source of all export formats."""
 
 from __future__ import annotations
 
@@ -22,9 +22,13 @@ SetOf = Callable[[str], StateSet]
 
 @dataclass(frozen=True, eq=False)
 class Rewards:
-    """A reward structure: a reward per state [n], and per row the probability-(rate-)weighted sum of transition rewards.
+    """A reward structure.
 
-    entries: the reward of each transition, where a model that was read tells it.
+    Attributes:
+        name: its name, if it has one.
+        states: a reward per state, [n].
+        rows: per row, the sum of its transition rewards weighted with probabilities (rates).
+        entries: a reward per transition, for models read from files that have them.
     """
 
     name: str | None
@@ -35,12 +39,21 @@ class Rewards:
 
 @dataclass(frozen=True, eq=False)
 class ExplicitExport:
-    """A model with n states in lexicographic order of the variables; the entries of a row in the order of their columns.
+    """A model of n states in lexicographic order; the entries of a row are ordered by column.
 
-    columns: int64[n] per variable. values: probabilities (rates) of the entries: the matrix's doubles, or rationals.
-    row_actions: per row a number among `actions`, -1 for none; None unless the model is an MDP. labels: bool[n] each,
-    "init" and "deadlock" (states that had no transition) first; `property_labels`: those of them that a properties file has.
-    apart: gives the rewards of the transitions of a chain, per structure; None where a row has one reward.
+    Attributes:
+        type: the model type.
+        variables: the variables.
+        columns: the values of each variable, int64[n].
+        matrix: the matrix in doubles.
+        values: probabilities (rates) of the entries, as doubles or rationals.
+        actions: the action names.
+        row_actions: per row of an MDP an index into `actions`, or -1. None for a chain.
+        labels: bool[n] each; "init" and "deadlock" (states without transitions) come first.
+        rewards: the reward structures.
+        property_labels: the names of labels that come from a properties file.
+        apart: computes the transition rewards of a chain, per structure. None if the transitions
+            of each row share one reward.
     """
 
     type: ModelType
@@ -75,7 +88,7 @@ class ExplicitExport:
 
     @cached_property
     def choice_of_row(self) -> Int64s:
-        """The number of each row among the choices of its state."""
+        """The index of each row among the choices of its state."""
         groups = self.matrix.groups
         return (
             np.zeros(self.n, np.int64)
@@ -93,7 +106,7 @@ class ExplicitExport:
         )
 
     def action_texts(self) -> list[str]:
-        """Per row the name of its action, empty for none."""
+        """The action name of each row; empty for none."""
         names = np.array([*self.actions, ""], dtype=object)
         chosen: list[str] = (
             ([""] * self.matrix.rows)
@@ -128,7 +141,7 @@ class ExplicitExport:
         return self.transition_rewards(structure)[self.row_of_entry]
 
     def transition_rewards(self, structure: Rewards) -> NDArray[Any]:
-        """A reward per row that every transition of the row may carry, so that its expected value is the row's."""
+        """Per row, the one reward for all its transitions that gives the expected reward of the row."""
         if self.type is not ModelType.CTMC:
             return structure.rows
         return np.asarray(
@@ -151,9 +164,13 @@ def explicit_export(
     *,
     property_labels: Sequence[str] = (),
 ) -> ExplicitExport:
-    """The arrays of a built model. `states` gives the states of the labels that are named, and of those of the properties.
+    """Export a built model to arrays.
 
-    The built-in labels come by themselves.
+    Args:
+        engine: the engine of the model.
+        labels: the names of the labels to export, besides "init" and "deadlock".
+        states: returns the states of a label.
+        property_labels: the names of labels of a properties file.
     """
     model = engine.model
     columns = _columns(engine)
@@ -186,13 +203,13 @@ def explicit_export(
 
 
 def _entry_rewards(engine: Any, structure: int) -> NDArray[Any] | None:
-    """The rewards of single transitions, of a model that was read."""
+    """The rewards of single transitions, for models read from files."""
     told = getattr(engine, "entry_rewards", ())
     return told[structure] if told else None
 
 
 def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None:
-    """How the transitions of a chain get their own rewards; only commands tell."""
+    """A function that computes transition rewards of a chain from its commands; None if not needed."""
     model = engine.model
     if (
         model.type is ModelType.MDP
@@ -210,7 +227,7 @@ def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[ND
 
 
 def state_order(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int64s | None:
-    """The engine's numbers of the states in lexicographic order of the variables; None where they are in order already.
+    """The permutation that orders the states lexicographically; None if they are ordered.
 
     A model that was read keeps the order of its files.
     """
@@ -242,7 +259,7 @@ def _rewards(engine: Any, system: Any, structure: int) -> tuple[NDArray[Any], ND
 
 
 def _row_actions(engine: Engine, system: Any, matrix: SparseMatrix) -> Int32s:
-    """The action of each row: kept by some engines, and found by steps of the semantics for the rational one."""
+    """The action of each row. The interpreter computes it for engines that do not store it."""
     own = getattr(engine, "row_actions", None)
     if own is not None:
         return np.asarray(own, np.int32)
@@ -272,7 +289,7 @@ def _rational_actions(engine: Engine, groups: Int64s) -> Int32s:
 
 
 def _sorted(found: ExplicitExport, order: Int64s | None) -> ExplicitExport:
-    """States and entries in their canonical order (a symbolic engine may order the variables otherwise)."""
+    """The export with states and entries in canonical order (variable orders may differ)."""
     if order is not None:
         found = _permuted(found, order)
     m = found.matrix
@@ -289,7 +306,7 @@ def _sorted(found: ExplicitExport, order: Int64s | None) -> ExplicitExport:
 
 
 def _permuted(found: ExplicitExport, order: Int64s) -> ExplicitExport:
-    """The states in another order: new state i is the old `order[i]`."""
+    """The export with permuted states: new state i is old state `order[i]`."""
     m = found.matrix
     place = np.empty(found.n, np.int32)
     place[order] = np.arange(found.n, dtype=np.int32)

@@ -1,4 +1,4 @@
-"""Which files an export is asked to write, and writing them: `-exportmodel FILES[:options]` and the single switches."""
+"""Exports of a model: parse `-exportmodel FILES[:options]` and the single switches, write the files."""
 
 from __future__ import annotations
 
@@ -24,9 +24,16 @@ _FORMATS = ("explicit", "matlab", "dot", "drn", "umb")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions:
-    """precision: significant digits. actions, headers: whether they are written. rows: matrices with a line per row.
-    states: nodes of a graph show their values. proplabels: the labels of the properties file are written as well.
-    rewards, labels: whether a file of the whole model has them. matlab: matrices, rewards, states and labels for Matlab.
+    """Options of an export.
+
+    Attributes:
+        precision: significant digits.
+        actions, headers: write action names, header comments.
+        rows: write one line per row of a matrix.
+        states: show the values of states in the nodes of a graph.
+        proplabels: write the labels of the properties file too.
+        rewards, labels: include them in a file of the whole model.
+        matlab: write matrices, rewards, states and labels for Matlab.
     """
 
     precision: int = FULL_PRECISION
@@ -42,9 +49,13 @@ class ExportOptions:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """One part of the model, and the file it goes to ('stdout': the standard output).
+    """A part of the model, and its file.
 
-    kind: an extension, 'proplab' (the labels of the properties file alone), or one of `components.KINDS`.
+    Attributes:
+        kind: an extension, 'proplab' (only labels of the properties file), or one of
+            `components.KINDS`.
+        path: the file, or 'stdout'.
+        options: the options of this export.
     """
 
     kind: str
@@ -53,7 +64,16 @@ class Target:
 
 
 def parse_target(argument: str, model: str, options: ExportOptions | None = None) -> list[Target]:
-    """`out.tra,sta:actions=false` and the like, taken apart; `model` is the name where none is given. Raises UsageError."""
+    """Parse an argument such as `out.tra,sta:actions=false`.
+
+    Args:
+        argument: files and options.
+        model: the base name of files that the argument does not name.
+        options: the options that the argument changes.
+
+    Raises:
+        UsageError: an extension or an option is unknown.
+    """
     names, options, layout = _options(argument, options or ExportOptions())
     base, dotted, listed = names.rpartition(".")
     if layout in ("dot", "drn", "umb"):
@@ -66,13 +86,11 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
         return [Target("tra", names, options)]
     known = f"\n  hint: known are .{', .'.join((*EXTENSIONS, 'rew', 'all'))}"
     if not dotted:
-        raise UsageError(
-            f"-exportmodel: '{argument}' has no ending that tells what to write{known}"
-        )
+        raise UsageError(f"-exportmodel: '{argument}' has no extension that names a format{known}")
     kinds: list[str] = []
     for kind in listed.split(","):
         if kind not in (*EXTENSIONS, "all", "rew"):
-            raise UsageError(f"-exportmodel: unknown ending '.{kind}'{known}")
+            raise UsageError(f"-exportmodel: unknown extension '.{kind}'{known}")
         kinds += {"all": _ALL, "rew": ("srew", "trew")}.get(kind, (kind,))
     base = base or str(Path(model).with_suffix(""))
     dropped = {"srew", "trew"} if not options.rewards else set()
@@ -85,7 +103,7 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
 
 
 def file_options(argument: str, options: ExportOptions) -> tuple[str, ExportOptions]:
-    """`FILE[:options]` of a switch that writes one file. Raises UsageError for unknown options."""
+    """Parse `FILE[:options]` of a switch that writes one file. Raises UsageError."""
     return _options(argument, options)[:2]
 
 
@@ -118,11 +136,16 @@ def _options(argument: str, options: ExportOptions) -> tuple[str, ExportOptions,
 
 
 def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Iterator[str]:
-    """Write the targets, one after the other; gives the name of each file that is complete. Raises UsageError, UnsupportedError."""
+    """Write the targets in turn, and yield the name of each complete file.
+
+    Raises:
+        UsageError: a file cannot be written.
+        UnsupportedError: a format cannot hold the model.
+    """
     for target in targets:
         if target.kind == "umb":
             if target.path == "stdout":
-                raise UsageError("a UMB file is not text: give it a name")
+                raise UsageError("a UMB file is binary and cannot go to the standard output")
             umb_writer.write_umb(_part(model, target.options), target.path)
             yield target.path
             continue
@@ -132,7 +155,7 @@ def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Ite
 
 
 def _part(model: ExplicitExport, options: ExportOptions) -> ExplicitExport:
-    """The model as a file of the whole of it is to have it."""
+    """The model with the rewards and labels that the options include."""
     kept = {
         name: members for name, members in model.labels.items() if name in _shown(model, options)
     }
@@ -140,7 +163,7 @@ def _part(model: ExplicitExport, options: ExportOptions) -> ExplicitExport:
 
 
 def _shown(model: ExplicitExport, options: ExportOptions) -> list[str]:
-    """The names of the labels that are to be written."""
+    """The names of the labels that the options include."""
     if not options.labels:
         return ["init"]
     return [
@@ -201,7 +224,7 @@ def _rewards(model: ExplicitExport, kind: str, number: int, o: ExportOptions) ->
 def _each(
     model: ExplicitExport, path: str, text: Callable[[int], Iterable[str]]
 ) -> Iterator[tuple[str, Iterable[str]]]:
-    """A file per reward structure; numbered from 1 where there are several."""
+    """One file per reward structure, numbered from 1 if there are several."""
     several = len(model.rewards) > 1 and path != "stdout"
     whole = Path(path)
     for i in range(len(model.rewards)):

@@ -1,4 +1,4 @@
-"""Strategies as files: a list of actions, the induced Markov chain, or a drawing."""
+"""Strategies as files: a list of actions, the induced Markov chain, or a graph."""
 
 from __future__ import annotations
 
@@ -21,10 +21,14 @@ KINDS = ("actions", "indices", "induced", "dot")
 
 @dataclass(frozen=True, slots=True)
 class StrategyTarget:
-    """A file for a strategy ('stdout': the standard output), and what is written.
+    """The file of a strategy, and its format.
 
-    kind: one of KINDS. reach: only the states that it reaches. restrict: an induced model is an MDP with one choice in each
-    state, instead of a Markov chain. states: states are shown by their values, instead of their numbers.
+    Attributes:
+        path: the file, or 'stdout'.
+        kind: one of KINDS.
+        reach: write only the states that are reachable under the strategy.
+        restrict: write the induced model as an MDP with one choice per state.
+        states: write the values of states instead of their numbers.
     """
 
     path: str
@@ -35,15 +39,19 @@ class StrategyTarget:
 
 
 def strategy_target(argument: str) -> StrategyTarget:
-    """`FILE[:type=KIND][,reach=…][,mode=restrict|reduce][,states=…]` taken apart. Raises UsageError for unknown options.
+    """Parse `FILE[:type=KIND][,reach=…][,mode=restrict|reduce][,states=…]`.
 
-    The ending of the file tells the kind if nothing else does; drawings show the states that are reached, if not told otherwise.
+    Without `type`, the extension of the file says the kind. Without `reach`, a graph has only the
+    reachable states.
+
+    Raises:
+        UsageError: an option is unknown.
     """
     path, colon, text = argument.rpartition(":")
     if not colon or "=" not in text:
         path, text = argument, ""
     options = dict(part.partition("=")[::2] for part in text.split(",") if part)
-    # Whether states that look alike are shown as one: this is of partially observable models.
+    # This option merges states with equal observations, and applies to POMDPs only.
     options.pop("obs", None)
     kind = options.pop(
         "type",
@@ -68,11 +76,12 @@ def strategy_target(argument: str) -> StrategyTarget:
 
 
 def strategy_texts(strategy: Strategy, target: StrategyTarget) -> Iterator[str]:
-    """The lines of a strategy's file.
+    """The lines of the file of a strategy.
 
-    actions: `(values):action` per state; indices: `state:choice` with the choice's number within the state; induced: the
-    Markov chain as `states transitions`, then `from to probability [action]`, or the MDP as `states choices transitions`, then
-    `from 0 to probability [action]`; dot: a drawing of it.
+    By kind: 'actions' has `(values):action` per state. 'indices' has `state:choice`, with the number
+    of the choice within the state. 'induced' has the induced chain: `states transitions`, then
+    `source target probability [action]` (as an MDP: `states choices transitions`, then
+    `source 0 target probability [action]`). 'dot' has the induced chain as a graph.
     """
     shown = strategy.reachable if target.reach else np.ones(strategy.engine.states, dtype=np.bool_)
     match target.kind:

@@ -1,4 +1,4 @@
-"""Text in large amounts: numbers and lines in chunks, and files that are written whole or not at all."""
+"""Write large texts in chunks, and write files completely or not at all."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ __all__ = [
 ]
 
 CHUNK = 1 << 16
-"""Lines that are held as text at a time."""
+"""Number of lines per chunk."""
 
 FULL_PRECISION = 17
-"""Digits that tell every double: with as many or more, the shortest text that gives the double back is written."""
+"""Digits that identify every double. From here on, the shortest text that reads back is written."""
 
 Column = NDArray[Any] | Sequence[object] | Callable[[int, int], Sequence[object]]
 
 
 def number_text(value: float | Fraction, precision: int = FULL_PRECISION) -> str:
-    """A number in as many significant digits at most; a whole number without a point, a rational as `a/b`."""
+    """A number with at most `precision` digits; an integer without a point, a rational as `a/b`."""
     if isinstance(value, Fraction):
         return str(value)
     if np.isinf(value):
@@ -44,7 +44,7 @@ def number_text(value: float | Fraction, precision: int = FULL_PRECISION) -> str
 
 
 def number_texts(values: NDArray[Any], precision: int = FULL_PRECISION) -> list[str]:
-    """`number_text` of each value (float64[n] or objects); equal doubles are written out once, as most models have few."""
+    """`number_text` of each value (float64[n] or objects). Most models have few distinct values."""
     if values.dtype == object:
         return [number_text(v if isinstance(v, Fraction) else float(v), precision) for v in values]
     distinct, place = np.unique(values, return_inverse=True)
@@ -56,9 +56,14 @@ def number_texts(values: NDArray[Any], precision: int = FULL_PRECISION) -> list[
 def lines(
     template: str, count: int, *columns: Column, precision: int = FULL_PRECISION
 ) -> Iterator[str]:
-    """`count` lines in chunks: the template (as of `%`, without the end of the line) filled from the columns.
+    """Format `count` lines from columns, in chunks.
 
-    A column is an array (doubles are written with `precision`), a list, or a function of a range of line numbers.
+    Args:
+        template: a %-template for a line, without the line end.
+        count: number of lines.
+        columns: per placeholder an array (doubles are written with `precision` digits), a list, or
+            a function of a range of line numbers.
+        precision: significant digits.
     """
     line = template + "\n"
     for start in range(0, count, CHUNK):
@@ -77,9 +82,10 @@ def _part(column: Column, start: int, stop: int, precision: int) -> Sequence[obj
 
 
 def write_text(target: str, chunks: Iterable[str], out: TextIO) -> None:
-    """Write to a file, or to `out` where the target is 'stdout'. A file appears when it is complete, under its own name.
+    """Write to a file, or to `out` if the target is 'stdout'. The file appears when it is complete.
 
-    Raises UsageError where it cannot be written.
+    Raises:
+        UsageError: the file cannot be written.
     """
     if target == "stdout":
         out.writelines(chunks)
@@ -93,9 +99,12 @@ def write_text(target: str, chunks: Iterable[str], out: TextIO) -> None:
 
 
 def same_path(target: str, write: Callable[[Path], None]) -> None:
-    """Let `write` make a file beside the target, and rename it. Raises UsageError where that is not possible.
+    """Let `write` make a temporary file beside the target, then rename it to the target.
 
-    What is no plain file (a device, a pipe, a link to something) is written to as it is: it must not be replaced.
+    A device, a pipe or a link is written directly, because it must not be replaced.
+
+    Raises:
+        UsageError: the file cannot be written.
     """
     path = Path(target)
     special = path.is_symlink() or (path.exists() and not path.is_file())

@@ -1,7 +1,7 @@
-"""Rewards of single transitions: what a row's expected reward is made of.
+"""Rewards of single transitions of a chain.
 
-A transition of a chain may stand for several commands with different rewards. Its reward is then their mean, weighted with
-their probabilities (rates), so that the expected reward of the row is the same.
+Several commands with different rewards may contribute to one transition. Its reward is then their
+mean, weighted with their probabilities (rates): the expected reward of the row stays the same.
 """
 
 from __future__ import annotations
@@ -26,8 +26,15 @@ __all__ = ["transition_rewards"]
 def transition_rewards(engine: Engine, matrix: SparseMatrix) -> list[NDArray[Any]]:
     """The reward of each transition of a chain, per structure: float64[entries], or rationals.
 
-    `matrix` has the states in lexicographic order of the variables, and the entries of a row by column. The model is
-    explored once more, with its commands apart. Raises ModelFault, ResourceError.
+    The model is explored again as an MDP, in which each command is a choice of its own.
+
+    Args:
+        engine: the engine of the chain.
+        matrix: its matrix, with states in lexicographic order and the entries of a row by column.
+
+    Raises:
+        ModelFault: the model is faulty.
+        ResourceError: a limit of time or memory was reached.
     """
     return _rational(engine, matrix) if engine.exact else _doubles(engine.model, matrix)
 
@@ -69,7 +76,7 @@ def _places(matrix: SparseMatrix, state: Int64s, target: NDArray[np.int32]) -> I
 
 
 def _means(place: Int64s, weights: Floats, rewards: Floats, entries: int) -> Floats:
-    """The weighted mean of the rewards at each place; exactly the reward where all are the same."""
+    """The weighted mean of the rewards per entry; without rounding if all rewards are equal."""
     least, most = np.full(entries, np.inf), np.full(entries, -np.inf)
     np.minimum.at(least, place, rewards)
     np.maximum.at(most, place, rewards)
