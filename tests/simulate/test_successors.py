@@ -1,4 +1,4 @@
-"""Branches of many states at once against the scalar semantics, and paths against the explored model."""
+"""Compiled branches of many states against the interpreter, and sampled paths against the explored model."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 from generate import random_model
 from symcheck.errors import ModelFault, NameFault
 from symcheck.explicit.build import explore
+from symcheck.explicit.states import Layout
+from symcheck.explicit.successors import SuccessorGenerator
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.interpreter import state_rewards, transitions
 from symcheck.semantics.model import BoundModel
-from symcheck.simulate.lazy_chain import Chain
-from symcheck.simulate.transition_sampler import Expander
+from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.walk import simulate
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.parse import parse_model
@@ -38,12 +39,12 @@ def model_of(seed: int, kind: str) -> BoundModel:
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.sampled_from(KINDS))
-def test_successors_are_those_of_the_scalar_semantics(seed: int, kind: str) -> None:
+def test_successors_are_those_of_the_interpreter(seed: int, kind: str) -> None:
     model = model_of(seed, kind)
-    states = list(explore(model, Options()).states)
-    columns = np.array(states, np.int64).T
-    expander = Expander(model, 0)
-    found, rewards = expander.successors(columns), expander.state_rewards(columns)
+    table = explore(model, Options()).states
+    states, layout = list(table), table.layout
+    generator = SuccessorGenerator(model, layout, 0)
+    found, rewards = generator.successors(table.rows), generator.state_rewards(table.rows)
     for i, state in enumerate(states):
         rows = transitions(model, state)
         share = len(rows) or 1  # the choices of an MDP are equally likely
@@ -53,11 +54,10 @@ def test_successors_are_those_of_the_scalar_semantics(seed: int, kind: str) -> N
                 wanted[after] = wanted.get(after, 0.0) + weight / share
         got: dict[tuple[bool | int, ...], float] = {}
         part = slice(int(found.offsets[i]), int(found.offsets[i + 1]))
-        for weight, after in zip(
-            found.weights[part].tolist(), found.columns[:, part].T.tolist(), strict=True
-        ):
-            got[tuple(after)] = got.get(tuple(after), 0.0) + weight
-        assert found.deadlock[i] == (not rows)
+        for weight, row in zip(found.weights[part].tolist(), found.targets[part], strict=True):
+            after = layout.unpack(row)
+            got[after] = got.get(after, 0.0) + weight
+        assert found.deadlocks[i] == (not rows)
         assert got == pytest.approx(wanted or {state: 1.0})
         earned = float(found.weights[part] @ found.rewards[part])
         assert earned == pytest.approx(sum(r.rewards[0] for r in rows) / share)
@@ -85,34 +85,34 @@ def test_steps_are_transitions_of_the_explored_model(seed: int, kind: str) -> No
 
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.sampled_from(KINDS))
-def test_a_chain_that_forgets_goes_on_alike(seed: int, kind: str) -> None:
-    """Rows, numbers and graph of a chain whose memory is exceeded all the time."""
+def test_a_chain_that_is_dropped_goes_on_alike(seed: int, kind: str) -> None:
+    """The chain is dropped at every step where its limit is 0."""
     model = model_of(seed, kind)
     start = np.array([[int(v.initial or 0)] for v in model.variables], np.int64)
     visited = []
     for limit in (0, 1 << 20):
-        chain, generator = Chain(model, limit=limit), np.random.default_rng(seed)
-        ids = np.repeat(chain.add(chain._layout.pack(list(start))), 20)
+        chain, generator = LazyChain(model, max_branches=limit), np.random.default_rng(seed)
+        ids = np.repeat(chain.add(chain.layout.pack(list(start))), 20)
         states = []
         for _ in range(15):
             ids = chain.expand(ids)
-            states.append([tuple(chain._layout.unpack(chain._rows.data[i])) for i in ids])
-            ids, _ = chain.follow(chain.choose(ids, generator.random(len(ids))))
+            states.append([chain.layout.unpack(row) for row in chain.states(ids)])
+            ids, _ = chain.follow(chain.sample(ids, generator.random(len(ids))))
         visited.append(states)
     assert visited[0] == visited[1]
 
 
-def test_choose_is_the_inverse_of_the_distribution() -> None:
+def test_sample_is_the_inverse_of_the_distribution() -> None:
     text = (
         "dtmc module m x:[0..9]; [] x=0 -> "
         + "+".join(f"0.1:(x'={i})" for i in range(10))
         + "; endmodule"
     )
     model = bind(parse_model(text), {})
-    chain = Chain(model)
-    ids = chain.expand(np.repeat(chain.add(chain._layout.pack([np.array([0])])), 10))
-    targets, _ = chain.follow(chain.choose(ids, np.arange(10) / 10 + 0.05))
-    assert [chain._layout.unpack(chain._rows.data[t])[0] for t in targets] == list(range(10))
+    chain = LazyChain(model)
+    ids = chain.expand(np.repeat(chain.add(chain.layout.pack([np.array([0])])), 10))
+    targets, _ = chain.follow(chain.sample(ids, np.arange(10) / 10 + 0.05))
+    assert [chain.layout.unpack(row)[0] for row in chain.states(targets)] == list(range(10))
 
 
 @pytest.mark.parametrize(
@@ -123,12 +123,13 @@ def test_choose_is_the_inverse_of_the_distribution() -> None:
         ("x=1 -> 1.5:(x'=0) + (-0.5):(x'=1)", "update-negative"),
     ],
 )
-def test_faults_are_those_of_the_scalar_semantics(command: str, code: str) -> None:
+def test_faults_are_those_of_the_interpreter(command: str, code: str) -> None:
     model = bind(
         parse_model(f"dtmc module m x:[0..2]; [] x=0 -> (x'=1); [] {command}; endmodule"), {}
     )
+    layout = Layout.of(model.variables)
     with pytest.raises(ModelFault) as fault:
-        Expander(model).successors(np.array([[0, 1, 2]], np.int64))
+        SuccessorGenerator(model, layout).successors(layout.pack([np.array([0, 1, 2])]))
     assert fault.value.diagnostics[0].code == code
 
 

@@ -1,7 +1,9 @@
-"""Assembles programs of the register machine (`symcheck.kernels.explore.register_machine`): registers, constants, jumps, shared subexpressions.
+"""Assembles programs of the register machine (`symcheck.kernels.explore.register_machine`):
+registers, constants, jumps, shared subexpressions.
 
-While a program is written, a register is one int: variables count from 0, constants from CONSTANTS, temporaries from
-TEMPORARIES. `finish` lays them out one after the other, and constants come preset in the register file.
+While a program is written, a register is one int: variables count from 0, constants from CONSTANTS,
+temporaries from TEMPORARIES. `finish` lays them out one after the other, and constants come preset
+in the register file.
 """
 
 from __future__ import annotations
@@ -40,8 +42,8 @@ def _bits(value: bool | int | float) -> int:
 class Assembler:
     """A program under construction, over `variables` variable registers.
 
-    Equal instructions on equal registers are written once within the reach of each other: `scope` marks code that may be
-    jumped over, whose values must not be used after it.
+    Equal instructions on equal registers are written once within the reach of each other: `scope`
+    marks code that may be jumped over, whose values must not be used after it.
     """
 
     def __init__(self, variables: int) -> None:
@@ -58,7 +60,9 @@ class Assembler:
     # -------------------------------------------------------------------------------------------- registers
 
     def constant(self, value: bool | int | float) -> Register:
-        """The register that holds a constant: equal bits share one. Raises OverflowError beyond 64 bits."""
+        """The register that holds a constant: equal bits share one. Raises OverflowError beyond 64
+        bits.
+        """
         bits = _bits(value)
         if not -(2**63) <= bits < 2**63:
             raise OverflowError(f"{value} does not fit 64 bits")
@@ -101,7 +105,9 @@ class Assembler:
         return len(self._code)
 
     def emit(self, op: Op, a: Register, b: Register = _NONE) -> Register:
-        """An operation on registers; gives the register of its value (an older one, or a constant, where it is known)."""
+        """An operation on registers; gives the register of its value (an older one, or a constant,
+        where it is known).
+        """
         key = (int(op), a, b)
         if (found := self._known.get(key)) is not None:
             return found
@@ -121,7 +127,9 @@ class Assembler:
         self._known[key] = register
 
     def _fold(self, op: Op, a: Register, b: Register) -> Register | None:
-        """The constant that the machine itself computes; None where it has no value (then it fails when it is run)."""
+        """The constant that the machine itself computes; None where it has no value (then it fails
+        when it is run).
+        """
         slots = np.array([self.bits(a), self.bits(b) if b != _NONE else 0, 0], np.int64)
         result = np.zeros(1, np.int64)
         code = np.array([(op, 2, 0, 1), (Op.HALT, 0, 0, 0)], np.int32)
@@ -130,7 +138,9 @@ class Assembler:
         return None if fault >= 0 else self._constant(bits)
 
     def move(self, destination: Register, source: Register, start: int) -> None:
-        """Set destination to source. `start`: the position since which a scope is open that closes right after this."""
+        """Set destination to source. `start`: the position since which a scope is open that closes
+        right after this.
+        """
         last = (
             self._code[-1]
             if len(self._code) > max(start, self._barrier)
@@ -174,7 +184,9 @@ class Assembler:
         return self._variables + len(self._values) + register - TEMPORARIES
 
     def finish(self) -> tuple[NDArray[np.int32], Int64s]:
-        """The program (int32[n, 4]) and its register file (int64[registers]) with the constants in their places."""
+        """The program (int32[n, 4]) and its register file (int64[registers]) with the constants in
+        their places.
+        """
         code = np.array(self._code, np.int64).reshape(-1, 4)
         jumps = code[:, 0] >= Op.JUMP
         registers = code[:, 1:]

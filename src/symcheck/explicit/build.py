@@ -1,7 +1,8 @@
 """Explicit exploration: from a bound model to states and a sparse matrix, without diagrams.
 
-The search itself runs in compiled code (`symcheck.kernels.explore.breadth_first`), some tens of milliseconds at a time; between
-these slices the limits are looked at, the observer is told, and Ctrl-C is heard.
+The search itself runs in compiled code (`symcheck.kernels.explore.breadth_first`), some tens of
+milliseconds at a time; between these slices the limits are looked at, the observer is told, and
+Ctrl-C is heard.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ import numpy as np
 
 from symcheck.errors import (
     SMALLER_ENGINES,
-    Diagnostic,
     Interrupted,
     MemoryLimitError,
     ModelFault,
@@ -24,6 +24,7 @@ from symcheck.errors import (
     UnsupportedError,
     told_in_memory,
 )
+from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Layout, Rows, StateTable
@@ -32,7 +33,6 @@ from symcheck.kernels.explore.breadth_first import Explorer, Outcome, give_back
 from symcheck.kernels.explore.packed_states import order_rows
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
-from symcheck.semantics.interpreter import transitions
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
 from symcheck.syntax.ast import ModelType
@@ -48,7 +48,9 @@ _LESS_MEMORY = f"-cuddmaxmem gives more; {SMALLER_ENGINES}"
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a search is. `level`: breadth-first distance of the states being explored; memory in bytes."""
+    """How far a search is. `level`: breadth-first distance of the states being explored; memory in
+    bytes.
+    """
 
     states: int
     explored: int
@@ -78,9 +80,9 @@ Observer = Callable[[Progress], None]
 class Exploration:
     """A search that can be stopped, looked at and resumed: `run`, then `finish`.
 
-    `seed`: packed states (`layout`) known to be reachable, to begin with besides the initial ones. `canonical`: see
-    `explore`. The states so far are `rows()`, in the order of discovery: the first `progress.explored` of them have
-    been explored, the rest is the frontier.
+    `seed`: packed states (`layout`) known to be reachable, to begin with besides the initial ones.
+    `canonical`: see `explore`. The states so far are `rows()`, in the order of discovery: the first
+    `progress.explored` of them have been explored, the rest is the frontier.
     """
 
     model: BoundModel
@@ -137,10 +139,11 @@ class Exploration:
         return rows
 
     def run(self, state_budget: int | None = None, observer: Observer | None = None) -> bool:
-        """Explore until nothing is left, or `state_budget` states are known; whether nothing is left.
+        """Explore until nothing is left, or `state_budget` states are known; whether nothing is
+        left.
 
-        Raises ModelFault where the model breaks a rule, and TimeLimitError, MemoryLimitError or Interrupted, after which
-        the states so far are still here and `run` can go on.
+        Raises ModelFault where the model breaks a rule, and TimeLimitError, MemoryLimitError or
+        Interrupted, after which the states so far are still here and `run` can go on.
         """
         try:
             while not self._step(_NO_BUDGET if state_budget is None else state_budget):
@@ -191,19 +194,10 @@ class Exploration:
         )
 
     def _fault(self) -> NoReturn:
-        """Raise what the scalar semantics raises in the state where the search stopped."""
-        state = self.layout.unpack(self.rows()[self._explorer.fault_state])
-        transitions(self.model, state, check_sums=self.options.check_sums)
-        shown = state_faults.describe_state(self.model.variables, state)
-        unbounded = ", ".join(v.name for v in self.model.variables if v.low is None)
-        if not unbounded:
-            raise AssertionError(
-                f"status {self._explorer.fault_status} in {shown}, where the scalar semantics finds no fault"
-            )
-        message = f"a variable without bounds ({unbounded}) leaves 32 bits, after the state {shown}"
-        raise ModelFault(
-            Diagnostic(message, code="unbounded", hint="give it a range, or a guard that stops it")
-        )
+        """Raise the fault of the state in which the search stopped."""
+        e = self._explorer
+        state = self.layout.unpack(self.rows()[e.fault_state])
+        raise_model_fault(self.model, state, e.fault_status, check_sums=self.options.check_sums)
 
     def finish(self) -> ExplicitModel:
         """The model, once `run` is complete. Only once: the search gives its memory back."""
@@ -310,11 +304,12 @@ def explore(
 ) -> ExplicitModel:
     """All reachable states and transitions of a model, breadth first.
 
-    observer: called with the progress every 50 ms or so. seed: packed states that another search has reached already.
-    canonical: pairs (variable index, expression over the variables) by which every successor is changed before it is
-    looked up; for reductions that identify states. Limits: `options.time_limit` (seconds), `options.max_memory` (bytes
-    of the search's own arrays). Accuracy: probabilities as floating point gives them.
-    Raises ModelFault where the model breaks a rule, TimeLimitError, MemoryLimitError, Interrupted.
+    observer: called with the progress every 50 ms or so. seed: packed states that another search
+    has reached already. canonical: pairs (variable index, expression over the variables) by which
+    every successor is changed before it is looked up; for reductions that identify states. Limits:
+    `options.time_limit` (seconds), `options.max_memory` (bytes of the search's own arrays).
+    Accuracy: probabilities as floating point gives them. Raises ModelFault where the model breaks a
+    rule, TimeLimitError, MemoryLimitError, Interrupted.
     """
     exploration = Exploration(model, options, seed, canonical)
     exploration.run(None, observer)

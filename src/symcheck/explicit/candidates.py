@@ -1,8 +1,9 @@
 """Which commands can be enabled at all, given the values of a few variables: decision forests.
 
-A model with hundreds of commands mostly has one variable that says where each module stands (`s=3`, `count=7`). Conjuncts
-of a guard that read a single variable tell for which of its values the command is ruled out; a switch on the variable
-that rules out most leaves a few candidates, whose guards are then evaluated in full.
+A model with hundreds of commands mostly has one variable that says where each module stands (`s=3`,
+`count=7`). Conjuncts of a guard that read a single variable tell for which of its values the
+command is ruled out; a switch on the variable that rules out most leaves a few candidates, whose
+guards are then evaluated in full.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ def conjuncts(guard: Expression) -> list[Expression]:
 
 
 def masks(guard: Expression, variables: tuple[Variable, ...], index: Mapping[str, int]) -> Masks:
-    """Per variable, for which values (from its low bound on) no conjunct that reads only this variable is false."""
+    """Per variable, for which values (from its low bound on) no conjunct that reads only this
+    variable is false.
+    """
     found: dict[int, Bools] = {}
     for part in conjuncts(guard):
         v = _single(part, index)
@@ -108,7 +111,9 @@ def every(parts: Sequence[Masks]) -> Masks:
 
 
 class Forest:
-    """Builds forests into one int32 array. Nodes: (0, n, items…), or (1, variable, low, next, children…) with -1 for none."""
+    """Builds forests into one int32 array. Nodes: (0, n, items…), or (1, variable, low, next,
+    children…) with -1 for none.
+    """
 
     def __init__(self, lows: Sequence[int]) -> None:
         self._lows = lows
@@ -120,7 +125,9 @@ class Forest:
         return np.array(self._nodes or [0, 0], np.int32)
 
     def add(self, items: Sequence[int], masks_of: Sequence[Masks]) -> int:
-        """A forest that finds, among `items`, those that their masks (in the same order) allow. Gives its root, or -1."""
+        """A forest that finds, among `items`, those that their masks (in the same order) allow.
+        Gives its root, or -1.
+        """
         self._known = {}
         self._masks = dict(zip(items, masks_of, strict=True))
         return self._build(tuple(items), frozenset(), _DEPTH)

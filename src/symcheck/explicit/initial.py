@@ -25,8 +25,9 @@ _LANES = 1 << 20  # valuations that are tried at a time
 def initial_rows(model: BoundModel, layout: Layout) -> Rows:
     """The initial states, packed: uint64[n, words], in lexicographic order.
 
-    Variables are given values one after the other, those first that complete a conjunct, so that only products of domains
-    which no conjunct cuts down are enumerated. Raises ModelFault if there is no initial state.
+    Variables are given values one after the other, those first that complete a conjunct, so that
+    only products of domains which no conjunct cuts down are enumerated. Raises ModelFault if there
+    is no initial state.
     """
     if model.initial is None:
         values = [np.array([int(cast("bool | int", v.initial))], np.int64) for v in model.variables]
@@ -40,7 +41,9 @@ def initial_rows(model: BoundModel, layout: Layout) -> Rows:
 
 @dataclass(frozen=True, eq=False)
 class _Enumeration:
-    """`order`: variables in the order of their assignment; after number i, the codes `checks[i]` can be run."""
+    """`order`: variables in the order of their assignment; after number i, the codes `checks[i]`
+    can be run.
+    """
 
     domains: tuple[Int64s, ...]
     order: tuple[int, ...]

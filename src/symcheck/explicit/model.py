@@ -1,32 +1,34 @@
-"""What explicit exploration gives: states, a sparse matrix, rewards; everything indexed by state number or row."""
+"""What explicit exploration gives: states, a sparse matrix, rewards; everything indexed by state
+number or row.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.explicit.compile import compile_expression, raise_fault
+from symcheck.explicit.compile import compile_expression
 from symcheck.explicit.states import StateTable
-from symcheck.kernels.explore.register_machine import run_packed
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Type
+from symcheck.syntax.ast import Expression
 
 __all__ = ["ExplicitModel"]
 
 
 @dataclass(frozen=True, eq=False)
 class ExplicitModel:
-    """A model with n reachable states, numbered in lexicographic order of the variables in declaration order.
+    """A model with n reachable states, numbered in lexicographic order of the variables in
+    declaration order.
 
-    matrix: probabilities (rates in a CTMC); the choices of an MDP are its row groups. Deadlocks have a loop of weight 1.
-    choice_actions: per row, index into `model.actions`; -1 for none, or where a DTMC's or CTMC's row merges several.
-    initial, deadlocks: state numbers, ascending. `levels`: of the breadth-first search, the first one included.
-    state_rewards: per structure float64[n]. choice_rewards: per structure float64[rows], the transition rewards weighted
-    with probability (rate) and summed over the row. `seconds`: time of the exploration.
+    matrix: probabilities (rates in a CTMC); the choices of an MDP are its row groups. Deadlocks
+    have a loop of weight 1. choice_actions: per row, index into `model.actions`; -1 for none, or
+    where a DTMC's or CTMC's row merges several. initial, deadlocks: state numbers, ascending.
+    `levels`: of the breadth-first search, the first one included. state_rewards: per structure
+    float64[n]. choice_rewards: per structure float64[rows], the transition rewards weighted with
+    probability (rate) and summed over the row. `seconds`: time of the exploration.
     """
 
     model: BoundModel = field(repr=False)
@@ -56,7 +58,8 @@ class ExplicitModel:
         return self.states.rows.nbytes + self.matrix.nbytes + self.choice_actions.nbytes + rewards
 
     def evaluate(self, expression: Expression) -> NDArray[Any]:
-        """The value of an expression over the variables in each state: bool[n], int64[n] or float64[n] by its type.
+        """The value of an expression over the variables in each state: bool[n], int64[n] or
+        float64[n] by its type.
 
         Raises ModelFault if it has no value in some state.
         """
@@ -65,29 +68,4 @@ class ExplicitModel:
 
 def evaluate_states(model: BoundModel, states: StateTable, expression: Expression) -> NDArray[Any]:
     """The value of an expression in each of the states."""
-    code = compile_expression(expression, model)
-    n = len(states)
-    reals = np.empty(n, np.float64) if code.type is Type.DOUBLE else None
-    truths = np.empty(n, np.uint8) if code.type is Type.BOOL else None
-    integers = np.empty(n, np.int64) if code.type is Type.INT else None
-    layout, support = states.layout, list(code.support)
-    fault, status = run_packed(
-        code.program,
-        code.slots,
-        np.ascontiguousarray(layout.fields[support]),
-        np.ascontiguousarray(layout.lows[support]),
-        states.rows,
-        code.result,
-        reals,
-        integers,
-        truths,
-    )
-    if fault >= 0:
-        raise_fault(
-            expression, model.variables, dict(enumerate(map(int, states.row(fault)))), status
-        )
-    if truths is not None:
-        return truths.view(np.bool_)
-    found = integers if reals is None else reals
-    assert found is not None
-    return found
+    return compile_expression(expression, model).run_packed(states.layout, states.rows)

@@ -21,10 +21,12 @@ UNBOUNDED_BITS = 32
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where each variable lies in a row. Rows compared word by word are in lexicographic order of the variables.
+    """Where each variable lies in a row. Rows compared word by word are in lexicographic order of
+    the variables.
 
-    fields: int32[variables, 4], per variable its index, word, shift and number of bits; what is stored is value - low.
-    ranges: uint64[variables], high - low. A variable without bounds gets 32 bits, from -2**31.
+    fields: int32[variables, 4], per variable its index, word, shift and number of bits; what is
+    stored is value - low. ranges: uint64[variables], high - low. A variable without bounds gets 32
+    bits, from -2**31.
     """
 
     variables: tuple[Variable, ...]
@@ -35,7 +37,8 @@ class Layout:
 
     @staticmethod
     def of(variables: tuple[Variable, ...]) -> Layout:
-        """The layout of these variables. Raises OverflowError for a domain of 2**63 values or more."""
+        """The layout of these variables. Raises OverflowError for a domain of 2**63 values or more.
+        """
         bounds = [_bounds(v) for v in variables]
         fields: list[tuple[int, int, int, int]] = []
         word, left = 0, 64
@@ -61,7 +64,9 @@ class Layout:
         return int(self.fields[:, 3].sum())
 
     def pack(self, columns: Sequence[Int64s]) -> Rows:
-        """Rows (uint64[n, words]) from one int64[n] of values per variable, all within their ranges."""
+        """Rows (uint64[n, words]) from one int64[n] of values per variable, all within their
+        ranges.
+        """
         n = len(columns[0]) if columns else 1
         rows = np.zeros((n, self.words), np.uint64)
         for (i, word, shift, _), low in zip(self.fields.tolist(), self.lows, strict=True):
@@ -134,7 +139,9 @@ class StateTable:
         return found
 
     def index(self, values: Sequence[bool | int]) -> int:
-        """Index of the state with these values; the table is sorted. Raises KeyError if it is not there."""
+        """Index of the state with these values; the table is sorted. Raises KeyError if it is not
+        there.
+        """
         for variable, low, span, value in zip(
             self.layout.variables, self.layout.lows, self.layout.ranges, values, strict=True
         ):

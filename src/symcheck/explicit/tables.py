@@ -31,15 +31,17 @@ _ALL = (1 << 64) - 1
 class Tables:
     """What `symcheck.kernels.explore.breadth_first.Explorer` reads.
 
-    Commands, updates and assignments are numbered through; `x_ys[i]` to `x_ys[i+1]` are the ys of x number i. Codes are
-    places in `program` (-1: none), registers places in the register file `slots`.
+    Commands, updates and assignments are numbered through; `x_ys[i]` to `x_ys[i+1]` are the ys of x
+    number i. Codes are places in `program` (-1: none), registers places in the register file
+    `slots`.
 
-    command_guard (of synchronised commands only) ends with DONE where the command is enabled; command_code goes on to
-    compute its probabilities, and the new values too where all probabilities are constants. update_keep has a bit for
-    each bit of the state that the update leaves alone, update_preset the new values that are constants; the others are
-    assignments.
-    action_rewards[a+1] (a: index of the event's action, -1 none) lists rows (structure, code, register) of `rewards`.
-    canonical: rows (variable, register) to which `canonical_code` sets each successor.
+    command_guard (of synchronised commands only) ends with DONE where the command is enabled;
+    command_code goes on to compute its probabilities, and the new values too where all
+    probabilities are constants. update_keep has a bit for each bit of the state that the update
+    leaves alone, update_preset the new values that are constants; the others are assignments.
+    action_rewards[a+1] (a: index of the event's action, -1 none) lists rows (structure, code,
+    register) of `rewards`. canonical: rows (variable, register) to which `canonical_code` sets each
+    successor.
     """
 
     kind: int
@@ -79,10 +81,25 @@ class Tables:
 
 
 def tables(
-    model: BoundModel, layout: Layout, *, check_sums: bool = True, canonical: Assignments = ()
+    model: BoundModel,
+    layout: Layout,
+    *,
+    check_sums: bool = True,
+    canonical: Assignments = (),
+    separate_choices: bool = False,
 ) -> Tables:
-    """Compile a model. `canonical`: (variable index, expression) that every successor is changed by before it is looked up."""
-    return _Builder(model, layout).build(check_sums, canonical)
+    """Compile a model for `symcheck.kernels.explore`.
+
+    Args:
+        check_sums: check that the probabilities of each choice sum to 1 (never done for the rates
+            of a CTMC).
+        canonical: pairs (variable index, expression); every successor is changed by them before it
+            is looked up.
+        separate_choices: give each joint choice a row of its own, as in an MDP, also in a DTMC or
+            CTMC.
+    """
+    kind = ModelType.MDP if separate_choices else model.type
+    return _Builder(model, layout).build(_KINDS[kind], check_sums, canonical)
 
 
 @dataclass
@@ -125,7 +142,7 @@ class _Builder:
         self.register: list[Register] = []
         self.variable: list[int] = []
 
-    def build(self, check_sums: bool, canonical: Assignments) -> Tables:
+    def build(self, kind: int, check_sums: bool, canonical: Assignments) -> Tables:
         forest = Forest(self.layout.lows.tolist())
         events, root = self.events(forest)
         action_rewards, rewards, structures = self.rewards()
@@ -137,7 +154,7 @@ class _Builder:
             [sum(len(c.updates) for c in p) for p in e.participants] for e in self.model.events
         ]
         return Tables(
-            kind=_KINDS[self.model.type],
+            kind=kind,
             words=self.layout.words,
             tolerance=SUM_TOLERANCE,
             check_sums=check_sums and self.model.type is not ModelType.CTMC,
@@ -228,7 +245,9 @@ class _Builder:
         return self.numbers[id(command)]
 
     def guarded(self, guard: Expression) -> None:
-        """Code that ends with DISABLED unless the guard holds. Cheap conjuncts that always have a value come first."""
+        """Code that ends with DISABLED unless the guard holds. Cheap conjuncts that always have a
+        value come first.
+        """
         translator = self.translator
         parts = sorted(
             conjuncts(guard),
@@ -241,7 +260,8 @@ class _Builder:
             translator.jump(part, False, self.fails)
 
     def effects(self, updates: tuple[BoundUpdate, ...]) -> None:
-        """Code for probabilities, then (in the same run if they are constants) for the new values."""
+        """Code for probabilities, then (in the same run if they are constants) for the new values.
+        """
         assembler = self.assembler
         probabilities = [self.translator.real(u.probability) for u in updates]
         at_once = all(is_constant(p) and assembler.bits(p) > 0 for p in probabilities)
@@ -286,7 +306,8 @@ class _Builder:
     # -------------------------------------------------------------------------------------------- the rest
 
     def rewards(self) -> tuple[list[int], list[tuple[int, int, Register]], int]:
-        """Code for transition rewards, by action; structures that have some are numbered through."""
+        """Code for transition rewards, by action; structures that have some are numbered through.
+        """
         having = [r for r in self.model.rewards if any(not i.on_states for i in r.items)]
         starts, found = [0], []
         for action in (None, *self.model.actions):

@@ -1,4 +1,6 @@
-"""From expressions to instructions of the register machine, with the semantics of `symcheck.semantics.expressions.evaluate`."""
+"""From expressions to instructions of the register machine, with the semantics of
+`symcheck.semantics.expressions.evaluate`.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,8 @@ _COMPARE = {
     ">": (Op.LTI, Op.LTD, True),
     ">=": (Op.LEI, Op.LED, True),
 }
-# Per comparison of doubles: the jump where it holds, where it does not (NaN!), whether the operands change places.
+# Per comparison of doubles: the jump where it holds, where it does not (NaN!), whether the operands
+# change places.
 _JUMP_REAL = {
     Op.EQD: (Op.JEQD, Op.JNED),
     Op.NED: (Op.JNED, Op.JEQD),
@@ -229,7 +232,8 @@ class Translator:
     def jump(self, condition: Expression, sense: bool, label: int) -> None:
         """Code that jumps to `label` if the condition is `sense`, and goes on otherwise.
 
-        What it leaves known holds where it goes on; at the label, the caller must have closed a scope around the jump.
+        What it leaves known holds where it goes on; at the label, the caller must have closed a
+        scope around the jump.
         """
         asm = self.assembler
         match condition:
@@ -306,7 +310,9 @@ class Translator:
         return Type.DOUBLE if Type.DOUBLE in types else types[0]
 
     def total(self, expression: Expression) -> bool:
-        """Whether the expression surely has a value in every state (int sums of variables cannot leave 64 bits)."""
+        """Whether the expression surely has a value in every state (int sums of variables cannot
+        leave 64 bits).
+        """
         match expression:
             case Binary("*", left, right):
                 return (

@@ -1,7 +1,8 @@
-"""Statistical model checking: a property's value from sampled paths of the model, without building it.
+"""Statistical model checking: a property's value from sampled paths of the model, without building
+it.
 
-Exact in law for DTMCs and CTMCs. In an MDP the choices are taken with equal probability: the value is that of one
-strategy, which lies between the minimum and the maximum and is neither.
+Exact in law for DTMCs and CTMCs. In an MDP the choices are taken with equal probability: the value
+is that of one strategy, which lies between the minimum and the maximum and is neither.
 """
 
 from __future__ import annotations
@@ -40,9 +41,10 @@ def check_by_sampling(
 ) -> Result:
     """Estimate a property `P=?`, `R=?`, or decide a threshold, in the initial state.
 
-    formula: bound (see `bind_properties`); labels: those of the properties file. The accuracy is `Statistical`. Raises
-    UnsupportedError for what cannot be sampled, NumericalError where paths are too long or a threshold lies within the
-    interval, UsageError for a plan that fits no method, ModelFault where the model breaks a rule on a sampled path.
+    formula: bound (see `bind_properties`); labels: those of the properties file. The accuracy is
+    `Statistical`. Raises UnsupportedError for what cannot be sampled, NumericalError where paths
+    are too long or a threshold lies within the interval, UsageError for a plan that fits no method,
+    ModelFault where the model breaks a rule on a sampled path.
     """
     started = perf_counter()
     plan = plan or Plan()
@@ -117,7 +119,9 @@ def _threshold(bound: Bound) -> float:
 
 
 def _verdict(found: Estimated, bound: Bound) -> bool:
-    """Compare the interval with the threshold. Raises NumericalError where the threshold lies inside."""
+    """Compare the interval with the threshold. Raises NumericalError where the threshold lies
+    inside.
+    """
     threshold = _threshold(bound)
     if found.lower <= threshold <= found.upper:
         raise NumericalError(

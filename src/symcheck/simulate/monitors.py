@@ -16,8 +16,8 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Floats, Int32s
 from symcheck.numerics.graph import backward_reachable
 from symcheck.semantics.model import BoundModel
-from symcheck.simulate.lazy_chain import Chain
-from symcheck.simulate.state_predicates import both, negation
+from symcheck.simulate.lazy_chain import LazyChain
+from symcheck.simulate.state_predicates import conjunction, negation
 from symcheck.syntax.ast import (
     CumulativeReward,
     Eventually,
@@ -69,7 +69,7 @@ class Question(Protocol):
         """State formulas."""
         ...
 
-    def look(self, chain: Chain, paths: Paths) -> Decision:
+    def look(self, chain: LazyChain, paths: Paths) -> Decision:
         """Decide what can be decided."""
         ...
 
@@ -87,20 +87,22 @@ class Goal:
     left: int | None
     missed: float
 
-    def stuck(self, chain: Chain, ids: Int32s) -> Bools:
-        """Which paths stay for ever in a state that misses."""
-        stuck = chain.stuck(ids)
-        where = np.flatnonzero(stuck)
-        stuck[where] = ~chain.truth(self.right, ids[where])
-        return stuck
+    def trapped(self, chain: LazyChain, ids: Int32s) -> Bools:
+        """Which paths are in an absorbing state that is no target."""
+        trapped = chain.absorbing(ids)
+        where = np.flatnonzero(trapped)
+        trapped[where] = ~chain.satisfies(self.right, ids[where])
+        return trapped
 
-    def lost(self, chain: Chain, ids: Int32s) -> Bools:
+    def lost(self, chain: LazyChain, ids: Int32s) -> Bools:
         """Which paths are in a state from which all ways are known, and miss. Small chains are made known for it."""
-        chain.complete(_SMALL)
+        chain.explore(_SMALL)
         matrix, expanded = chain.graph()
         everything = np.arange(matrix.states, dtype=np.int32)
-        target = ~expanded | chain.truth(self.right, everything)
-        through = expanded if self.left is None else expanded & chain.truth(self.left, everything)
+        target = ~expanded | chain.satisfies(self.right, everything)
+        through = (
+            expanded if self.left is None else expanded & chain.satisfies(self.left, everything)
+        )
         return ~backward_reachable(matrix, target, through)[ids]
 
 
@@ -123,8 +125,8 @@ class _Now:
     def goal(self) -> Goal | None:
         return None
 
-    def look(self, chain: Chain, paths: Paths) -> Decision:
-        holds = chain.truth(0, paths.ids) ^ self.negative
+    def look(self, chain: LazyChain, paths: Paths) -> Decision:
+        holds = chain.satisfies(0, paths.ids) ^ self.negative
         return np.ones(len(holds), np.bool_), holds.astype(np.float64)
 
 
@@ -145,11 +147,11 @@ class _Next:
     def goal(self) -> Goal | None:
         return None
 
-    def look(self, chain: Chain, paths: Paths) -> Decision:
+    def look(self, chain: LazyChain, paths: Paths) -> Decision:
         if paths.step == 0:
             return _undecided(paths.ids)
         upper = np.inf if self.upper is None else self.upper
-        holds = chain.truth(0, paths.ids) & (paths.time >= self.lower) & (paths.time <= upper)
+        holds = chain.satisfies(0, paths.ids) & (paths.time >= self.lower) & (paths.time <= upper)
         return np.ones(len(holds), np.bool_), (holds ^ self.negative).astype(np.float64)
 
 
@@ -167,8 +169,8 @@ class _Until:
     def atoms(self) -> tuple[Expression, ...]:
         return self.left, self.right
 
-    def look(self, chain: Chain, paths: Paths) -> Decision:
-        left, right = chain.truth(0, paths.ids), chain.truth(1, paths.ids)
+    def look(self, chain: LazyChain, paths: Paths) -> Decision:
+        left, right = chain.satisfies(0, paths.ids), chain.satisfies(1, paths.ids)
         upper = np.inf if self.upper is None else self.upper
         late_enough = paths.time >= self.lower
         if chain.continuous:
@@ -198,7 +200,7 @@ class _Cumulative:
     def goal(self) -> Goal | None:
         return None
 
-    def look(self, chain: Chain, paths: Paths) -> Decision:
+    def look(self, chain: LazyChain, paths: Paths) -> Decision:
         if not chain.continuous:
             return paths.time >= self.time, paths.total
         rest = np.maximum(self.time - paths.time, 0.0)
@@ -219,7 +221,7 @@ class _Instantaneous:
     def goal(self) -> Goal | None:
         return None
 
-    def look(self, chain: Chain, paths: Paths) -> Decision:
+    def look(self, chain: LazyChain, paths: Paths) -> Decision:
         there = paths.leave > self.time if chain.continuous else paths.time >= self.time
         return there, chain.reward(paths.ids)
 
@@ -234,8 +236,8 @@ class _Reach:
     def atoms(self) -> tuple[Expression, ...]:
         return (self.target,)
 
-    def look(self, chain: Chain, paths: Paths) -> Decision:
-        return chain.truth(0, paths.ids), paths.total
+    def look(self, chain: LazyChain, paths: Paths) -> Decision:
+        return chain.satisfies(0, paths.ids), paths.total
 
     @property
     def goal(self) -> Goal | None:
@@ -271,8 +273,8 @@ def path_question(path: PathFormula, model: BoundModel, *, negative: bool = Fals
             return _Until(left, right, *times, negative)  # type: ignore[arg-type]
         case WeakUntil(left, right):
             not_right = negation(right)  # type: ignore[arg-type]
-            neither = both(negation(left), not_right)  # type: ignore[arg-type]
-            return _Until(both(left, not_right), neither, *times, not negative)  # type: ignore[arg-type]
+            neither = conjunction(negation(left), not_right)  # type: ignore[arg-type]
+            return _Until(conjunction(left, not_right), neither, *times, not negative)  # type: ignore[arg-type]
         case Release(left, right):
             return _Until(negation(left), negation(right), *times, not negative)  # type: ignore[arg-type]
 

@@ -1,7 +1,9 @@
-"""Random paths as values, and as text in the layout that PRISM's -simpath writes and other tools read.
+"""Random paths as values, and as text in the layout that PRISM's -simpath writes and other tools
+read.
 
-One line per state: the transition that led there, its probability or rate (probs), the number of the step, the time
-(in a CTMC), the values of the variables, and the rewards (rewards): per structure, of the state and of the transition.
+One line per state: the transition that led there, its probability or rate (probs), the number of
+the step, the time (in a CTMC), the values of the variables, and the rewards (rewards): per
+structure, of the state and of the transition.
 """
 
 from __future__ import annotations
@@ -22,10 +24,11 @@ __all__ = ["Layout", "Path", "Step", "rows", "table"]
 class Step:
     """A state of a path, and how it was entered.
 
-    time: when it was entered (the number of steps in discrete time). action: the label of the transition that led here,
-    None for an unlabelled one; module: who took it, where it was one module alone. probability: of that transition (its
-    rate in a CTMC); in an MDP, within its choice. earned: per reward structure, the reward of that transition; rewards: the
-    state rewards here. The first state has neither action nor probability.
+    time: when it was entered (the number of steps in discrete time). action: the label of the
+    transition that led here, None for an unlabelled one; module: who took it, where it was one
+    module alone. probability: of that transition (its rate in a CTMC); in an MDP, within its
+    choice. earned: per reward structure, the reward of that transition; rewards: the state rewards
+    here. The first state has neither action nor probability.
     """
 
     state: State
@@ -46,10 +49,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Path:
-    """A path with n + 1 states. `end`: why it ends: 'steps', 'time', 'deadlock', 'loop' or 'length'.
+    """A path with n + 1 states. `end`: why it ends: 'steps', 'time', 'deadlock', 'loop' or
+    'length'.
 
-    deadlock: nothing can happen in the last state. loop: from the last state on, the path can only repeat itself, for it
-    has been there before and no choice was left since. length: the longest path that was allowed.
+    deadlock: nothing can happen in the last state. loop: from the last state on, the path can only
+    repeat itself, for it has been there before and no choice was left since. length: the longest
+    path that was allowed.
     """
 
     model: BoundModel = field(repr=False)
@@ -98,7 +103,9 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """What a table shows. `variables` None: all; `changes`: only states in which one of them (or a reward) is new."""
+    """What a table shows. `variables` None: all; `changes`: only states in which one of them (or a
+    reward) is new.
+    """
 
     variables: tuple[str, ...] | None = None
     separator: str = " "
@@ -109,7 +116,9 @@ class Layout:
 
 
 def table(path: Path, layout: Layout | None = None) -> str:
-    """The path as text: a line of titles, then a line per state. Raises NameFault for an unknown variable."""
+    """The path as text: a line of titles, then a line per state. Raises NameFault for an unknown
+    variable.
+    """
     layout = layout or Layout()
     return "\n".join(layout.separator.join(row) for row in rows(path, layout)) + "\n"
 
@@ -148,7 +157,9 @@ def rows(path: Path, layout: Layout | None = None) -> list[list[str]]:
 
 
 def _shown(path: Path, layout: Layout) -> Iterator[tuple[int, float, Step]]:
-    """Number, time and step of the lines: all steps, or who is there at the multiples of the snapshot's time."""
+    """Number, time and step of the lines: all steps, or who is there at the multiples of the
+    snapshot's time.
+    """
     if layout.snapshot is None:
         yield from ((i, s.time, s) for i, s in enumerate(path.steps))
         return

@@ -1,4 +1,6 @@
-"""Descriptions of random paths, such as `10`, `time=7.5,vars=(x,y)` or `deadlock,repeat=100`, taken apart."""
+"""Descriptions of random paths, such as `10`, `time=7.5,vars=(x,y)` or `deadlock,repeat=100`, taken
+apart.
+"""
 
 from __future__ import annotations
 

@@ -12,9 +12,9 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Layout, Rows
 from symcheck.matrices.rows import Floats, Int32s, Int64s
 from symcheck.semantics.model import BoundModel
-from symcheck.simulate.lazy_chain import LIMIT, Chain
+from symcheck.simulate.lazy_chain import MAX_BRANCHES, LazyChain
 from symcheck.simulate.monitors import Paths, Question
-from symcheck.simulate.state_predicates import atom
+from symcheck.simulate.state_predicates import compile_predicate
 from symcheck.syntax.ast import Expression
 
 __all__ = ["Sampler"]
@@ -27,10 +27,12 @@ _FIRST_LOOK_AHEAD = (
 
 @dataclass(eq=False)
 class Sampler:
-    """Samples of a question's value: independent paths from the initial state, reproducible by the generator's seed.
+    """Samples of a question's value: independent paths from the initial state, reproducible by the
+    generator's seed.
 
-    max_steps: paths that are undecided after so many steps raise NumericalError, for to leave them out, or to count them
-    as anything, would bias the estimate. The sums after: samples, steps of all paths, the longest path.
+    max_steps: paths that are undecided after so many steps raise NumericalError, for to leave them
+    out, or to count them as anything, would bias the estimate. The sums after: samples, steps of
+    all paths, the longest path.
     """
 
     model: BoundModel
@@ -40,18 +42,22 @@ class Sampler:
     labels: Mapping[str, Expression] = field(default_factory=dict)
     max_steps: int = 10_000
     fix_deadlocks: bool = True
-    limit: int = LIMIT
+    max_branches: int = MAX_BRANCHES
     samples: int = 0
     steps: int = 0
     longest: int = 0
 
     def __post_init__(self) -> None:
         labels = {**self.model.labels, **self.labels}
-        atoms = tuple(atom(a, self.model, labels) for a in self.question.atoms)
-        self._chain = Chain(
-            self.model, self.structure, atoms, fix_deadlocks=self.fix_deadlocks, limit=self.limit
+        layout = Layout.of(self.model.variables)
+        self._chain = LazyChain(
+            self.model,
+            self.structure,
+            tuple(compile_predicate(a, self.model, layout, labels) for a in self.question.atoms),
+            fix_deadlocks=self.fix_deadlocks,
+            max_branches=self.max_branches,
         )
-        self._initial: Rows = initial_rows(self.model, Layout.of(self.model.variables))
+        self._initial: Rows = initial_rows(self.model, layout)
         if len(self._initial) != 1:
             raise UnsupportedError(
                 f"-sim samples paths from one initial state, and this model has {len(self._initial)}; "
@@ -59,9 +65,11 @@ class Sampler:
             )
 
     def sample(self, count: int) -> Floats:
-        """The values on so many new paths, in the order of the paths: float64[count]; infinite where nothing is reached.
+        """The values on so many new paths, in the order of the paths: float64[count]; infinite
+        where nothing is reached.
 
-        Raises NumericalError for paths longer than `max_steps`, ModelFault where the model breaks a rule on the way.
+        Raises NumericalError for paths longer than `max_steps`, ModelFault where the model breaks a
+        rule on the way.
         """
         parts = [self._batch(min(_BATCH, count - begin)) for begin in range(0, count, _BATCH)]
         self.samples += count
@@ -78,7 +86,7 @@ class Sampler:
             leave = time + self._durations(ids)
             decided, results = self.question.look(self._chain, Paths(step, ids, time, leave, total))
             if goal is not None:
-                missed = (goal.lost if step == look_ahead else goal.stuck)(
+                missed = (goal.lost if step == look_ahead else goal.trapped)(
                     self._chain, ids
                 ) & ~decided
                 results, decided = np.where(missed, goal.missed, results), decided | missed
@@ -106,7 +114,7 @@ class Sampler:
     def _branches(self, ids: Int32s, total: Floats, duration: Floats) -> Int64s:
         """Branches to take; what is earned in the states that are left is added to `total`."""
         total += self._chain.reward(ids) * duration
-        return self._chain.choose(ids, self.generator.random(len(ids)))
+        return self._chain.sample(ids, self.generator.random(len(ids)))
 
     def _durations(self, ids: Int32s) -> Floats:
         if not self._chain.continuous:

@@ -1,4 +1,6 @@
-"""State formulas without operators, evaluated on many states at once: what a sampled path is asked in each state."""
+"""State formulas without probabilistic operators, compiled to predicates on arrays of packed
+states.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,8 @@ import numpy as np
 
 from symcheck.errors import Diagnostic, NameFault, UnsupportedError
 from symcheck.explicit.compile import compile_expression
-from symcheck.matrices.rows import Bools, Int64s
+from symcheck.explicit.states import Layout, Rows
+from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Binary,
@@ -25,7 +28,7 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.traversal import nodes
 
-__all__ = ["Atom", "atom", "both", "negation"]
+__all__ = ["StatePredicate", "compile_predicate", "conjunction", "negation"]
 
 _OPERATORS = (
     ProbabilityOperator,
@@ -37,27 +40,38 @@ _OPERATORS = (
     MultiObjective,
 )
 
-Atom = Callable[[Int64s, Bools], Bools]
-"""Columns of states (int64[variables, n]) and which of them are deadlocks (bool[n]), to bool[n]."""
+StatePredicate = Callable[[Rows, Bools], Bools]
+"""Packed states (uint64[n, words]) and which of them are deadlocks (bool[n]) to bool[n]."""
 
 
 def negation(formula: Expression) -> Expression:
-    """Not the formula."""
+    """The formula `!formula`."""
     return Unary("!", formula)
 
 
-def both(left: Expression, right: Expression) -> Expression:
-    """The conjunction."""
+def conjunction(left: Expression, right: Expression) -> Expression:
+    """The formula `left & right`."""
     return Binary("&", left, right)
 
 
-def atom(formula: Expression, model: BoundModel, labels: Mapping[str, Expression]) -> Atom:
-    """Compile a state formula. Raises NameFault for an unknown label, UnsupportedError for a nested operator."""
+def compile_predicate(
+    formula: Expression, model: BoundModel, layout: Layout, labels: Mapping[str, Expression]
+) -> StatePredicate:
+    """Compile a state formula.
+
+    Args:
+        layout: how the states are packed.
+        labels: label names and their state formulas.
+
+    Raises:
+        NameFault: an unknown label.
+        UnsupportedError: a probabilistic, reward or path operator inside the formula.
+    """
     match formula:
         case LabelReference("deadlock"):
-            return lambda _, deadlock: deadlock
+            return lambda _, deadlocks: deadlocks
         case LabelReference("init"):
-            return _initial(model)
+            return _initial(model, layout)
         case LabelReference(name):
             if name not in labels:
                 known = ", ".join(f'"{k}"' for k in [*labels, "init", "deadlock"])
@@ -69,17 +83,21 @@ def atom(formula: Expression, model: BoundModel, labels: Mapping[str, Expression
                         f"known are {known}",
                     )
                 )
-            return atom(labels[name], model, labels)
+            return compile_predicate(labels[name], model, layout, labels)
         case Unary("!", operand):
-            inner = atom(operand, model, labels)
-            return lambda columns, deadlock: ~inner(columns, deadlock)
+            inner = compile_predicate(operand, model, layout, labels)
+            return lambda rows, deadlocks: ~inner(rows, deadlocks)
         case Binary("&" | "|" | "=>" | "<=>" as operator, left, right):
-            return _binary(operator, atom(left, model, labels), atom(right, model, labels))
+            return _binary(
+                operator,
+                compile_predicate(left, model, layout, labels),
+                compile_predicate(right, model, layout, labels),
+            )
         case _:
-            return _plain(formula, model)
+            return _compile_expression(formula, model, layout)
 
 
-def _plain(formula: Expression, model: BoundModel) -> Atom:
+def _compile_expression(formula: Expression, model: BoundModel, layout: Layout) -> StatePredicate:
     for node in nodes(formula):
         if isinstance(node, _OPERATORS):
             raise UnsupportedError(
@@ -91,11 +109,10 @@ def _plain(formula: Expression, model: BoundModel) -> Atom:
                 f'-sim reads the label "{node.name}" only under ! & | => <=>; without -sim it may stand anywhere'
             )
     code = compile_expression(formula, model)
-    support = list(code.support)
-    return lambda columns, _: np.asarray(code.run(columns[support]), np.bool_)
+    return lambda rows, _: np.asarray(code.run_packed(layout, rows), np.bool_)
 
 
-def _binary(operator: str, left: Atom, right: Atom) -> Atom:
+def _binary(operator: str, left: StatePredicate, right: StatePredicate) -> StatePredicate:
     match operator:
         case "&":
             return lambda c, d: left(c, d) & right(c, d)
@@ -107,8 +124,8 @@ def _binary(operator: str, left: Atom, right: Atom) -> Atom:
             return lambda c, d: np.asarray(left(c, d) == right(c, d))
 
 
-def _initial(model: BoundModel) -> Atom:
-    if model.initial is None:
-        values = np.array([int(v.initial or 0) for v in model.variables], np.int64).reshape(-1, 1)
-        return lambda columns, _: np.asarray((columns == values).all(axis=0))
-    return _plain(model.initial, model)
+def _initial(model: BoundModel, layout: Layout) -> StatePredicate:
+    if model.initial is not None:
+        return _compile_expression(model.initial, model, layout)
+    state = layout.pack([np.array([int(v.initial or 0)], np.int64) for v in model.variables])
+    return lambda rows, _: np.asarray((rows == state).all(axis=1))

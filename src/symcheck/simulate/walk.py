@@ -28,9 +28,10 @@ def simulate(
 ) -> Path:
     """A random path from an initial state (one of several with equal probability).
 
-    It ends after `steps` steps, when `time` is reached (the last state is the one occupied then), in any
-    case in a deadlock, where it can only repeat itself (loop_check), and after max_steps. The choices of an MDP are equally
-    likely. The same seed gives the same path; None draws one. Raises ModelFault.
+    It ends after `steps` steps, when `time` is reached (the last state is the one occupied then),
+    in any case in a deadlock, where it can only repeat itself (loop_check), and after max_steps.
+    The choices of an MDP are equally likely. The same seed gives the same path; None draws one.
+    Raises ModelFault.
     """
     chosen = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
     generator = np.random.default_rng(chosen)

@@ -159,7 +159,7 @@ cdef class Explorer:
         if reserve(&self.ids, n * 4):
             return 1
         ids = <int32_t*> self.ids.data
-        failed = self.states.insert(<const uint64_t*> self.expander.successors.data, n, ids)
+        failed = self.states.insert(<const uint64_t*> self.expander.targets.data, n, ids)
         if failed:
             return failed
         for row in range(self.expander.row_count):

@@ -42,7 +42,7 @@ cdef class Expander:
     cdef int candidate_count, enabled_count, evaluated_count, part_count
     cdef int joint, row_action
     # scratch of one batch
-    cdef Buffer successors, weights, ends, deadlocks
+    cdef Buffer targets, weights, ends, deadlocks
     cdef long long successor_count, row_count, deadlock_count
 
     cdef void clear(self) noexcept nogil

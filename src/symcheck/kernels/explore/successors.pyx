@@ -5,6 +5,8 @@ from libc.stdint cimport int32_t, int64_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy
 
+import numpy as np
+
 from symcheck.kernels.rows.csr_builder cimport RowStore
 from symcheck.kernels.memory cimport Buffer, release, reserve
 from symcheck.kernels.explore.register_machine cimport Instruction, Slot, Status, execute
@@ -15,10 +17,19 @@ cdef enum Kind:
     MDP = 2
 
 
+cdef object copy_array(const void* data, long long count, object dtype):
+    """A new array with the first `count` items of a buffer."""
+    out = np.empty(count, dtype)
+    cdef unsigned char[::1] target = out.view(np.uint8)
+    if count:
+        memcpy(&target[0], data, target.shape[0])
+    return out
+
+
 cdef class Expander:
     """A model given as tables (see `symcheck.explicit.tables.Tables`).
 
-    `expand` appends the successors of a state to the batch (`successors`, `weights`) and opens its rows in `rows`, where
+    `expand` appends the successors of a state to the batch (`targets`, `weights`) and opens its rows in `rows`, where
     row i of the batch ends at `ends[i]`; `clear` begins the next batch.
     """
 
@@ -84,7 +95,7 @@ cdef class Expander:
         free(self.level_words)
         free(self.enabled_total)
         free(self.enabled_status)
-        release(&self.successors)
+        release(&self.targets)
         release(&self.weights)
         release(&self.ends)
         release(&self.deadlocks)
@@ -92,7 +103,40 @@ cdef class Expander:
     @property
     def nbytes(self):
         """Memory held, in bytes."""
-        return self.rows.nbytes + self.successors.size + self.weights.size + self.deadlocks.size
+        return self.rows.nbytes + self.targets.size + self.weights.size + self.deadlocks.size
+
+    def successors(self, const uint64_t[:, ::1] states):
+        """Branches of packed states, for tables in which each joint choice is a row (`kind` 2).
+
+        Args:
+            states: uint64[n, words], packed states.
+        Returns:
+            (status, state, arrays). Status 0: the arrays are choice_ends int64[n] (end of each state's choices),
+            branch_ends int64[choices] (end of each choice's branches), actions int32[choices] (-1: none), weights
+            float64[branches], targets uint64[branches, words] and deadlocks int64[d] (numbers of states without a
+            choice; each of them has one choice, a loop of weight 1). Any other status: the model breaks a rule in the
+            state with this number, and the arrays are None.
+        Raises:
+            MemoryError: no memory for the branches; the next call begins anew.
+        """
+        cdef long long i, n = states.shape[0]
+        cdef int status = 0
+        self.clear()
+        self.deadlock_count = self.rows.opened = self.rows.groups = 0
+        for i in range(n):
+            status = self.expand(i, &states[i, 0])
+            if status == Status.MEMORY:
+                raise MemoryError
+            if status:
+                return status, i, None
+        return 0, n, (
+            copy_array(self.rows.ends_of_groups.data, self.rows.groups, np.int64),
+            copy_array(self.ends.data, self.row_count, np.int64),
+            copy_array(self.rows.actions.data, self.rows.opened, np.int32),
+            copy_array(self.weights.data, self.successor_count, np.float64),
+            copy_array(self.targets.data, self.successor_count * self.words, np.uint64).reshape(-1, self.words),
+            copy_array(self.deadlocks.data, self.deadlock_count, np.int64),
+        )
 
     cdef void clear(self) noexcept nogil:
         """Begin a batch."""
@@ -147,7 +191,7 @@ cdef class Expander:
             return Status.MEMORY
         (<int64_t*> self.deadlocks.data)[self.deadlock_count] = state
         self.deadlock_count += 1
-        memcpy(<uint64_t*> self.successors.data + self.successor_count * self.words, source, self.words * 8)
+        memcpy(<uint64_t*> self.targets.data + self.successor_count * self.words, source, self.words * 8)
         (<double*> self.weights.data)[self.successor_count] = 1.0
         self.successor_count += 1
         self._end_row(-1)
@@ -164,7 +208,7 @@ cdef class Expander:
 
     cdef int _room(self, long long more) noexcept nogil:
         """Make room for so many more successors."""
-        return (reserve(&self.successors, (self.successor_count + more) * self.words * 8)
+        return (reserve(&self.targets, (self.successor_count + more) * self.words * 8)
                 or reserve(&self.weights, (self.successor_count + more) * 8))
 
     # ------------------------------------------------------------------------------------------ candidates
@@ -379,7 +423,7 @@ cdef class Expander:
         cdef const uint64_t* value
         for i in range(self.enabled_begin[c], self.enabled_begin[c + 1]):
             if last:
-                target = <uint64_t*> self.successors.data + self.successor_count * words
+                target = <uint64_t*> self.targets.data + self.successor_count * words
             keep = &self.update_keep[self.evaluated_update[i], 0]
             value = self.evaluated_value + i * words
             for w in range(words):
@@ -399,7 +443,7 @@ cdef class Expander:
         cdef uint64_t* row
         cdef uint64_t mask
         for s in range(first, self.successor_count):
-            row = <uint64_t*> self.successors.data + s * self.words
+            row = <uint64_t*> self.targets.data + s * self.words
             for v in range(self.variables):
                 field = &self.fields[v, 0]
                 self.canonical_slots[v].i = <int64_t> ((row[field[1]] >> field[2]) & ((<uint64_t> 1 << field[3]) - 1)) + self.lows[v]
