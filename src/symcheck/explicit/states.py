@@ -37,8 +37,7 @@ class Layout:
 
     @staticmethod
     def of(variables: tuple[Variable, ...]) -> Layout:
-        """The layout of these variables. Raises OverflowError for a domain of 2**63 values or more.
-        """
+        """The layout of these variables. Raises OverflowError for a domain of 2**63 values or more."""
         bounds = [_bounds(v) for v in variables]
         fields: list[tuple[int, int, int, int]] = []
         word, left = 0, 64

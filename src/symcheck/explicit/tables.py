@@ -260,8 +260,7 @@ class _Builder:
             translator.jump(part, False, self.fails)
 
     def effects(self, updates: tuple[BoundUpdate, ...]) -> None:
-        """Code for probabilities, then (in the same run if they are constants) for the new values.
-        """
+        """Code for probabilities, then (in the same run if they are constants) for the new values."""
         assembler = self.assembler
         probabilities = [self.translator.real(u.probability) for u in updates]
         at_once = all(is_constant(p) and assembler.bits(p) > 0 for p in probabilities)
@@ -306,8 +305,7 @@ class _Builder:
     # -------------------------------------------------------------------------------------------- the rest
 
     def rewards(self) -> tuple[list[int], list[tuple[int, int, Register]], int]:
-        """Code for transition rewards, by action; structures that have some are numbered through.
-        """
+        """Code for transition rewards, by action; structures that have some are numbered through."""
         having = [r for r in self.model.rewards if any(not i.on_states for i in r.items)]
         starts, found = [0], []
         for action in (None, *self.model.actions):

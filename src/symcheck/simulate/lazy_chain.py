@@ -212,8 +212,7 @@ class LazyChain:
         return np.asarray(self._targets.data[branches]), np.asarray(self._earned.data[branches])
 
     def graph(self) -> tuple[SparseMatrix, Bools]:
-        """The known transitions (all weights are 1) and which states are expanded (bool[states]).
-        """
+        """The known transitions (all weights are 1) and which states are expanded (bool[states])."""
         n = len(self)
         expanded = self._start.data[:n] >= 0
         indptr = np.concatenate([[0], np.cumsum(self._length.data[:n])]).astype(np.int64)
