@@ -7,8 +7,8 @@ from random import Random
 import pytest
 
 from automata.words import holds, made, random_tree, random_word
-from symcheck.automata.external import SYNTAXES, spelled, translate_by
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.external import SYNTAXES, format_formula, translate_externally
+from symcheck.automata.ltl import LtlFactory
 from symcheck.errors import InputError, UnsupportedError, UsageError
 
 
@@ -29,7 +29,7 @@ def test_prefix_notation_says_the_formula():
     random = Random(11)
     for _ in range(100):
         tree = random_tree(random, 2, random.randint(1, 8))
-        words = spelled(made(Formulas(), tree)).split()
+        words = format_formula(made(LtlFactory(), tree)).split()
         back = _parsed(words)
         assert not words
         for _ in range(15):
@@ -38,7 +38,7 @@ def test_prefix_notation_says_the_formula():
 
 
 def test_infix_notations():
-    f = Formulas()
+    f = LtlFactory()
     a, b = f.literal(0), f.literal(1)
     formula = f.conjunction(
         (
@@ -46,7 +46,7 @@ def test_infix_notations():
             f.disjunction((f.always(f.eventually(b)), f.release(a, b), f.next(a))),
         )
     )
-    texts = {s: spelled(formula, s).replace(" ", "") for s in SYNTAXES}
+    texts = {s: format_formula(formula, s).replace(" ", "") for s in SYNTAXES}
     assert all(len(set(map(t.count, "()"))) == 1 for t in texts.values())
     assert "[](!(p0))" in texts["spin"]
     assert "<>(p1)" in texts["spin"]
@@ -55,7 +55,7 @@ def test_infix_notations():
     assert "(p0Rp1)" in texts["spot"]
     assert "G(!(p0))" in texts["rabinizer"]
     with pytest.raises(UsageError, match="lbt, spin, spot, rabinizer"):
-        spelled(formula, "prolog")
+        format_formula(formula, "prolog")
 
 
 @pytest.fixture
@@ -75,11 +75,11 @@ BUCHI = (
 
 
 def test_a_translator_is_given_the_formula_and_writes_the_automaton(tool):
-    f = Formulas()
+    f = LtlFactory()
     program = tool(
         f"assert open(sys.argv[1]).read() == 'G F p0\\n'\nopen(sys.argv[2], 'w').write({BUCHI!r})"
     )
-    automaton = translate_by(program, "lbt", f.always(f.eventually(f.literal(0))), range(2))
+    automaton = translate_externally(program, "lbt", f.always(f.eventually(f.literal(0))), range(2))
     assert automaton.accepts([], [0, 1])
     assert not automaton.accepts([1], [0])
 
@@ -87,17 +87,17 @@ def test_a_translator_is_given_the_formula_and_writes_the_automaton(tool):
 @pytest.mark.parametrize(
     ("code", "error", "text"),
     [
-        ("sys.exit('out of ideas')", UnsupportedError, r"exit status 1\): out of ideas"),
+        ("sys.exit('out of ideas')", UnsupportedError, r"exit status 1: out of ideas"),
         ("print('done')", UnsupportedError, "wrote no automaton: done"),
         ("open(sys.argv[2], 'w').write('digraph {}')", InputError, "<automaton of translator>:1:1"),
     ],
 )
 def test_a_translator_that_fails(tool, code, error, text):
-    f = Formulas()
+    f = LtlFactory()
     with pytest.raises(error, match=text):
-        translate_by(tool(code), "lbt", f.literal(0), range(2))
+        translate_externally(tool(code), "lbt", f.literal(0), range(2))
 
 
 def test_a_translator_that_is_missing(tmp_path):
     with pytest.raises(UsageError, match="cannot be run"):
-        translate_by(str(tmp_path / "nothing"), "lbt", Formulas().literal(0), range(2))
+        translate_externally(str(tmp_path / "nothing"), "lbt", LtlFactory().literal(0), range(2))

@@ -6,7 +6,7 @@ import pytest
 
 from automata.words import holds, made, random_tree, random_word
 from symcheck.automata import hoa
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.ltl import LtlFactory
 from symcheck.automata.translate import translate
 from symcheck.errors import InputError
 
@@ -17,7 +17,7 @@ def test_what_is_written_reads_back_as_the_same_language():
     random = Random(3)
     for _ in range(80):
         tree = random_tree(random, 3, random.randint(1, 8))
-        formulas = Formulas()
+        formulas = LtlFactory()
         automaton = translate(formulas, made(formulas, tree), range(8))
         back = hoa.read(hoa.write(automaton, range(8), list(ATOMS)), range(8), ATOMS)
         assert back.states <= automaton.states

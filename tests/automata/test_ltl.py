@@ -6,7 +6,7 @@ import pytest
 
 from automata.words import holds, made, random_tree, random_word, tree_of
 from symcheck.automata.formula import Kind
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.ltl import LtlFactory
 
 SEEDS = range(50)
 
@@ -15,7 +15,7 @@ SEEDS = range(50)
 def test_simplification_keeps_the_meaning(seed):
     random = Random(seed)
     tree = random_tree(random, 2, random.randint(1, 12))
-    formulas = Formulas()
+    formulas = LtlFactory()
     formula = made(formulas, tree)
     negation = formulas.negation(formula)
     for _ in range(40):
@@ -27,7 +27,7 @@ def test_simplification_keeps_the_meaning(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_implication_is_sound(seed):
     random = Random(seed)
-    formulas = Formulas()
+    formulas = LtlFactory()
     made_ones = [made(formulas, random_tree(random, 2, random.randint(0, 5))) for _ in range(12)]
     words = [random_word(random, 4) for _ in range(25)]
     values = {f: [holds(tree_of(f), *w) for w in words] for f in made_ones}
@@ -43,7 +43,7 @@ def test_implication_is_sound(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_persistence_and_classes_are_what_they_say(seed):
     random = Random(seed)
-    formulas = Formulas()
+    formulas = LtlFactory()
     f = made(formulas, random_tree(random, 2, random.randint(1, 9)))
     for _ in range(20):
         prefix, period = random_word(random, 4)
@@ -56,7 +56,7 @@ def test_persistence_and_classes_are_what_they_say(seed):
 
 
 def _cases():
-    f = Formulas()
+    f = LtlFactory()
     a, b, c = (f.literal(i) for i in range(3))
     often, stable = f.always(f.eventually(a)), f.eventually(f.always(a))
     return [
@@ -88,14 +88,14 @@ def test_rules(case):
 
 
 def test_next_of_true_can_ask_for_a_step():
-    f = Formulas(step=1)
+    f = LtlFactory(step=1)
     assert f.next(f.true).kind is Kind.NEXT
     assert f.negation(f.next(f.false)) is f.next(f.true)
-    assert Formulas().next(Formulas().true).kind is Kind.TRUE
+    assert LtlFactory().next(LtlFactory().true).kind is Kind.TRUE
 
 
 def test_long_bounds_need_no_recursion():
-    f = Formulas()
+    f = LtlFactory()
     chain = f.literal(0)
     for _ in range(5000):
         chain = f.disjunction((f.literal(1), f.next(chain)))

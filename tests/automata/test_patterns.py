@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from automata.words import holds, made, random_word
-from symcheck.automata.acceptance import counted, simplified
-from symcheck.automata.automaton import Automaton, Pair
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.acceptance import degeneralize, simplify_acceptance
+from symcheck.automata.automaton import Automaton, RabinPair
+from symcheck.automata.ltl import LtlFactory
 from symcheck.automata.translate import translate
 
 P, S, Q, R = (("p", i) for i in range(4))
@@ -92,7 +92,7 @@ PATTERNS = {
 @pytest.mark.parametrize("name", PATTERNS)
 def test_patterns(name):
     atoms, tree, states, count = PATTERNS[name]
-    formulas = Formulas()
+    formulas = LtlFactory()
     automaton = translate(formulas, made(formulas, tree), range(1 << atoms))
     assert (automaton.states, len(automaton.pairs)) == (states, count)
     random = Random(name)
@@ -103,7 +103,7 @@ def test_patterns(name):
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
 def test_words_that_a_conjunction_of_responses_accepts_by_a_hair(n):
-    formulas = Formulas()
+    formulas = LtlFactory()
     tree = both(*pairs(response, n))
     automaton = translate(formulas, made(formulas, tree), range(1 << 2 * n))
     asked, given = [1 << 2 * i for i in range(n)], [2 << 2 * i for i in range(n)]
@@ -113,7 +113,7 @@ def test_words_that_a_conjunction_of_responses_accepts_by_a_hair(n):
 
 
 def test_many_responses_are_translated():
-    formulas = Formulas()
+    formulas = LtlFactory()
     automaton = translate(formulas, made(formulas, both(*pairs(response, 5))), range(1 << 10))
     assert (automaton.states, len(automaton.pairs), len(automaton.pairs[0].visits)) == (32, 1, 5)
 
@@ -127,7 +127,7 @@ def random_automaton(random):
         return rng.random((states, letters)) < rng.random()
 
     found = tuple(
-        Pair(edges(), tuple(edges() for _ in range(random.randrange(3))))
+        RabinPair(edges(), tuple(edges() for _ in range(random.randrange(3))))
         for _ in range(random.randint(1, 3))
     )
     return Automaton(table, 0, found)
@@ -138,7 +138,7 @@ def test_simpler_acceptance_accepts_the_same_words():
     simpler = 0
     for _ in range(400):
         automaton = random_automaton(random)
-        found = simplified(automaton)
+        found = simplify_acceptance(automaton)
         simpler += found is not automaton
         for _ in range(25):
             word = random_word(random, automaton.letters)
@@ -150,7 +150,7 @@ def test_counting_visits_accepts_the_same_words():
     random = Random(6)
     for _ in range(200):
         automaton = random_automaton(random)
-        found = counted(automaton)
+        found = degeneralize(automaton)
         assert all(len(p.visits) <= 1 for p in found.pairs)
         for _ in range(25):
             word = random_word(random, automaton.letters)

@@ -7,7 +7,7 @@ import pytest
 
 from automata.words import holds, made, random_tree, random_word
 from symcheck.automata import translate as module
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.ltl import LtlFactory
 from symcheck.automata.translate import translate
 from symcheck.errors import UnsupportedError
 
@@ -18,7 +18,7 @@ def test_automata_accept_exactly_the_words_that_satisfy_the_formula(block):
     atoms = 2 + block % 2
     for _ in range(25):
         tree = random_tree(random, atoms, random.randint(1, 14))
-        formulas = Formulas()
+        formulas = LtlFactory()
         formula = made(formulas, tree)
         automaton = translate(formulas, formula, range(1 << atoms))
         for _ in range(60):
@@ -31,10 +31,10 @@ def test_only_the_letters_that_occur_are_read():
     for _ in range(60):
         tree = random_tree(random, 3, 8)
         letters = random.sample(range(8), random.randint(1, 4))
-        formulas = Formulas()
+        formulas = LtlFactory()
         automaton = translate(formulas, made(formulas, tree), letters)
         assert automaton.letters == len(letters)
-        wide = automaton.spread(letters, 8)
+        wide = automaton.relabel(letters, 8)
         for _ in range(30):
             prefix, period = random_word(random, len(letters))
             expected = holds(tree, [letters[i] for i in prefix], [letters[i] for i in period])
@@ -45,7 +45,7 @@ def test_only_the_letters_that_occur_are_read():
 
 
 def test_a_good_prefix_of_a_co_safe_formula_ends_in_an_accepting_state():
-    formulas = Formulas()
+    formulas = LtlFactory()
     a, b = formulas.literal(0), formulas.literal(1)
     automaton = translate(
         formulas, formulas.eventually(formulas.conjunction((a, formulas.next(b)))), range(4)
@@ -108,7 +108,7 @@ SIZES = {
 @pytest.mark.parametrize("name", SIZES)
 def test_automata_are_small(name):
     atoms, make, states = SIZES[name]
-    formulas = Formulas()
+    formulas = LtlFactory()
     automaton = translate(
         formulas, make(formulas, [formulas.literal(i) for i in range(atoms)]), range(1 << atoms)
     )
@@ -117,15 +117,15 @@ def test_automata_are_small(name):
 
 @pytest.mark.parametrize("value", [True, False])
 def test_constants(value):
-    formulas = Formulas()
+    formulas = LtlFactory()
     automaton = translate(formulas, formulas.true if value else formulas.false, range(2))
     assert (automaton.states, len(automaton.pairs)) == (1, int(value))
     assert automaton.accepts([], [0]) == value
 
 
 def test_what_becomes_too_large_is_refused(monkeypatch):
-    monkeypatch.setattr(module, "_LARGEST", 1000)
-    formulas = Formulas()
+    monkeypatch.setattr(module, "_MAX_EDGES", 1000)
+    formulas = LtlFactory()
     f = formulas.conjunction([formulas.eventually(formulas.literal(i)) for i in range(6)])
     with pytest.raises(UnsupportedError, match=r"more than .* states"):
         translate(formulas, f, range(64))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from random import Random
 
-from symcheck.automata.formula import Formula
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.formula import LtlFormula
+from symcheck.automata.ltl import LtlFactory
 
 # A tree is ("p", i), ("!", t), ("&" | "|" | "U" | "R" | "W", t, t), ("X" | "F" | "G", t); U, R, F, G may have a bound at the end.
 
@@ -70,7 +70,7 @@ def _until(left, right, after, bound=None):
     return result
 
 
-def made(formulas: Formulas, tree) -> Formula:
+def made(formulas: LtlFactory, tree) -> LtlFormula:
     """The tree as a formula."""
     match tree:
         case ("p", i):
@@ -120,7 +120,7 @@ def random_word(random: Random, letters: int) -> tuple[list[int], list[int]]:
     return prefix, [random.randrange(letters) for _ in range(random.randint(1, 5))]
 
 
-def tree_of(formula: Formula):
+def tree_of(formula: LtlFormula):
     """A formula as a tree."""
     match formula.kind.name:
         case "TRUE":

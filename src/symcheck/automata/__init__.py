@@ -1,1 +1,1 @@
-"""Linear time: formulas, and the deterministic automata that accept their words."""
+"""LTL formulas and their translation to deterministic ω-automata; the HOA format."""

@@ -1,8 +1,9 @@
-"""Simpler acceptance on the same states: one set to meet again and again, or one to leave for good, where that is enough.
+"""Simpler acceptance conditions on the same automaton: Büchi or co-Büchi where that suffices.
 
-A deterministic Rabin automaton whose language some deterministic Büchi automaton has, has it by a Büchi condition on its own
-edges: those that lie on no rejecting cycle (Krishnan, Puri & Brayton, Deterministic omega-automata vis-a-vis deterministic
-Büchi automata, 1994). Dually, where nothing but rejection for ever is to be feared, by the edges on no accepting cycle.
+If some deterministic Büchi automaton accepts the language of a deterministic Rabin automaton, the
+Rabin automaton itself does, with the Büchi set of all edges that lie on no rejecting cycle
+(Krishnan, Puri & Brayton, "Deterministic ω-automata vis-a-vis deterministic Büchi automata", ISAAC
+1994). Dually, for co-Büchi acceptance the edges on no accepting cycle are avoided.
 """
 
 from __future__ import annotations
@@ -11,22 +12,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from symcheck.automata.automaton import Automaton, Pair
-from symcheck.automata.reduce import good_edges, numbered, reduced, strong_components
+from symcheck.automata.automaton import Automaton, RabinPair
+from symcheck.automata.reduce import (
+    accepting_edges,
+    reduced,
+    restrict_to_reachable,
+    strong_components,
+)
 from symcheck.matrices.rows import Bools, Int32s
 
-__all__ = ["counted", "simplified"]
+__all__ = ["degeneralize", "simplify_acceptance"]
 
-_DEEP = 6
-"""Pairs that are looked at one below the other before an automaton is left as it is."""
-
-
-class _TooManyError(Exception):
-    """Too many combinations."""
+_MAX_PAIR_DEPTH = 6
+"""Nesting of accepting components in the search for rejecting cycles, which is exponential in it;
+beyond, the acceptance condition is not simplified."""
 
 
-def simplified(automaton: Automaton) -> Automaton:
-    """An automaton of the same words with a single set in its acceptance, where that is enough; else the same."""
+class _TooDeepError(Exception):
+    """The search for rejecting cycles exceeds _MAX_PAIR_DEPTH."""
+
+
+def simplify_acceptance(automaton: Automaton) -> Automaton:
+    """An automaton of the same language, with Büchi or co-Büchi acceptance if possible."""
     if (
         len(automaton.pairs) == 1
         and len(automaton.pairs[0].visits) + bool(automaton.pairs[0].avoid.any()) <= 1
@@ -36,25 +43,26 @@ def simplified(automaton: Automaton) -> Automaton:
     if not pairs:
         return automaton
     try:
-        found = _buchi(automaton, table, pairs) or _co_buchi(automaton, table, pairs)
-    except _TooManyError:
+        found = _as_buchi(automaton, table, pairs) or _as_co_buchi(automaton, table, pairs)
+    except _TooDeepError:
         return automaton
     return automaton if found is None else reduced(found)
 
 
-def counted(automaton: Automaton) -> Automaton:
-    """An automaton of the same words whose pairs have at most one set to visit: it counts which of several was visited last.
+def degeneralize(automaton: Automaton) -> Automaton:
+    """A Rabin automaton of the same language: every pair has at most one set to visit.
 
-    So that where a run is in the product with a model says what to do next.
+    A counter in the state tells which set of a pair must be visited next. A strategy on the product
+    with a model is then memoryless.
     """
     for i, pair in enumerate(automaton.pairs):
         if len(pair.visits) > 1:
-            automaton = _counting(automaton, i)
-    return numbered(automaton)
+            automaton = _degeneralize_pair(automaton, i)
+    return restrict_to_reachable(automaton)
 
 
-def _counting(automaton: Automaton, which: int) -> Automaton:
-    """The sets of one pair replaced by the edges that end a round through all of them."""
+def _degeneralize_pair(automaton: Automaton, which: int) -> Automaton:
+    """Replace the sets to visit of one pair by the edges that complete a round through them."""
     pair, table = automaton.pairs[which], automaton.table.astype(np.int64)
     n = len(pair.visits)
     state, count = np.divmod(np.arange(automaton.states * n), n)
@@ -62,31 +70,43 @@ def _counting(automaton: Automaton, which: int) -> Automaton:
     for i, visit in enumerate(pair.visits):
         after += (after == i) & visit[state]
     ended = after == n
-    pairs = [Pair(p.avoid[state], tuple(v[state] for v in p.visits)) for p in automaton.pairs]
-    pairs[which] = Pair(pair.avoid[state], (ended,))
+    pairs = [RabinPair(p.avoid[state], tuple(v[state] for v in p.visits)) for p in automaton.pairs]
+    pairs[which] = RabinPair(pair.avoid[state], (ended,))
     accepting = frozenset(np.flatnonzero(np.isin(state, list(automaton.accepting))).tolist())
     following = (table[state] * n + np.where(ended, 0, after)).astype(np.int32)
     return Automaton(following, automaton.initial * n, tuple(pairs), accepting)
 
 
-def _buchi(automaton: Automaton, table: Int32s, pairs: tuple[Pair, ...]) -> Automaton | None:
-    accepted = ~_rejecting(table, np.ones(table.shape, bool), pairs, _DEEP)
-    if any(good_edges(table, Pair(p.avoid | accepted, p.visits)).any() for p in pairs):
+def _as_buchi(
+    automaton: Automaton, table: Int32s, pairs: tuple[RabinPair, ...]
+) -> Automaton | None:
+    accepted = ~_edges_on_rejecting_cycles(
+        table, np.ones(table.shape, bool), pairs, _MAX_PAIR_DEPTH
+    )
+    if any(accepting_edges(table, RabinPair(p.avoid | accepted, p.visits)).any() for p in pairs):
         return None
-    return replace(automaton, pairs=(Pair(np.zeros(table.shape, bool), (accepted,)),))
+    return replace(automaton, pairs=(RabinPair(np.zeros(table.shape, bool), (accepted,)),))
 
 
-def _co_buchi(automaton: Automaton, table: Int32s, pairs: tuple[Pair, ...]) -> Automaton | None:
+def _as_co_buchi(
+    automaton: Automaton, table: Int32s, pairs: tuple[RabinPair, ...]
+) -> Automaton | None:
     left = np.ones(table.shape, bool)
     for pair in pairs:
-        left &= ~good_edges(table, pair)
-    if _rejecting(table, ~left, pairs, _DEEP).any():
+        left &= ~accepting_edges(table, pair)
+    if _edges_on_rejecting_cycles(table, ~left, pairs, _MAX_PAIR_DEPTH).any():
         return None
-    return replace(automaton, pairs=(Pair(left),))
+    return replace(automaton, pairs=(RabinPair(left),))
 
 
-def _rejecting(table: Int32s, edges: Bools, pairs: tuple[Pair, ...], depth: int) -> Bools:
-    """Of some edges, those on a cycle among them that no pair accepts. Raises _TooManyError where that is too much to ask."""
+def _edges_on_rejecting_cycles(
+    table: Int32s, edges: Bools, pairs: tuple[RabinPair, ...], depth: int
+) -> Bools:
+    """Edges (of the given ones) on a cycle among them that no pair accepts.
+
+    Raises:
+        _TooDeepError: the components are nested too deeply.
+    """
     of, looping = strong_components(table, edges)
     inside = edges & (of[:, None] == of[table])
     found = np.zeros(table.shape, bool)
@@ -103,9 +123,9 @@ def _rejecting(table: Int32s, edges: Bools, pairs: tuple[Pair, ...], depth: int)
         if accepted is None:
             found |= here
             continue
-        # A smaller cycle is rejected by this pair only if it does without one of its sets.
+        # A smaller cycle is rejected by this pair only if it misses one of its sets.
         if depth == 0:
-            raise _TooManyError
+            raise _TooDeepError
         for visit in accepted.visits:
-            found |= _rejecting(table, here & ~visit, pairs, depth - 1)
+            found |= _edges_on_rejecting_cycles(table, here & ~visit, pairs, depth - 1)
     return found

@@ -1,4 +1,4 @@
-"""Deterministic automata on infinite words, with generalised Rabin acceptance on edges."""
+"""Deterministic ω-automata with transition-based generalised Rabin acceptance."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 
 from symcheck.matrices.rows import Bools, Int32s
 
-__all__ = ["Automaton", "Pair"]
+__all__ = ["Automaton", "RabinPair"]
 
 Edges = frozenset[tuple[int, int]]
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
-    """A run is accepted where it takes edges of `avoid` finitely often, and edges of each set in `visits` infinitely often.
+class RabinPair:
+    """Accepts a run that takes `avoid` finitely often and every set in `visits` infinitely often.
 
     Sets of edges are bool[states, letters].
     """
@@ -27,15 +27,16 @@ class Pair:
 
 @dataclass(frozen=True, eq=False)
 class Automaton:
-    """A complete deterministic automaton; a run is accepted where some pair accepts it.
+    """A complete deterministic automaton, which accepts a run if some pair does.
 
-    table (int32[states, letters]): the state after reading a letter. A letter is a number: the column of a valuation of
-    the atoms, which need not list all of them. accepting: states from where every word is accepted.
+    table: successor of each state by each letter, int32[states, letters]. A letter is the index of
+      a valuation of the atoms; valuations that do not occur may be left out.
+    accepting: states from which every word is accepted.
     """
 
     table: Int32s = field(repr=False)
     initial: int
-    pairs: tuple[Pair, ...]
+    pairs: tuple[RabinPair, ...]
     accepting: frozenset[int] = frozenset()
 
     @property
@@ -77,13 +78,16 @@ class Automaton:
             for pair in self.pairs
         )
 
-    def spread(self, columns: Sequence[int], letters: int) -> Automaton:
-        """The same with letter i renamed `columns[i]`, of so many letters; no word has the others."""
+    def relabel(self, columns: Sequence[int], letters: int) -> Automaton:
+        """The automaton over `letters` letters, with letter i renamed to `columns[i]`.
+
+        The remaining letters occur in no word.
+        """
         source = np.zeros(letters, dtype=np.int64)
         source[np.asarray(columns, dtype=np.int64)] = np.arange(len(columns))
         used = np.isin(np.arange(letters), columns)
         pairs = tuple(
-            Pair(p.avoid[:, source] & used, tuple(v[:, source] & used for v in p.visits))
+            RabinPair(p.avoid[:, source] & used, tuple(v[:, source] & used for v in p.visits))
             for p in self.pairs
         )
         return Automaton(

@@ -1,20 +1,20 @@
-"""Boolean combinations of formulas as reduced ordered decision diagrams (Bryant 1986), small enough for plain Python.
+"""Boolean functions as reduced ordered binary decision diagrams (Bryant 1986), in plain Python.
 
-A diagram is an int: 0 is false, 1 is true. Variables are ints; here they are the numbers of formulas.
+A function is an int: 0 is false, 1 is true. Variables are ints, here the numbers of LTL formulas.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["FALSE", "TRUE", "Booleans"]
+__all__ = ["FALSE", "TRUE", "BooleanFunctions"]
 
 FALSE = 0
 TRUE = 1
 
 
-class Booleans:
-    """A table of diagrams. Equal functions are equal ints."""
+class BooleanFunctions:
+    """A unique table of BDD nodes. Equal functions are equal ints."""
 
     def __init__(self) -> None:
         self._nodes: list[tuple[int, int, int]] = [(-1, 0, 0), (-1, 1, 1)]
@@ -26,7 +26,7 @@ class Booleans:
         return len(self._nodes)
 
     def variable(self, number: int) -> int:
-        """The function that is a variable itself."""
+        """The function whose value is that of the variable."""
         return self._make(number, FALSE, TRUE)
 
     def _make(self, variable: int, low: int, high: int) -> int:
@@ -42,7 +42,7 @@ class Booleans:
         return found
 
     def ite(self, f: int, g: int, h: int) -> int:
-        """If f then g else h. Higher variables stand above lower ones."""
+        """If f then g else h. Variables with higher numbers are closer to the root."""
         if f == TRUE or g == h:
             return g
         if f == FALSE:
@@ -63,11 +63,11 @@ class Booleans:
         return (node[1], node[2]) if node[0] == variable else (f, f)
 
     def conjunction(self, f: int, g: int) -> int:
-        """Both f and g."""
+        """F and g."""
         return self.ite(f, g, FALSE)
 
     def disjunction(self, f: int, g: int) -> int:
-        """One of f and g."""
+        """F or g."""
         return self.ite(f, TRUE, g)
 
     def negation(self, f: int) -> int:
@@ -81,7 +81,10 @@ class Booleans:
     def substitute(
         self, f: int, by: Callable[[int], int], memo: dict[int, int] | None = None
     ) -> int:
-        """The function f with a function in the place of each variable. `memo` may be kept for further calls with the same `by`."""
+        """The function f with every variable v replaced by the function `by(v)`.
+
+        memo: results to reuse; it may be shared by calls with the same `by`.
+        """
         memo = {} if memo is None else memo
         if f <= TRUE:
             return f
@@ -94,8 +97,8 @@ class Booleans:
             memo[f] = found
         return found
 
-    def assign(self, f: int, variable: int, value: bool) -> int:
-        """The function f with a constant in the place of a variable."""
+    def cofactor(self, f: int, variable: int, value: bool) -> int:
+        """The cofactor of f: the variable is replaced by a constant."""
         return self.substitute(
             f, lambda v: (TRUE if value else FALSE) if v == variable else self.variable(v)
         )

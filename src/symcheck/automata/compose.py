@@ -1,7 +1,7 @@
-"""Automata of conjunctions and disjunctions from those of the parts.
+"""Products of automata for the intersection and the union of their languages.
 
-The parts of `G (a => F b) & G (c => F d) & …` have nothing to say to each other; taken together, their automata would be guessed
-about in all combinations. Each is made by itself, with the simplest acceptance that it has, and they run side by side.
+Conjunctions such as `G (a => F b) & G (c => F d)` are translated part by part: the guesses of the
+master theorem about independent parts would multiply.
 """
 
 from __future__ import annotations
@@ -11,57 +11,72 @@ from functools import reduce as fold
 
 import numpy as np
 
-from symcheck.automata.automaton import Automaton, Pair
-from symcheck.automata.reduce import numbered, reduced
+from symcheck.automata.automaton import Automaton, RabinPair
+from symcheck.automata.reduce import reduced, restrict_to_reachable
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools
 
-__all__ = ["all_of", "any_of", "size"]
+__all__ = ["intersection", "size", "union"]
 
-_LARGEST = 8_000_000
-_PAIRS = 512
-
-
-def all_of(parts: Sequence[Automaton]) -> Automaton:
-    """The automaton of the words that all parts accept. Raises UnsupportedError where it would be too large."""
-    return fold(lambda a, b: _beside(a, b, both=True), parts)
+_MAX_EDGES = 8_000_000
+"""Edges (states times letters) of a product before it is reduced."""
+_MAX_PAIRS = 512
+"""Rabin pairs of an intersection, which has the product of the numbers of pairs."""
 
 
-def any_of(parts: Sequence[Automaton]) -> Automaton:
-    """The automaton of the words that some part accepts. Raises UnsupportedError where it would be too large."""
-    return fold(lambda a, b: _beside(a, b, both=False), parts)
+def intersection(parts: Sequence[Automaton]) -> Automaton:
+    """The automaton of the words that all parts accept.
+
+    Raises:
+        UnsupportedError: the product would be too large.
+    """
+    return fold(lambda a, b: _synchronous_product(a, b, conjunctive=True), parts)
+
+
+def union(parts: Sequence[Automaton]) -> Automaton:
+    """The automaton of the words that some part accepts.
+
+    Raises:
+        UnsupportedError: the product would be too large.
+    """
+    return fold(lambda a, b: _synchronous_product(a, b, conjunctive=False), parts)
 
 
 def size(automaton: Automaton) -> tuple[int, int]:
-    """What makes one automaton better than another: states, then sets of edges to look at."""
+    """A key for comparing automata: the number of states, then that of acceptance sets."""
     return automaton.states, sum(1 + len(p.visits) for p in automaton.pairs)
 
 
-def _beside(a: Automaton, b: Automaton, *, both: bool) -> Automaton:
+def _synchronous_product(a: Automaton, b: Automaton, *, conjunctive: bool) -> Automaton:
     states = a.states * b.states
-    if states * a.letters > _LARGEST or (both and len(a.pairs) * len(b.pairs) > _PAIRS):
+    if states * a.letters > _MAX_EDGES or (
+        conjunctive and len(a.pairs) * len(b.pairs) > _MAX_PAIRS
+    ):
         raise UnsupportedError(
-            f"the automaton of this formula of linear time has more than {states:,} states or {_PAIRS} pairs; "
-            "a simpler formula, or an external translator (-ltl2datool), may do"
+            f"the automaton of this LTL formula would have {states:,} states, "
+            f"or more than {_MAX_PAIRS} Rabin pairs\n"
+            "  hint: simplify the formula or use an external translator (-ltl2datool)"
         )
     first, second = np.divmod(np.arange(states), b.states)
     table = (a.table[first].astype(np.int64) * b.states + b.table[second]).astype(np.int32)
-    left = [Pair(p.avoid[first], tuple(v[first] for v in p.visits)) for p in a.pairs]
-    right = [Pair(p.avoid[second], tuple(v[second] for v in p.visits)) for p in b.pairs]
-    if both:
+    left = [RabinPair(p.avoid[first], tuple(v[first] for v in p.visits)) for p in a.pairs]
+    right = [RabinPair(p.avoid[second], tuple(v[second] for v in p.visits)) for p in b.pairs]
+    if conjunctive:
         pairs = [
-            Pair(p.avoid | q.avoid, _distinct([*p.visits, *q.visits])) for p in left for q in right
+            RabinPair(p.avoid | q.avoid, _distinct([*p.visits, *q.visits]))
+            for p in left
+            for q in right
         ]
     else:
         pairs = left + right
     of_a, of_b = np.isin(first, list(a.accepting)), np.isin(second, list(b.accepting))
-    accepting = frozenset(np.flatnonzero(of_a & of_b if both else of_a | of_b).tolist())
+    accepting = frozenset(np.flatnonzero(of_a & of_b if conjunctive else of_a | of_b).tolist())
     whole = Automaton(table, a.initial * b.states + b.initial, tuple(pairs), accepting)
-    return reduced(numbered(whole))
+    return reduced(restrict_to_reachable(whole))
 
 
 def _distinct(sets: Sequence[Bools]) -> tuple[Bools, ...]:
-    """The sets without those that contain another."""
+    """The sets that contain no other one, each once."""
     return tuple(
         v
         for i, v in enumerate(sets)

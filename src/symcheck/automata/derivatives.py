@@ -1,37 +1,44 @@
-"""What remains to be satisfied after a letter, and formulas under a guess of what holds for ever.
+"""Derivatives of LTL formulas by letters, and formulas under the assumptions of the master theorem.
 
-Source: Esparza, Kretinsky & Sickert, 'A unified translation of linear temporal logic to omega-automata', J. ACM 67 (2020).
+Source: Esparza, Křetínský & Sickert, "A unified translation of linear temporal logic to
+ω-automata", J. ACM 67 (2020): the function `af`, f[X]ν and f[Y]μ.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import permutations
+from typing import assert_never
 
-from symcheck.automata.boolean import FALSE, TRUE, Booleans
-from symcheck.automata.formula import Formula, Kind
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.boolean import FALSE, TRUE, BooleanFunctions
+from symcheck.automata.formula import Kind, LtlFormula
+from symcheck.automata.ltl import LtlFactory
 
-__all__ = ["After", "release_kept", "until_kept"]
+__all__ = ["Derivatives", "cosafety_part", "safety_part"]
 
-_SUPPORT = 24
-"""Combinations of more formulas than this are not searched for formulas that follow from others."""
+_MAX_SUPPORT = 24
+"""Redundant formulas are sought in combinations of at most this many formulas, because the
+search is quadratic in their number."""
 
 
-class After:
-    """Combinations of formulas, and their derivatives by letters. A letter is a valuation: atom i holds where bit i is set."""
+class Derivatives:
+    """Boolean combinations of LTL formulas, and their derivatives by letters.
 
-    def __init__(self, formulas: Formulas) -> None:
-        self.formulas = formulas
-        self.booleans = Booleans()
-        self._formula: dict[int, Formula] = {}
-        self._steps: dict[tuple[int, int], int] = {}
-        self._after: dict[tuple[int, int], int] = {}
+    A combination is a number of `booleans`, whose variables are formula numbers. A letter is a
+    valuation of the atoms: atom i is true if bit i is set.
+    """
+
+    def __init__(self, factory: LtlFactory) -> None:
+        self.factory = factory
+        self.booleans = BooleanFunctions()
+        self._formula: dict[int, LtlFormula] = {}
+        self._formula_derivatives: dict[tuple[int, int], int] = {}
+        self._derivatives: dict[tuple[int, int], int] = {}
         self._simplified: dict[int, int] = {}
-        self._known: dict[frozenset[int], tuple[int, int]] = {}
+        self._relations: dict[frozenset[int], tuple[int, int]] = {}
 
-    def of(self, f: Formula) -> int:
-        """A formula as a combination of literals and temporal formulas."""
+    def encode(self, f: LtlFormula) -> int:
+        """The formula as a Boolean combination of literals and temporal formulas."""
         table = self.booleans
         match f.kind:
             case Kind.TRUE:
@@ -39,14 +46,16 @@ class After:
             case Kind.FALSE:
                 return FALSE
             case Kind.AND:
-                return self._all(self.of(p) for p in f.parts)
+                return self._all(self.encode(p) for p in f.parts)
             case Kind.OR:
-                return self._any(self.of(p) for p in f.parts)
+                return self._any(self.encode(p) for p in f.parts)
             case Kind.NEGATIVE:
-                return table.negation(self.of(self.formulas.literal(f.atom)))
-            case _:
+                return table.negation(self.encode(self.factory.literal(f.atom)))
+            case Kind.POSITIVE | Kind.NEXT | Kind.UNTIL | Kind.RELEASE:
                 self._formula[f.number] = f
                 return table.variable(f.number)
+            case _:
+                assert_never(f.kind)
 
     def _all(self, parts: Iterable[int]) -> int:
         result = TRUE
@@ -60,81 +69,91 @@ class After:
             result = self.booleans.disjunction(result, part)
         return result
 
-    def formulas_in(self, state: int) -> list[Formula]:
-        """The formulas that a combination is made of, in order of their numbers."""
+    def formulas_of(self, state: int) -> list[LtlFormula]:
+        """The formulas that a combination depends on, in order of their numbers."""
         return [self._formula[n] for n in sorted(self.booleans.support(state))]
 
     def atoms(self, state: int) -> int:
-        """The atoms (as bits) on which the derivatives of a combination depend."""
+        """The atoms (as bits) that the derivatives of a combination depend on."""
         bits = 0
-        for f in self.formulas_in(state):
+        for f in self.formulas_of(state):
             bits |= f.now
         return bits
 
-    def after(self, state: int, letter: int) -> int:
-        """What a word must satisfy after a letter so that with it the word satisfies `state`."""
+    def derivative(self, state: int, letter: int) -> int:
+        """The derivative af(state, letter).
+
+        A word w satisfies it if and only if `letter` followed by w satisfies `state`.
+        """
         key = (state, letter & self.atoms(state))
-        found = self._after.get(key)
+        found = self._derivatives.get(key)
         if found is None:
-            raw = self.booleans.substitute(state, lambda n: self._step(self._formula[n], letter))
-            found = self.simplified(raw)
-            self._after[key] = found
+            raw = self.booleans.substitute(
+                state, lambda n: self._derivative_of_formula(self._formula[n], letter)
+            )
+            found = self.simplify(raw)
+            self._derivatives[key] = found
         return found
 
-    def _step(self, f: Formula, letter: int) -> int:
+    def _derivative_of_formula(self, f: LtlFormula, letter: int) -> int:
         key = (f.number, letter & f.now)
-        found = self._steps.get(key)
+        found = self._formula_derivatives.get(key)
         if found is None:
-            found = self._stepped(f, letter)
-            self._steps[key] = found
+            found = self._compute_derivative(f, letter)
+            self._formula_derivatives[key] = found
         return found
 
-    def _stepped(self, f: Formula, letter: int) -> int:
+    def _compute_derivative(self, f: LtlFormula, letter: int) -> int:
         table = self.booleans
         match f.kind:
             case Kind.TRUE | Kind.FALSE:
-                return self.of(f)
+                return self.encode(f)
             case Kind.POSITIVE:
                 return TRUE if letter >> f.atom & 1 else FALSE
             case Kind.NEGATIVE:
                 return FALSE if letter >> f.atom & 1 else TRUE
             case Kind.AND:
-                return self._all(self._step(p, letter) for p in f.parts)
+                return self._all(self._derivative_of_formula(p, letter) for p in f.parts)
             case Kind.OR:
-                return self._any(self._step(p, letter) for p in f.parts)
+                return self._any(self._derivative_of_formula(p, letter) for p in f.parts)
             case Kind.NEXT:
-                return self.of(f.parts[0])
-        left, right = (self._step(p, letter) for p in f.parts)
+                return self.encode(f.parts[0])
+        left, right = (self._derivative_of_formula(p, letter) for p in f.parts)
         if f.kind is Kind.UNTIL:
-            return table.disjunction(right, table.conjunction(left, self.of(self._shorter(f))))
-        return table.conjunction(right, table.disjunction(left, self.of(self._shorter(f))))
+            return table.disjunction(
+                right, table.conjunction(left, self.encode(self._with_smaller_bound(f)))
+            )
+        return table.conjunction(
+            right, table.disjunction(left, self.encode(self._with_smaller_bound(f)))
+        )
 
-    def _shorter(self, f: Formula) -> Formula:
+    def _with_smaller_bound(self, f: LtlFormula) -> LtlFormula:
         if f.bound is None:
             return f
         left, right = f.parts
-        make = self.formulas.until if f.kind is Kind.UNTIL else self.formulas.release
+        make = self.factory.until if f.kind is Kind.UNTIL else self.factory.release
         return make(left, right, f.bound - 1)
 
-    def simplified(self, state: int) -> int:
-        """An equivalent combination without formulas that do not matter, given which of the formulas imply which."""
+    def simplify(self, state: int) -> int:
+        """An equivalent combination without redundant formulas (see `_drop_redundant`)."""
         found = self._simplified.get(state)
         if found is None:
-            found = self._reduced(state)
+            found = self._drop_redundant(state)
             self._simplified[state] = found
         return found
 
-    def _reduced(self, state: int) -> int:
-        """Drops formulas one by one while the combination stays the same, given the implications.
+    def _drop_redundant(self, state: int) -> int:
+        """Drop formulas one by one while the combination stays equivalent under the implications.
 
-        Exclusions serve to find what is false or true altogether, and not to drop formulas: dropping may then put off for
-        ever the moment when a safety formula that is violated becomes false (implications never put it off).
+        Exclusions only detect combinations that are false or true as a whole. They must not be used
+        to drop formulas, because a violated safety formula might then never become false.
+        Implications do not have this effect.
         """
         table = self.booleans
         support = table.support(state)
-        if not 1 < len(support) <= _SUPPORT:
+        if not 1 < len(support) <= _MAX_SUPPORT:
             return state
-        implications, exclusions = self._facts(support)
+        implications, exclusions = self._relations_between(support)
         known = table.conjunction(implications, exclusions)
         if table.conjunction(state, known) == FALSE:
             return FALSE
@@ -142,23 +161,23 @@ class After:
             return TRUE
         if implications == TRUE:
             return state
-        wanted = table.conjunction(state, implications)
+        context = table.conjunction(state, implications)
         for number in sorted(support, reverse=True):
             for value in (True, False):
-                smaller = table.assign(state, number, value)
-                if smaller != state and table.conjunction(smaller, implications) == wanted:
+                smaller = table.cofactor(state, number, value)
+                if smaller != state and table.conjunction(smaller, implications) == context:
                     state = smaller
                     break
         return state
 
-    def _facts(self, support: frozenset[int]) -> tuple[int, int]:
-        """Which of some formulas imply which, and which exclude or exhaust each other."""
-        if support not in self._known:
-            table, implies, negation = self.booleans, self.formulas.implies, self.formulas.negation
+    def _relations_between(self, support: frozenset[int]) -> tuple[int, int]:
+        """Implications between some formulas, and pairs that exclude or exhaust each other."""
+        if support not in self._relations:
+            table, implies, negation = self.booleans, self.factory.implies, self.factory.negation
             formulas = [self._formula[n] for n in sorted(support)]
             implications = exclusions = TRUE
             for f, g in permutations(formulas, 2):
-                v, w = self.of(f), self.of(g)
+                v, w = self.encode(f), self.encode(g)
                 if implies(f, g):
                     implications = table.conjunction(implications, table.ite(v, w, TRUE))
                 if f.number < g.number and implies(f, negation(g)):
@@ -167,61 +186,80 @@ class After:
                     )
                 if f.number < g.number and implies(negation(f), g):
                     exclusions = table.conjunction(exclusions, table.disjunction(v, w))
-            self._known[support] = implications, exclusions
-        return self._known[support]
+            self._relations[support] = implications, exclusions
+        return self._relations[support]
 
-    def rewritten(self, state: int, by: dict[int, Formula]) -> int:
-        """A combination with formulas (by number) replaced by others."""
-        return self.simplified(
-            self.booleans.substitute(state, lambda n: self.of(by.get(n, self._formula[n])))
+    def substitute(self, state: int, by: dict[int, LtlFormula]) -> int:
+        """The combination with some formulas (given by number) replaced by others."""
+        return self.simplify(
+            self.booleans.substitute(state, lambda n: self.encode(by.get(n, self._formula[n])))
         )
 
 
-def release_kept(formulas: Formulas, f: Formula, often: frozenset[int]) -> dict[int, Formula]:
-    """Every part of f, by number, where what is not satisfied infinitely often (numbers of U formulas) never is.
+def safety_part(
+    factory: LtlFactory, formula: LtlFormula, gf_set: frozenset[int]
+) -> dict[int, LtlFormula]:
+    """The safety formula f[X]ν of every subformula, by number.
 
-    Unbounded U formulas in `often` become weak, others false, so that only safety remains.
+    Args:
+        factory: makes the new formulas.
+        formula: the formula f.
+        gf_set: X, numbers of U formulas that are assumed to hold infinitely often.
+
+    Returns:
+        Each subformula with unbounded U formulas of X made weak (W) and all others false.
     """
-    result: dict[int, Formula] = {}
-    for part in f.below():
+    result: dict[int, LtlFormula] = {}
+    for part in formula.subformulas():
         parts = [result[p.number] for p in part.parts]
         if part.kind is Kind.UNTIL and part.bound is None:
             result[part.number] = (
-                formulas.weak_until(*parts) if part.number in often else formulas.false
+                factory.weak_until(*parts) if part.number in gf_set else factory.false
             )
         else:
-            result[part.number] = _rebuilt(formulas, part, parts)
+            result[part.number] = _with_parts(factory, part, parts)
     return result
 
 
-def until_kept(formulas: Formulas, f: Formula, stable: frozenset[int]) -> dict[int, Formula]:
-    """Every part of f, by number, where the R formulas in `stable` (numbers) are true.
+def cosafety_part(
+    factory: LtlFactory, formula: LtlFormula, fg_set: frozenset[int]
+) -> dict[int, LtlFormula]:
+    """The co-safety formula f[Y]μ of every subformula, by number.
 
-    Other unbounded R formulas become strong, so that only co-safety remains.
+    Args:
+        factory: makes the new formulas.
+        formula: the formula f.
+        fg_set: Y, numbers of R formulas that are assumed to hold forever from some time on.
+
+    Returns:
+        Each subformula with R formulas of Y true and all other unbounded R made strong (M).
     """
-    result: dict[int, Formula] = {}
-    for part in f.below():
+    result: dict[int, LtlFormula] = {}
+    for part in formula.subformulas():
         parts = [result[p.number] for p in part.parts]
         if part.kind is Kind.RELEASE and part.bound is None:
             left, right = parts
-            strong = formulas.until(right, formulas.conjunction((left, right)))
-            result[part.number] = formulas.true if part.number in stable else strong
+            strong = factory.until(right, factory.conjunction((left, right)))
+            result[part.number] = factory.true if part.number in fg_set else strong
         else:
-            result[part.number] = _rebuilt(formulas, part, parts)
+            result[part.number] = _with_parts(factory, part, parts)
     return result
 
 
-def _rebuilt(formulas: Formulas, f: Formula, parts: list[Formula]) -> Formula:
-    match f.kind:
+def _with_parts(factory: LtlFactory, formula: LtlFormula, parts: list[LtlFormula]) -> LtlFormula:
+    """The formula with other operands."""
+    match formula.kind:
         case Kind.AND:
-            return formulas.conjunction(parts)
+            return factory.conjunction(parts)
         case Kind.OR:
-            return formulas.disjunction(parts)
+            return factory.disjunction(parts)
         case Kind.NEXT:
-            return formulas.next(parts[0])
+            return factory.next(parts[0])
         case Kind.UNTIL:
-            return formulas.until(parts[0], parts[1], f.bound)
+            return factory.until(parts[0], parts[1], formula.bound)
         case Kind.RELEASE:
-            return formulas.release(parts[0], parts[1], f.bound)
+            return factory.release(parts[0], parts[1], formula.bound)
+        case Kind.TRUE | Kind.FALSE | Kind.POSITIVE | Kind.NEGATIVE:
+            return formula
         case _:
-            return f
+            assert_never(formula.kind)

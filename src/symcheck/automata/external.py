@@ -1,4 +1,4 @@
-"""Automata from an external translator: a program that is given a file with a formula and writes a file with an automaton."""
+"""Automata from an external translator, a program called with an input and an output file."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from symcheck.automata.automaton import Automaton
-from symcheck.automata.formula import Formula, Kind
+from symcheck.automata.formula import Kind, LtlFormula
 from symcheck.automata.hoa import read
 from symcheck.errors import UnsupportedError, UsageError
 
-__all__ = ["SYNTAXES", "spelled", "translate_by"]
+__all__ = ["SYNTAXES", "format_formula", "translate_externally"]
 
 SYNTAXES = ("lbt", "spin", "spot", "rabinizer")
 
@@ -40,10 +40,15 @@ _INFIX = {
 _PREFIX = {"AND": "&", "OR": "|", "UNTIL": "U", "RELEASE": "V", "NEXT": "X", "F": "F", "G": "G"}
 
 
-def spelled(formula: Formula, syntax: str = "lbt") -> str:
-    """The formula as text, with atoms p0, p1, ...; 'lbt' is prefix notation. Bounds on steps are written out with X.
+def format_formula(formula: LtlFormula, syntax: str = "lbt") -> str:
+    """The formula as text for an external translator.
 
-    Raises UsageError for an unknown syntax.
+    Args:
+        formula: atoms are written p0, p1, ...; bounds on steps are expanded with X.
+        syntax: a member of SYNTAXES; 'lbt' is prefix notation.
+
+    Raises:
+        UsageError: the syntax is unknown.
     """
     if syntax not in SYNTAXES:
         raise UsageError(f"unknown syntax of formulas '{syntax}': known are {', '.join(SYNTAXES)}")
@@ -53,7 +58,7 @@ def spelled(formula: Formula, syntax: str = "lbt") -> str:
     words = _PREFIX if syntax == "lbt" else _INFIX[syntax]
     true, false = ("t", "f") if syntax == "lbt" else ("true", "false")
     texts: dict[int, str] = {}
-    for f in formula.below():
+    for f in formula.subformulas():
         parts = [texts[p.number] for p in f.parts]
         match f.kind:
             case Kind.TRUE:
@@ -81,13 +86,13 @@ def spelled(formula: Formula, syntax: str = "lbt") -> str:
 
 
 def _unrolled(
-    f: Formula,
+    f: LtlFormula,
     parts: list[str],
     words: dict[str, str],
     unary: Callable[[str, str], str],
     binary: Callable[[str, str, str], str],
 ) -> str:
-    """`left U<=k right` is right | left & X (left U<=k-1 right); for R with | and & exchanged."""
+    """`left U<=k right` is right | left & X (left U<=k-1 right); R is its dual."""
     left, right = parts
     outer, inner = (
         (words["OR"], words["AND"]) if f.kind is Kind.UNTIL else (words["AND"], words["OR"])
@@ -114,14 +119,23 @@ def _infix_binary(word: str, left: str, right: str) -> str:
     return f"({left} {word} {right})"
 
 
-def translate_by(program: str, syntax: str, formula: Formula, letters: Sequence[int]) -> Automaton:
-    """The automaton that a program makes of a formula: it is called with the names of a file with the formula and of one
-    that it is to write, in HOA format.
+def translate_externally(
+    program: str, syntax: str, formula: LtlFormula, letters: Sequence[int]
+) -> Automaton:
+    """The automaton that an external program constructs for a formula.
 
-    Letters are as in `translate`. Raises UsageError where the program cannot be run, UnsupportedError where it fails or
-    writes nothing, and InputError where what it writes is not a deterministic automaton over the formula's atoms.
+    Args:
+        program: called with two file names: the formula to read, and the HOA file to write.
+        syntax: the syntax of the formula, a member of SYNTAXES.
+        formula: the formula.
+        letters: valuations, as in `symcheck.automata.translate.translate`.
+
+    Raises:
+        UsageError: the program cannot be run.
+        UnsupportedError: the program fails or writes nothing.
+        InputError: its output is not a deterministic automaton over the formula's atoms.
     """
-    text = spelled(formula, syntax)
+    text = format_formula(formula, syntax)
     with TemporaryDirectory(prefix="symcheck-") as folder:
         asked, answer = Path(folder, "formula.ltl"), Path(folder, "automaton.hoa")
         asked.write_text(text + "\n")
@@ -140,12 +154,13 @@ def translate_by(program: str, syntax: str, formula: Formula, letters: Sequence[
         said = " ".join((run.stderr or run.stdout).split())[:300]
         if run.returncode != 0:
             raise UnsupportedError(
-                f"the translator '{program}' failed (exit status {run.returncode}): {said or 'it says nothing'}"
+                f"the translator '{program}' failed with exit status {run.returncode}: "
+                f"{said or 'no message'}"
             )
         if not answer.exists():
             raise UnsupportedError(
-                f"the translator '{program}' wrote no automaton: {said or 'it says nothing'}"
+                f"the translator '{program}' wrote no automaton: {said or 'no message'}"
             )
         written = answer.read_text(errors="replace")
-    atoms = {f"p{f.atom}": f.atom for f in formula.below() if f.atom >= 0}
+    atoms = {f"p{f.atom}": f.atom for f in formula.subformulas() if f.atom >= 0}
     return read(written, letters, atoms, name=f"<automaton of {Path(program).name}>")

@@ -1,7 +1,7 @@
-"""Formulas of linear temporal logic in positive normal form, over atoms that are numbered from 0.
+"""LTL formulas in positive normal form: negation at atoms only.
 
-The operators are literals, and, or, X, U and R; the others are written with them: F a = true U a, G a = false R a,
-a W b = b R (a | b). U and R may have a bound on steps: `a U<=k b` asks for b within k steps.
+The operators are literals, and, or, X, U and R. The others are abbreviations: F a = true U a,
+G a = false R a, a W b = b R (a | b). U and R may have a bound: a U<=k b requires b within k steps.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-__all__ = ["Formula", "Kind"]
+__all__ = ["Kind", "LtlFormula"]
 
 
 class Kind(Enum):
-    """What stands at the root of a formula."""
+    """The operator at the root of a formula."""
 
     TRUE = "true"
     FALSE = "false"
@@ -27,17 +27,21 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Formula:
-    """A formula, made by `symcheck.automata.ltl.Formulas` only: there is one object per formula, so that `is` compares.
+class LtlFormula:
+    """A formula, made by `symcheck.automata.ltl.LtlFactory` only: equal formulas are one object.
 
-    number: in order of creation, so that parts have lower numbers. atom: of a literal. bound: steps of U and R (None: no bound).
-    now: the atoms, as bits, that the first letter is asked for. co_safe, safe: no unbounded R, no unbounded U.
-    eventual (universal): where it holds at some time, it does so at all times before (after), as F a (G a) does.
+    number: in order of creation, so subformulas have lower numbers.
+    atom: the number of a literal's atom.
+    bound: the largest number of steps of U and R; None without a bound.
+    now: the atoms, as bits, whose values in the first letter matter.
+    co_safe, safe: without unbounded R, without unbounded U.
+    eventual, universal: pure eventuality and purely universal formula (Etessami & Holzmann 2000):
+      if it holds at some time, it holds at all earlier (later) times, as F a (G a) does.
     """
 
     number: int
     kind: Kind
-    parts: tuple[Formula, ...] = ()
+    parts: tuple[LtlFormula, ...] = ()
     atom: int = -1
     bound: int | None = None
     now: int = 0
@@ -47,8 +51,8 @@ class Formula:
     universal: bool = False
 
     @property
-    def lasting(self) -> bool:
-        """Whether it has the same value at all times, as G F a has."""
+    def suspendable(self) -> bool:
+        """Whether it has the same value at all times, as G F a has (Babiak et al. 2013)."""
         return self.eventual and self.universal
 
     @property
@@ -57,8 +61,8 @@ class Formula:
         return self.bound is None and self.kind in (Kind.UNTIL, Kind.RELEASE)
 
     @property
-    def eventually(self) -> Formula | None:
-        """a, where this is F a."""
+    def eventually(self) -> LtlFormula | None:
+        """The operand a if this is F a, else None."""
         return (
             self.parts[1]
             if self.fixpoint and self.kind is Kind.UNTIL and self.parts[0].kind is Kind.TRUE
@@ -66,8 +70,8 @@ class Formula:
         )
 
     @property
-    def always(self) -> Formula | None:
-        """a, where this is G a."""
+    def always(self) -> LtlFormula | None:
+        """The operand a if this is G a, else None."""
         return (
             self.parts[1]
             if self.fixpoint and self.kind is Kind.RELEASE and self.parts[0].kind is Kind.FALSE
@@ -100,13 +104,13 @@ class Formula:
                     else f"{short}{bound} {right}"
                 )
 
-    def below(self) -> list[Formula]:
-        """All parts of the formula and itself, parts first. Not recursive: bounds make deep formulas."""
-        found: dict[int, Formula] = {self.number: self}
+    def subformulas(self) -> list[LtlFormula]:
+        """The subformulas, operands first and itself last; iterative, as formulas may be deep."""
+        result: dict[int, LtlFormula] = {self.number: self}
         todo = [self]
         while todo:
             for part in todo.pop().parts:
-                if part.number not in found:
-                    found[part.number] = part
+                if part.number not in result:
+                    result[part.number] = part
                     todo.append(part)
-        return [found[number] for number in sorted(found)]
+        return [result[number] for number in sorted(result)]

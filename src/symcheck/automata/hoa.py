@@ -1,4 +1,4 @@
-"""Automata in the Hanoi Omega-Automata format (HOA v1), in and out; only complete meaning is read, not the hints.
+"""Reading and writing automata in the Hanoi Omega-Automata format (HOA v1); hints are ignored.
 
 Source: Babiak et al., 'The Hanoi Omega-Automata Format', CAV 2015.
 """
@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from symcheck.automata.automaton import Automaton, Pair
+from symcheck.automata.automaton import Automaton, RabinPair
 from symcheck.automata.reduce import reduced
 from symcheck.errors import Diagnostic, InputError, Source, Span
 from symcheck.matrices.rows import Bools
@@ -24,10 +24,10 @@ _TOKEN = re.compile(
     r"|(?P<name>@[\w-]+|[A-Za-z_][\w-]*)|(?P<number>\d+)|(?P<sign>[\[\]{}()&|!])",
     re.DOTALL,
 )
-_LARGEST = 1 << 28
-"""Most edges, counted once and once more for each acceptance set."""
-_CONJUNCTIONS = 256
-"""Most pairs that an acceptance condition may be rewritten to."""
+_MAX_EDGES = 1 << 28
+"""Edges of an automaton that is read, counted once more for each acceptance set."""
+_MAX_PAIRS = 256
+"""Rabin pairs that an acceptance condition may be rewritten to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class _Token:
 
 @dataclass
 class _Reader:
-    """The tokens, and how far they are read."""
+    """The tokens and the position of the next one."""
 
     source: Source
     tokens: list[_Token] = field(default_factory=list)
@@ -78,16 +78,16 @@ class _Reader:
             else _Token("end", "", Span(self.source, 0, 0))
         )
 
-    def take(self, *wanted: str) -> str | None:
-        """The next word if it is one of these, or of one of these kinds."""
+    def take(self, *expected: str) -> str | None:
+        """The text of the next token if its text or kind is among those given, else None."""
         token = self.next
-        if token.text in wanted or token.kind in wanted:
+        if token.text in expected or token.kind in expected:
             self.at += 1
             return token.text
         return None
 
-    def need(self, *wanted: str, what: str) -> str:
-        text = self.take(*wanted)
+    def need(self, *expected: str, what: str) -> str:
+        text = self.take(*expected)
         if text is None:
             raise self.fault(f"{what} is expected here")
         return text
@@ -97,9 +97,9 @@ class _Reader:
 
 
 _Label = Callable[[int], bool]
-"""Whether a letter (its valuation as bits) is among those of an edge."""
+"""Whether an edge has a letter, given as a valuation in bits."""
 _Term = tuple[frozenset[tuple[int, bool]], frozenset[tuple[int, bool]]]
-"""Sets to visit finitely and infinitely often: their number, and whether the set itself is meant or its complement."""
+"""Sets to visit finitely and infinitely often: pairs (number, False for its complement)."""
 
 
 @dataclass
@@ -123,10 +123,16 @@ class _Edge:
 def read(
     text: str, letters: Sequence[int], atoms: Mapping[str, int], name: str = "<automaton>"
 ) -> Automaton:
-    """A deterministic automaton from HOA text. Letter i is the valuation `letters[i]` of atoms; `atoms` gives their bits.
+    """Read a deterministic automaton. Missing edges lead to a rejecting state.
 
-    Missing edges lead to a rejecting state. Raises InputError where the text is wrong, the automaton is not deterministic
-    or has an atom that is not known.
+    Args:
+        text: the HOA file.
+        letters: letter i of the result is the valuation `letters[i]`.
+        atoms: the bit of each atomic proposition in a valuation.
+        name: the file name for messages.
+
+    Raises:
+        InputError: a syntax error, a nondeterministic automaton or an unknown atom.
     """
     reader = _Reader(Source(name, text))
     reader.split()
@@ -141,7 +147,7 @@ def read(
     return _automaton(reader, header, edges, letters)
 
 
-# ------------------------------------------------------------------------------------------------ header
+# ------------------------------------------------------------------------------------------- header
 
 
 def _header(reader: _Reader, atoms: Mapping[str, int]) -> _Header:
@@ -209,7 +215,7 @@ def _label_atom(reader: _Reader, header: _Header) -> _Label:
     if reader.take("f"):
         return lambda _: False
     if reader.next.kind == "number" and int(reader.next.text) >= len(header.bits):
-        raise reader.fault(f"there are {len(header.bits)} atoms, numbered from 0")
+        raise reader.fault(f"there are {len(header.bits)} atoms, restrict_to_reachable from 0")
     bit = header.bits[reader.number("a label")]
     return lambda v: bool(v >> bit & 1)
 
@@ -234,8 +240,8 @@ def _limited(reader: _Reader, terms: Mapping[_Term, None]) -> tuple[_Term, ...]:
     kept = tuple(
         t for t in terms if not any(o != t and o[0] <= t[0] and o[1] <= t[1] for o in terms)
     )
-    if len(kept) > _CONJUNCTIONS:
-        raise reader.fault(f"this acceptance condition needs more than {_CONJUNCTIONS} Rabin pairs")
+    if len(kept) > _MAX_PAIRS:
+        raise reader.fault(f"this acceptance condition needs more than {_MAX_PAIRS} Rabin pairs")
     return kept
 
 
@@ -260,11 +266,11 @@ def _condition_atom(reader: _Reader, header: _Header) -> tuple[_Term, ...]:
 
 def _set(reader: _Reader, header: _Header) -> int:
     if reader.next.kind == "number" and int(reader.next.text) >= header.sets:
-        raise reader.fault(f"there are {header.sets} acceptance sets, numbered from 0")
+        raise reader.fault(f"there are {header.sets} acceptance sets, restrict_to_reachable from 0")
     return reader.number("the number of an acceptance set")
 
 
-# ------------------------------------------------------------------------------------------------ body
+# --------------------------------------------------------------------------------------------- body
 
 
 def _body(reader: _Reader, header: _Header) -> list[_Edge]:
@@ -295,7 +301,7 @@ def _edges(
 
 
 def _implicit(bits: tuple[int, ...], number: int) -> _Label:
-    """Edges without labels stand in order: edge i has atom j if bit j of i is set."""
+    """The label of the i-th edge without one: atom j is true if bit j of i is set."""
     return lambda v: all((v >> bit & 1) == (number >> j & 1) for j, bit in enumerate(bits))
 
 
@@ -321,7 +327,7 @@ def _automaton(
     states = max(
         (header.states or 0, header.start[0] + 1, *(max(e.source, e.target) + 1 for e in edges))
     )
-    if (states + 1) * len(letters) * (1 + header.sets) > _LARGEST:
+    if (states + 1) * len(letters) * (1 + header.sets) > _MAX_EDGES:
         raise reader.fault(
             f"an automaton with {states:,} states and {len(letters):,} letters is too large"
         )
@@ -333,7 +339,8 @@ def _automaton(
         here = np.array([edge.label(v) for v in letters], dtype=bool)
         if np.any(seen[edge.source] & here & (table[edge.source] != edge.target)):
             raise reader.fault(
-                f"the automaton is not deterministic: state {edge.source} has several edges for the same letter"
+                "the automaton is not deterministic: "
+                f"state {edge.source} has several edges for the same letter"
             )
         seen[edge.source] |= here
         table[edge.source, here] = edge.target
@@ -344,20 +351,28 @@ def _automaton(
     return reduced(Automaton(table, header.start[0], pairs))
 
 
-def _pair(term: _Term, marks: Bools, sink: int) -> Pair:
+def _pair(term: _Term, marks: Bools, sink: int) -> RabinPair:
     finitely, infinitely = term
     avoid = np.zeros(marks.shape[1:], dtype=bool)
     for number, positive in finitely:
         avoid |= marks[number] == positive
     avoid[sink] = True
-    return Pair(avoid, tuple(marks[number] == positive for number, positive in sorted(infinitely)))
+    return RabinPair(
+        avoid, tuple(marks[number] == positive for number, positive in sorted(infinitely))
+    )
 
 
-# ------------------------------------------------------------------------------------------------ out
+# ---------------------------------------------------------------------------------------------- out
 
 
 def write(automaton: Automaton, letters: Sequence[int], atoms: Sequence[str]) -> str:
-    """The automaton as HOA text: transition-based generalised Rabin acceptance. Atom i (bit i of a letter) is `atoms[i]`."""
+    """The automaton in HOA format, with transition-based generalised Rabin acceptance.
+
+    Args:
+        automaton: the automaton.
+        letters: the valuation of each letter.
+        atoms: the name of the atom of each bit.
+    """
     sets: list[Bools] = []
     terms = []
     for pair in automaton.pairs:

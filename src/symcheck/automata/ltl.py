@@ -1,20 +1,22 @@
-"""Makes formulas of linear temporal logic: one object per formula, simplified as it is made.
+"""Construction of LTL formulas: one object per formula, simplified when it is made.
 
-Sources of the rules: Etessami & Holzmann (CONCUR 2000), Somenzi & Bloem (CAV 2000), Babiak et al. (TACAS 2012).
+Sources of the rules: Etessami & Holzmann (CONCUR 2000), Somenzi & Bloem (CAV 2000), Babiak et al.
+(TACAS 2012).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from symcheck.automata.formula import Formula, Kind
+from symcheck.automata.formula import Kind, LtlFormula
 
-__all__ = ["Formulas"]
+__all__ = ["LtlFactory"]
 
-_PAIRS = 24
-"""With more parts than this, conjunctions and disjunctions are not searched for parts that follow from others."""
-_DEPTH = 60
-"""Implications are not looked for deeper than this."""
+_MAX_PARTS = 24
+"""Conjunctions and disjunctions of at most this many parts are searched for redundant parts (the
+search is quadratic)."""
+_MAX_DEPTH = 60
+"""Depth to which the rules for implications are applied (they are recursive)."""
 
 _DUAL = {
     Kind.TRUE: Kind.FALSE,
@@ -29,16 +31,24 @@ _DUAL = {
 }
 
 
-class Formulas:
-    """Makes formulas.
+class LtlFactory:
+    """Makes and simplifies LTL formulas.
 
-    `step`: an atom that holds in every letter; X true is then kept as X step, so that it asks for one letter more (which
-    matters for rewards up to the moment when a formula is satisfied).
+    Args:
+        step: an atom that is true in every letter. X true is then kept as X step, so that it
+            requires one more letter. This matters for rewards accumulated until a formula is
+            satisfied. None: X true is true.
+
+    Example:
+        >>> factory = LtlFactory()
+        >>> a = factory.literal(0)
+        >>> str(factory.eventually(factory.eventually(a)))
+        'F p0'
     """
 
     def __init__(self, *, step: int | None = None) -> None:
-        self._known: dict[tuple[Kind, tuple[int, ...], int, int | None], Formula] = {}
-        self._negations: dict[int, Formula] = {}
+        self._known: dict[tuple[Kind, tuple[int, ...], int, int | None], LtlFormula] = {}
+        self._negations: dict[int, LtlFormula] = {}
         self._implications: dict[tuple[int, int], bool] = {}
         self.true = self._node(Kind.TRUE)
         self.false = self._node(Kind.FALSE)
@@ -47,11 +57,11 @@ class Formulas:
     def _node(
         self,
         kind: Kind,
-        parts: tuple[Formula, ...] = (),
+        parts: tuple[LtlFormula, ...] = (),
         *,
         atom: int = -1,
         bound: int | None = None,
-    ) -> Formula:
+    ) -> LtlFormula:
         key = (kind, tuple(p.number for p in parts), atom, bound)
         found = self._known.get(key)
         if found is None:
@@ -62,19 +72,19 @@ class Formulas:
             co_safe = fixpoint is not Kind.RELEASE and all(p.co_safe for p in parts)
             safe = fixpoint is not Kind.UNTIL and all(p.safe for p in parts)
             eventual, universal = _persistence(kind, parts, bound)
-            found = Formula(
+            found = LtlFormula(
                 len(self._known), kind, parts, atom, bound, now, co_safe, safe, eventual, universal
             )
             self._known[key] = found
         return found
 
-    def literal(self, atom: int, positive: bool = True) -> Formula:
+    def literal(self, atom: int, positive: bool = True) -> LtlFormula:
         """An atom or its negation."""
         return self._node(Kind.POSITIVE if positive else Kind.NEGATIVE, atom=atom)
 
-    def negation(self, f: Formula) -> Formula:
+    def negation(self, f: LtlFormula) -> LtlFormula:
         """The negation of f, in positive normal form."""
-        for part in f.below() if f.number not in self._negations else ():
+        for part in f.subformulas() if f.number not in self._negations else ():
             if part.number not in self._negations:
                 parts = tuple(self._negations[p.number] for p in part.parts)
                 negated = self._negated(part, parts)
@@ -82,7 +92,7 @@ class Formulas:
                 self._negations.setdefault(negated.number, part)
         return self._negations[f.number]
 
-    def _negated(self, f: Formula, parts: tuple[Formula, ...]) -> Formula:
+    def _negated(self, f: LtlFormula, parts: tuple[LtlFormula, ...]) -> LtlFormula:
         match f.kind:
             case Kind.AND | Kind.OR:
                 return self._combine(_DUAL[f.kind], parts)
@@ -91,23 +101,23 @@ class Formulas:
             case _:
                 return self._node(_DUAL[f.kind], parts, atom=f.atom, bound=f.bound)
 
-    # ------------------------------------------------------------------------------------------- and, or
+    # -------------------------------------------------------------------------------------- and, or
 
-    def conjunction(self, parts: Iterable[Formula]) -> Formula:
-        """All of the formulas."""
+    def conjunction(self, parts: Iterable[LtlFormula]) -> LtlFormula:
+        """The conjunction of the formulas."""
         return self._combine(Kind.AND, parts)
 
-    def disjunction(self, parts: Iterable[Formula]) -> Formula:
-        """One of the formulas."""
+    def disjunction(self, parts: Iterable[LtlFormula]) -> LtlFormula:
+        """The disjunction of the formulas."""
         return self._combine(Kind.OR, parts)
 
-    def _combine(self, kind: Kind, parts: Iterable[Formula]) -> Formula:
+    def _combine(self, kind: Kind, parts: Iterable[LtlFormula]) -> LtlFormula:
         conjunctive = kind is Kind.AND
         neutral, absorbing = (self.true, self.false) if conjunctive else (self.false, self.true)
         kept = self._merged(kind, _flat(kind, parts, neutral))
         if absorbing in kept:
             return absorbing
-        if 1 < len(kept) <= _PAIRS:
+        if 1 < len(kept) <= _MAX_PARTS:
             if self._contradict(kept, conjunctive=conjunctive):
                 return absorbing
             kept = self._irredundant(kept, conjunctive=conjunctive)
@@ -115,9 +125,9 @@ class Formulas:
             return kept[0] if kept else neutral
         return self._node(kind, tuple(kept))
 
-    def _merged(self, kind: Kind, parts: list[Formula]) -> list[Formula]:
-        """G a & G b as G (a & b), F a | F b as F (a | b), F G a & F G b, G F a | G F b, and X a & X b, X a | X b."""
-        groups: dict[str, list[Formula]] = {}
+    def _merged(self, kind: Kind, parts: list[LtlFormula]) -> list[LtlFormula]:
+        """Join parts with the same temporal operators, as G a & G b to G (a & b)."""
+        groups: dict[str, list[LtlFormula]] = {}
         for part in parts:
             shape = _shape(part)
             groups.setdefault(shape if shape in _MERGING[kind] else "", []).append(part)
@@ -134,8 +144,8 @@ class Formulas:
             rest.append(inner)
         return _flat(kind, rest, self.true if kind is Kind.AND else self.false)
 
-    def _contradict(self, parts: list[Formula], *, conjunctive: bool) -> bool:
-        """Whether two parts exclude (of alternatives: exhaust) each other."""
+    def _contradict(self, parts: list[LtlFormula], *, conjunctive: bool) -> bool:
+        """Whether two parts of a conjunction (disjunction) exclude (exhaust) each other."""
         for i, part in enumerate(parts):
             negated = self.negation(part)
             if any(
@@ -145,9 +155,9 @@ class Formulas:
                 return True
         return False
 
-    def _irredundant(self, parts: list[Formula], *, conjunctive: bool) -> list[Formula]:
-        """The parts without those that others imply (of alternatives: that imply others)."""
-        kept: list[Formula] = []
+    def _irredundant(self, parts: list[LtlFormula], *, conjunctive: bool) -> list[LtlFormula]:
+        """The parts of a conjunction (disjunction) that no other part implies (that imply none)."""
+        kept: list[LtlFormula] = []
         for i, part in enumerate(parts):
             others = kept + parts[i + 1 :]
             if not any(
@@ -156,32 +166,35 @@ class Formulas:
                 kept.append(part)
         return kept
 
-    # ------------------------------------------------------------------------------------------- X, F, G, U, R
+    # -------------------------------------------------------------------------------- X, F, G, U, R
 
-    def next(self, f: Formula) -> Formula:
+    def next(self, f: LtlFormula) -> LtlFormula:
         """X f."""
         if self._step is not None and f in (self.true, self.false):
             f = self._step if f is self.true else self.negation(self._step)
-        return f if f.lasting else self._node(Kind.NEXT, (f,))
+        return f if f.suspendable else self._node(Kind.NEXT, (f,))
 
-    def eventually(self, f: Formula, bound: int | None = None) -> Formula:
+    def eventually(self, f: LtlFormula, bound: int | None = None) -> LtlFormula:
         """F f."""
         return self.until(self.true, f, bound)
 
-    def always(self, f: Formula, bound: int | None = None) -> Formula:
+    def always(self, f: LtlFormula, bound: int | None = None) -> LtlFormula:
         """G f."""
         return self.release(self.false, f, bound)
 
-    def release(self, left: Formula, right: Formula, bound: int | None = None) -> Formula:
-        """`left R right`: right holds up to and with the time when left does (or for ever, or for `bound` steps)."""
+    def release(self, left: LtlFormula, right: LtlFormula, bound: int | None = None) -> LtlFormula:
+        """`left R right`: right holds until and including the time when left holds.
+
+        Without such a time, right holds forever, or for `bound` steps.
+        """
         return self.negation(self.until(self.negation(left), self.negation(right), bound))
 
-    def weak_until(self, left: Formula, right: Formula) -> Formula:
-        """`left W right`: until, or left for ever."""
+    def weak_until(self, left: LtlFormula, right: LtlFormula) -> LtlFormula:
+        """`left W right`: `left U right`, or left forever."""
         return self.release(right, self.disjunction((left, right)))
 
-    def until(self, left: Formula, right: Formula, bound: int | None = None) -> Formula:
-        """`left U right`, within `bound` steps where it is given."""
+    def until(self, left: LtlFormula, right: LtlFormula, bound: int | None = None) -> LtlFormula:
+        """`left U right`, within `bound` steps if a bound is given."""
         if bound == 0 or left is self.false or right.eventual or self.implies(left, right):
             return right
         if bound is not None:
@@ -198,17 +211,17 @@ class Formulas:
             return left
         if self.implies(self.negation(right), left):
             return self._eventually(right)
-        lasting, rest = _split(right, Kind.AND, lambda p: p.lasting)
+        lasting, rest = _split(right, Kind.AND, lambda p: p.suspendable)
         if lasting:
             return self.conjunction((*lasting, self.until(left, self.conjunction(rest))))
         eventual, rest = _split(right, Kind.OR, lambda p: p.eventual)
         if eventual:
             return self.disjunction((*eventual, self.until(left, self.disjunction(rest))))
-        if left.lasting:
+        if left.suspendable:
             return self.disjunction((right, self.conjunction((left, self._eventually(right)))))
         return self._node(Kind.UNTIL, (left, right))
 
-    def _eventually(self, f: Formula) -> Formula:
+    def _eventually(self, f: LtlFormula) -> LtlFormula:
         if f.eventual:
             return f
         if f.kind is Kind.NEXT:
@@ -216,8 +229,8 @@ class Formulas:
         if f.kind is Kind.UNTIL and f.bound is None:
             return self._eventually(f.parts[1])
         if f.always is not None:
-            return self._stable(f, f.always)
-        lasting, rest = _split(f, Kind.AND, lambda p: p.lasting)
+            return self._eventually_always(f, f.always)
+        lasting, rest = _split(f, Kind.AND, lambda p: p.suspendable)
         if lasting:
             return self.conjunction((*lasting, self._eventually(self.conjunction(rest))))
         eventual, rest = _split(f, Kind.OR, lambda p: p.eventual)
@@ -225,36 +238,36 @@ class Formulas:
             return self.disjunction((*eventual, self._eventually(self.disjunction(rest))))
         return self._node(Kind.UNTIL, (self.true, f))
 
-    def _stable(self, always: Formula, f: Formula) -> Formula:
-        """F G f, where `always` is G f: what is inside matters in the long run only."""
+    def _eventually_always(self, always: LtlFormula, f: LtlFormula) -> LtlFormula:
+        """F G f, where `always` is G f. Only the long-run behaviour of f matters."""
 
-        def again(g: Formula) -> Formula:
+        def fg(g: LtlFormula) -> LtlFormula:
             return self.eventually(self.always(g))
 
         match f.kind:
             case Kind.NEXT:
-                return again(f.parts[0])
+                return fg(f.parts[0])
             case Kind.RELEASE if f.bound is None:
-                return again(f.parts[1])
+                return fg(f.parts[1])
             case Kind.UNTIL if f.bound is None:
                 return self.conjunction(
-                    (again(self.disjunction(f.parts)), self.always(self.eventually(f.parts[1])))
+                    (fg(self.disjunction(f.parts)), self.always(self.eventually(f.parts[1])))
                 )
-            case Kind.AND if any(_changes(p) for p in f.parts):
-                return self.conjunction([again(p) for p in f.parts])
-            case Kind.OR if _changes(f):
+            case Kind.AND if any(_fg_simplifies(p) for p in f.parts):
+                return self.conjunction([fg(p) for p in f.parts])
+            case Kind.OR if _fg_simplifies(f):
                 split, rest = _split(f, Kind.OR, lambda p: p.eventual or p.universal)
-                return self.disjunction((again(self.disjunction(rest)), *(again(p) for p in split)))
+                return self.disjunction((fg(self.disjunction(rest)), *(fg(p) for p in split)))
             case _:
                 return self._node(Kind.UNTIL, (self.true, always))
 
-    # ------------------------------------------------------------------------------------------- implication
+    # ---------------------------------------------------------------------------------- implication
 
-    def implies(self, f: Formula, g: Formula, depth: int = 0) -> bool:
-        """Whether f implies g, as far as some rules tell (True is certain, False is not)."""
+    def implies(self, f: LtlFormula, g: LtlFormula, depth: int = 0) -> bool:
+        """Whether the rules show that f implies g (sound, not complete)."""
         if f is g or f is self.false or g is self.true:
             return True
-        if f is self.true or g is self.false or depth > _DEPTH:
+        if f is self.true or g is self.false or depth > _MAX_DEPTH:
             return False
         key = (f.number, g.number)
         known = self._implications.get(key)
@@ -263,8 +276,8 @@ class Formulas:
             self._implications[key] = known
         return known
 
-    def _implied(self, f: Formula, g: Formula, depth: int) -> bool:
-        def implies(a: Formula, b: Formula) -> bool:
+    def _implied(self, f: LtlFormula, g: LtlFormula, depth: int) -> bool:
+        def implies(a: LtlFormula, b: LtlFormula) -> bool:
             return self.implies(a, b, depth)
 
         if f.kind is Kind.OR:
@@ -289,10 +302,10 @@ class Formulas:
             return True
         if g.kind is Kind.NEXT and f.universal and implies(f, g.parts[0]):
             return True
-        stable, often = _inner(f, "FG"), _inner(g, "GF")
-        return stable is not None and often is not None and implies(stable, often)
+        fg, gf = _inner(f, "FG"), _inner(g, "GF")
+        return fg is not None and gf is not None and implies(fg, gf)
 
-    def _monotone(self, f: Formula, g: Formula, depth: int) -> bool:
+    def _monotone(self, f: LtlFormula, g: LtlFormula, depth: int) -> bool:
         if f.kind in (Kind.UNTIL, Kind.RELEASE):
             shorter, longer = (f.bound, g.bound) if f.kind is Kind.UNTIL else (g.bound, f.bound)
             if longer is not None and (shorter is None or shorter > longer):
@@ -304,8 +317,8 @@ _TEMPORAL = frozenset({Kind.NEXT, Kind.UNTIL, Kind.RELEASE})
 _MERGING = {Kind.AND: frozenset({"X", "G", "FG"}), Kind.OR: frozenset({"X", "F", "GF"})}
 
 
-def _persistence(kind: Kind, parts: tuple[Formula, ...], bound: int | None) -> tuple[bool, bool]:
-    """Whether a formula is eventual, and universal (see Formula)."""
+def _persistence(kind: Kind, parts: tuple[LtlFormula, ...], bound: int | None) -> tuple[bool, bool]:
+    """Whether a formula is eventual, and whether it is universal (see LtlFormula)."""
     match kind:
         case Kind.TRUE | Kind.FALSE:
             return True, True
@@ -323,25 +336,25 @@ def _persistence(kind: Kind, parts: tuple[Formula, ...], bound: int | None) -> t
             )
 
 
-def _flat(kind: Kind, parts: Iterable[Formula], neutral: Formula) -> list[Formula]:
-    """The parts, with those of the same kind taken apart, each once and in order."""
+def _flat(kind: Kind, parts: Iterable[LtlFormula], neutral: LtlFormula) -> list[LtlFormula]:
+    """The operands of nested operators of one kind, each once, in order of their numbers."""
     flat = {p.number: p for part in parts for p in (part.parts if part.kind is kind else (part,))}
     flat.pop(neutral.number, None)
     return [flat[number] for number in sorted(flat)]
 
 
 def _split(
-    f: Formula, kind: Kind, test: Callable[[Formula], bool]
-) -> tuple[list[Formula], list[Formula]]:
-    """The parts that pass the test, and the others; nothing where f is not of this kind."""
+    f: LtlFormula, kind: Kind, test: Callable[[LtlFormula], bool]
+) -> tuple[list[LtlFormula], list[LtlFormula]]:
+    """The operands that pass the test, and the others; none and f itself for another kind."""
     if f.kind is not kind:
         return [], [f]
     chosen = [p for p in f.parts if test(p)]
     return chosen, [p for p in f.parts if p not in chosen]
 
 
-def _shape(f: Formula) -> str:
-    """The temporal operators that a formula begins with, of X, F, G, FG, GF; '' for others."""
+def _shape(f: LtlFormula) -> str:
+    """The leading temporal operators of a formula: X, F, G, FG or GF; '' for others."""
     if f.kind is Kind.NEXT:
         return "X"
     for shape in ("GF", "FG", "F", "G"):
@@ -350,22 +363,22 @@ def _shape(f: Formula) -> str:
     return ""
 
 
-def _inner(f: Formula, shape: str) -> Formula | None:
-    """What stands behind the operators F and G of a shape."""
-    inner: Formula | None = f
+def _inner(f: LtlFormula, shape: str) -> LtlFormula | None:
+    """The operand behind the leading operators F and G of a shape, or None."""
+    inner: LtlFormula | None = f
     for symbol in shape:
         inner = None if inner is None else inner.eventually if symbol == "F" else inner.always
     return inner
 
 
-def _inside(f: Formula, depth: int) -> Formula:
+def _inside(f: LtlFormula, depth: int) -> LtlFormula:
     for _ in range(depth):
         f = f.parts[-1]
     return f
 
 
-def _changes(f: Formula) -> bool:
+def _fg_simplifies(f: LtlFormula) -> bool:
     """Whether F G f has a simpler form."""
     if f.kind is Kind.OR:
         return any(p.eventual or p.universal for p in f.parts)
-    return f.kind is Kind.NEXT or f.fixpoint or f.lasting
+    return f.kind is Kind.NEXT or f.fixpoint or f.suspendable

@@ -1,11 +1,17 @@
-"""Guesses of what happens infinitely often and what holds for ever, and what a word must do for a guess to be right.
+"""The conditions of the master theorem for the languages of LTL formulas.
 
-The master theorem (Esparza, Kretinsky & Sickert 2020, theorem 16): a word w satisfies f exactly if there are sets X of
-U formulas and Y of R formulas of f with
-  (1) for some i, the word from i on satisfies after(f, w[:i]) with all U outside of X false and those in X weak,
-  (2) for each g in X: w satisfies G F g, where R in g is true for those in Y and strong otherwise,
-  (3) for each g in Y: w satisfies F G g, where U in g is false outside of X and weak in X.
-Only formulas that the conditions look at are guessed about, so that there are few guesses in practice.
+A word w satisfies f if and only if there are a set X of U formulas (the GF-set) and a set Y of R
+formulas (the FG-set) of f such that
+
+1. for some i, the suffix of w from i on satisfies af(f, w[:i])[X]ν, a safety formula,
+2. for each g in X, w satisfies G F g[Y]μ, where g[Y]μ is a co-safety formula,
+3. for each g in Y, w satisfies F G g[X]ν, where g[X]ν is a safety formula.
+
+Pairs (X, Y) are enumerated by a search that decides only formulas on which a condition depends, so
+few pairs are generated in practice.
+
+Source: Esparza, Křetínský & Sickert, "A unified translation of linear temporal logic to
+ω-automata", J. ACM 67 (2020), the Master Theorem.
 """
 
 from __future__ import annotations
@@ -14,102 +20,129 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from symcheck.automata.boolean import FALSE, TRUE
-from symcheck.automata.derivatives import After, release_kept, until_kept
-from symcheck.automata.formula import Formula, Kind
+from symcheck.automata.derivatives import Derivatives, cosafety_part, safety_part
+from symcheck.automata.formula import Kind, LtlFormula
 from symcheck.errors import UnsupportedError
 
-__all__ = ["Again", "Guess", "Main", "Never", "Requirement", "guesses", "requirements"]
+__all__ = [
+    "Condition",
+    "FGCondition",
+    "GFCondition",
+    "Guess",
+    "SafetyCondition",
+    "conditions",
+    "guesses",
+]
 
-_LIMIT = 4096
+_MAX_GUESSES = 4096
+"""Pairs (X, Y) per component of the main automaton; with more, the automaton would be too large."""
 
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """Numbers of the U formulas that hold infinitely often, and of the R formulas that hold from some time on for ever."""
+    """A pair (X, Y): numbers of the U formulas in X and of the R formulas in Y."""
 
-    often: frozenset[int] = frozenset()
-    stable: frozenset[int] = frozenset()
+    gf_set: frozenset[int] = frozenset()
+    fg_set: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
-class Again:
-    """(2): the combination F g (g of co-safety) is satisfied again and again."""
+class GFCondition:
+    """Condition 2: the co-safety combination F g[Y]μ is satisfied infinitely often."""
 
     formula: int
 
 
 @dataclass(frozen=True, slots=True)
-class Never:
-    """(3): the combination G g (g of safety), begun anew where it is violated, is violated finitely often."""
+class FGCondition:
+    """Condition 3: the safety combination G g[X]ν is violated finitely often.
+
+    Its automaton is restarted after each violation.
+    """
 
     formula: int
 
 
 @dataclass(frozen=True, slots=True)
-class Main:
-    """(1): what is left of the whole formula, under the guess, as safety: (state, combination) for each state of a component."""
+class SafetyCondition:
+    """Condition 1: from some time on, the safety part of the remaining formula is not violated.
+
+    formulas: pairs (state, combination) for each state of a component of the main automaton.
+    """
 
     formulas: tuple[tuple[int, int], ...]
 
 
-Requirement = Again | Never | Main
+Condition = GFCondition | FGCondition | SafetyCondition
 
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """What was decided so far, and what is still to be looked at: as safety (U matters) and as co-safety (R matters)."""
+    """A partial guess.
+
+    decided: formula numbers with True (in X or Y) or False. pending: formulas still to be examined,
+    with True where their safety part is needed (it depends on X) and False where their co-safety
+    part is needed (it depends on Y). seen: pairs of `pending` that were examined.
+    """
 
     decided: frozenset[tuple[int, bool]] = frozenset()
     seen: frozenset[tuple[int, bool]] = frozenset()
-    todo: tuple[tuple[Formula, bool], ...] = ()
+    pending: tuple[tuple[LtlFormula, bool], ...] = ()
 
-    def with_parts(self, parts: Sequence[Formula], *, as_safety: bool) -> _Search:
-        return replace(self, todo=self.todo + tuple((p, as_safety) for p in parts))
+    def with_parts(self, parts: Sequence[LtlFormula], *, as_safety: bool) -> _Search:
+        return replace(self, pending=self.pending + tuple((p, as_safety) for p in parts))
 
     @property
-    def missed(self) -> frozenset[int]:
-        """The formulas that were decided not to hold."""
+    def rejected(self) -> frozenset[int]:
+        """Numbers of the formulas that were decided to be in neither set."""
         return frozenset(n for n, value in self.decided if not value)
 
-    def deciding(self, f: Formula, value: bool) -> _Search:
+    def deciding(self, f: LtlFormula, value: bool) -> _Search:
         return replace(self, decided=self.decided | {(f.number, value)})
 
 
-def guesses(after: After, states: Sequence[int]) -> Iterator[Guess]:
-    """All guesses about the formulas in some states that make a difference."""
-    formulas = {f.number: f for s in states for f in after.formulas_in(s)}
-    kinds = {g.number: g.kind for f in formulas.values() for g in f.below()}
-    todo = [_Search(todo=tuple((f, True) for f in formulas.values()))]
+def guesses(derivatives: Derivatives, states: Sequence[int]) -> Iterator[Guess]:
+    """All pairs (X, Y) that are relevant for some states of the main automaton.
+
+    Raises:
+        UnsupportedError: there are more than _MAX_GUESSES.
+    """
+    formulas = {f.number: f for s in states for f in derivatives.formulas_of(s)}
+    kinds = {g.number: g.kind for f in formulas.values() for g in f.subformulas()}
+    todo = [_Search(pending=tuple((f, True) for f in formulas.values()))]
     count = 0
     while todo:
         search = todo.pop()
-        if search.todo:
+        if search.pending:
             todo.extend(
                 s
-                for s in _looked(search)
-                if s.decided == search.decided or _possible(after, states, s.missed)
+                for s in _examine(search)
+                if s.decided == search.decided or _possible(derivatives, states, s.rejected)
             )
             continue
         count += 1
-        if count > _LIMIT:
+        if count > _MAX_GUESSES:
             raise UnsupportedError(
-                "this formula of linear time has too many nested temporal operators; an external translator (-ltl2datool) may do"
+                "this LTL formula has too many nested temporal operators\n"
+                "  hint: try an external translator (-ltl2datool)"
             )
-        held = [n for n, value in search.decided if value]
-        often = frozenset(n for n in held if kinds[n] is Kind.UNTIL)
-        yield Guess(often, frozenset(held) - often)
+        accepted = frozenset(n for n, value in search.decided if value)
+        gf_set = frozenset(n for n in accepted if kinds[n] is Kind.UNTIL)
+        yield Guess(gf_set, accepted - gf_set)
 
 
-def _possible(after: After, states: Sequence[int], missed: frozenset[int]) -> bool:
-    """Whether condition (1) can hold in some of the states, when some formulas do not, and the others are guessed to."""
-    known = {g.number for s in states for f in after.formulas_in(s) for g in f.below()}
-    return any(_as_safety(after, s, Guess(frozenset(known - missed))) != FALSE for s in states)
+def _possible(derivatives: Derivatives, states: Sequence[int], rejected: frozenset[int]) -> bool:
+    """Whether condition 1 can hold in some state if X contains all but the rejected formulas."""
+    known = {g.number for s in states for f in derivatives.formulas_of(s) for g in f.subformulas()}
+    return any(
+        _as_safety(derivatives, s, Guess(frozenset(known - rejected))) != FALSE for s in states
+    )
 
 
-def _looked(search: _Search) -> Iterator[_Search]:
-    """The searches that follow from looking at the next formula."""
-    (f, as_safety), rest = search.todo[-1], search.todo[:-1]
-    search = replace(search, todo=rest)
+def _examine(search: _Search) -> Iterator[_Search]:
+    """The searches that result from examining the next pending formula."""
+    (f, as_safety), rest = search.pending[-1], search.pending[:-1]
+    search = replace(search, pending=rest)
     key = (f.number, as_safety)
     if key in search.seen or (f.safe if as_safety else f.co_safe):
         yield search
@@ -119,49 +152,57 @@ def _looked(search: _Search) -> Iterator[_Search]:
     if not f.fixpoint or f.kind is not guessed:
         yield search.with_parts(f.parts, as_safety=as_safety)
         return
-    # Held: an R is true, and a U weak, so that its parts are looked at as before; and condition (3) or (2), in which only
-    # the right part matters, looks at that in the other way. Not held: a U is false, and an R strong.
-    held = search.deciding(f, True).with_parts(f.parts[1:], as_safety=not as_safety)
-    missed = search.deciding(f, False)
-    yield held.with_parts(f.parts, as_safety=True) if as_safety and f.eventually is None else held
-    yield (
-        missed if as_safety or f.always is not None else missed.with_parts(f.parts, as_safety=False)
-    )
+    # In the set: a U becomes weak, so its operands are examined as before, and an R becomes true;
+    # condition 2 or 3 then needs the other part of the right operand. Not in the set: a U becomes
+    # false, and an R strong. The operands of F a and G a need not be examined twice.
+    included = search.deciding(f, True).with_parts(f.parts[1:], as_safety=not as_safety)
+    excluded = search.deciding(f, False)
+    if as_safety and f.eventually is None:
+        included = included.with_parts(f.parts, as_safety=True)
+    if not as_safety and f.always is None:
+        excluded = excluded.with_parts(f.parts, as_safety=False)
+    yield included
+    yield excluded
 
 
-def requirements(
-    after: After, states: Sequence[int], guess: Guess
-) -> frozenset[Requirement] | None:
-    """What a word that stays among some states must do for the guess to be right; None where it cannot be."""
-    result: set[Requirement] = set()
-    formulas = after.formulas
-    known = {f.number: f for s in states for g in after.formulas_in(s) for f in g.below()}
-    for number in guess.often:
-        f = known[number]
-        wanted = after.simplified(
-            after.of(formulas.eventually(until_kept(formulas, f, guess.stable)[number]))
-        )
-        if wanted == FALSE:
+def conditions(
+    derivatives: Derivatives, states: Sequence[int], guess: Guess
+) -> frozenset[Condition] | None:
+    """The conditions on words whose run stays among some states of the main automaton.
+
+    Returns:
+        The conditions of the guess that are not trivially true; None if one of them is false.
+    """
+    result: set[Condition] = set()
+    factory = derivatives.factory
+    known = {
+        f.number: f for s in states for g in derivatives.formulas_of(s) for f in g.subformulas()
+    }
+    for number in guess.gf_set:
+        part = cosafety_part(factory, known[number], guess.fg_set)[number]
+        formula = derivatives.simplify(derivatives.encode(factory.eventually(part)))
+        if formula == FALSE:
             return None
-        result |= {Again(wanted)} if wanted != TRUE else set()
-    for number in guess.stable:
-        f = known[number]
-        wanted = after.simplified(
-            after.of(formulas.always(release_kept(formulas, f, guess.often)[number]))
-        )
-        if wanted == FALSE:
+        if formula != TRUE:
+            result.add(GFCondition(formula))
+    for number in guess.fg_set:
+        part = safety_part(factory, known[number], guess.gf_set)[number]
+        formula = derivatives.simplify(derivatives.encode(factory.always(part)))
+        if formula == FALSE:
             return None
-        result |= {Never(wanted)} if wanted != TRUE else set()
-    main = [(s, _as_safety(after, s, guess)) for s in states]
-    if all(f == FALSE for _, f in main):
+        if formula != TRUE:
+            result.add(FGCondition(formula))
+    remaining = [(s, _as_safety(derivatives, s, guess)) for s in states]
+    if all(f == FALSE for _, f in remaining):
         return None
-    if any(f != TRUE for _, f in main):
-        result.add(Main(tuple(main)))
+    if any(f != TRUE for _, f in remaining):
+        result.add(SafetyCondition(tuple(remaining)))
     return frozenset(result)
 
 
-def _as_safety(after: After, state: int, guess: Guess) -> int:
-    kept: dict[int, Formula] = {}
-    for f in after.formulas_in(state):
-        kept[f.number] = release_kept(after.formulas, f, guess.often)[f.number]
-    return after.rewritten(state, kept)
+def _as_safety(derivatives: Derivatives, state: int, guess: Guess) -> int:
+    """The combination state[X]ν."""
+    parts: dict[int, LtlFormula] = {}
+    for f in derivatives.formulas_of(state):
+        parts[f.number] = safety_part(derivatives.factory, f, guess.gf_set)[f.number]
+    return derivatives.substitute(state, parts)

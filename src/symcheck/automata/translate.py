@@ -1,9 +1,13 @@
-"""From a formula of linear time to a deterministic automaton with generalised Rabin acceptance on edges.
+"""Translation of LTL formulas to deterministic automata with generalised Rabin acceptance on edges.
 
-A main automaton tracks what remains to be satisfied (derivatives by letters). A run that stays in one of its components for
-ever is accepted there according to the component: never where only co-safety remains, always where only safety remains;
-else by the guesses of the master theorem (see guesses.py), with one small deterministic automaton per condition that runs
-beside the main one while it is in the component. Source: Esparza, Kretinsky & Sickert, J. ACM 67 (2020).
+The main automaton tracks the remaining formula (derivatives by letters). A run that stays forever
+in one of its strong components is accepted depending on the component: never if only co-safety
+formulas remain, always if only safety formulas remain, and otherwise by the conditions of the
+master theorem. Each condition has a small deterministic automaton, which runs beside the main
+automaton while that is in the component.
+
+Source: Esparza, Křetínský & Sickert, "A unified translation of linear temporal logic to
+ω-automata", J. ACM 67 (2020).
 """
 
 from __future__ import annotations
@@ -14,40 +18,51 @@ from typing import Generic, TypeVar, assert_never
 
 import numpy as np
 
-from symcheck.automata.acceptance import simplified
-from symcheck.automata.automaton import Automaton, Pair
+from symcheck.automata.acceptance import simplify_acceptance
+from symcheck.automata.automaton import Automaton, RabinPair
 from symcheck.automata.boolean import FALSE, TRUE
-from symcheck.automata.compose import all_of, any_of, size
-from symcheck.automata.derivatives import After
-from symcheck.automata.formula import Formula, Kind
-from symcheck.automata.ltl import Formulas
-from symcheck.automata.master_theorem import Again, Main, Never, Requirement, guesses, requirements
+from symcheck.automata.compose import intersection, size, union
+from symcheck.automata.derivatives import Derivatives
+from symcheck.automata.formula import Kind, LtlFormula
+from symcheck.automata.ltl import LtlFactory
+from symcheck.automata.master_theorem import (
+    Condition,
+    FGCondition,
+    GFCondition,
+    SafetyCondition,
+    conditions,
+    guesses,
+)
 from symcheck.automata.reduce import reduced, strong_components
 from symcheck.errors import UnsupportedError
 
 __all__ = ["translate"]
 
-_LARGEST = 4_000_000
-"""Largest number of edges (states times letters) of an automaton that is made here."""
+_MAX_EDGES = 4_000_000
+"""Edges (states times letters) up to which an automaton is constructed."""
 
-_FEW = 3
-"""Parts of a conjunction or disjunction up to which its automaton is made in both ways."""
+_MAX_PARTS_BOTH_WAYS = 3
+"""Conjunctions and disjunctions of at most this many parts are translated as a product of automata
+and as a whole, and the smaller automaton is taken. The whole grows exponentially with the parts."""
 
 
 @dataclass(frozen=True)
 class Component:
-    """A strong component of the main automaton: requirements, and the alternatives (sets of their numbers) that accept."""
+    """Acceptance within a strong component of the main automaton.
 
-    requirements: tuple[Requirement, ...] = ()
+    A run is accepted if all conditions of some alternative (a set of indices of `conditions`) hold.
+    """
+
+    conditions: tuple[Condition, ...] = ()
     alternatives: tuple[frozenset[int], ...] = ()
 
 
 @dataclass(frozen=True)
 class State:
-    """Of the whole automaton: where the main one is, and what each requirement's automaton has left to see."""
+    """A product state: the main automaton's state, and one remaining formula per condition."""
 
     main: int
-    beside: tuple[int, ...] = ()
+    remaining: tuple[int, ...] = ()
 
 
 S = TypeVar("S", bound=Hashable)
@@ -55,42 +70,49 @@ S = TypeVar("S", bound=Hashable)
 
 @dataclass
 class _Explored(Generic[S]):
-    """States in order of discovery, with an edge per letter: the state after it, and the requirements that took note."""
+    """States in order of discovery; per state and letter the successor and its condition marks."""
 
     states: list[S] = field(default_factory=list)
     delta: list[list[int]] = field(default_factory=list)
     marks: list[list[frozenset[int]]] = field(default_factory=list)
 
 
-def translate(formulas: Formulas, formula: Formula, letters: Sequence[int]) -> Automaton:
-    """The automaton of the words that satisfy a formula. Letter i of the automaton is the valuation `letters[i]`: atom j
-    holds where bit j is set.
+def translate(factory: LtlFactory, formula: LtlFormula, letters: Sequence[int]) -> Automaton:
+    """The automaton of the words that satisfy a formula.
 
-    Conjunctions and disjunctions are put together from the automata of their parts (those of co-safety, and those of safety,
-    taken together, because what is left of them is one formula); where these are few, the smaller of this and of the
-    automaton of the whole is taken. Raises UnsupportedError where it would be too large.
+    Automata of conjunctions and disjunctions are products of the automata of their parts. All
+    co-safety parts count as one part, as do all safety parts: their remainder is one formula.
+
+    Args:
+        factory: made the formula.
+        formula: the formula.
+        letters: letter i of the automaton is the valuation `letters[i]`: atom j is true if bit j is
+            set.
+
+    Raises:
+        UnsupportedError: the automaton would have too many states or pairs.
     """
-    put_together, parts = _parts(formulas, formula)
+    combine, parts = _parts(factory, formula)
     if len(parts) < 2:
-        return simplified(_whole(formulas, formula, letters))
-    made = simplified(put_together([translate(formulas, part, letters) for part in parts]))
-    if len(parts) > _FEW:
+        return simplify_acceptance(_whole(factory, formula, letters))
+    made = simplify_acceptance(combine([translate(factory, part, letters) for part in parts]))
+    if len(parts) > _MAX_PARTS_BOTH_WAYS:
         return made
     try:
-        return min(made, simplified(_whole(formulas, formula, letters)), key=size)
+        return min(made, simplify_acceptance(_whole(factory, formula, letters)), key=size)
     except UnsupportedError:
         return made
 
 
 def _parts(
-    formulas: Formulas, formula: Formula
-) -> tuple[Callable[[Sequence[Automaton]], Automaton], list[Formula]]:
-    """The parts that get automata of their own, and how these are put together."""
+    factory: LtlFactory, formula: LtlFormula
+) -> tuple[Callable[[Sequence[Automaton]], Automaton], list[LtlFormula]]:
+    """How the automata of the parts are combined, and the parts; one part if it is not split."""
     conjunction = formula.kind is Kind.AND or formula.always is not None
     inner = formula.always or formula.eventually
     below = formula.parts
     if inner is not None:
-        kind, make = (Kind.AND, formulas.always) if conjunction else (Kind.OR, formulas.eventually)
+        kind, make = (Kind.AND, factory.always) if conjunction else (Kind.OR, factory.eventually)
         below = tuple(make(p) for p in inner.parts) if inner.kind is kind else ()
     if (
         (inner is None and formula.kind not in (Kind.AND, Kind.OR))
@@ -98,39 +120,41 @@ def _parts(
         or formula.safe
         or len(below) < 2
     ):
-        return all_of, [formula]
-    unite = formulas.conjunction if conjunction else formulas.disjunction
+        return intersection, [formula]
+    unite = factory.conjunction if conjunction else factory.disjunction
     co_safe = [p for p in below if p.co_safe]
     safe = [p for p in below if p.safe and not p.co_safe]
     others = [p for p in below if not p.safe and not p.co_safe]
-    return all_of if conjunction else any_of, [
+    return intersection if conjunction else union, [
         unite(group) for group in (co_safe, safe) if group
     ] + others
 
 
-def _whole(formulas: Formulas, formula: Formula, letters: Sequence[int]) -> Automaton:
-    """The automaton by the master theorem."""
-    after = After(formulas)
-    start = after.simplified(after.of(formula))
+def _whole(factory: LtlFactory, formula: LtlFormula, letters: Sequence[int]) -> Automaton:
+    """The automaton of the formula as a whole, by the master theorem."""
+    derivatives = Derivatives(factory)
+    start = derivatives.simplify(derivatives.encode(formula))
     main = _explore(
-        start, len(letters), lambda state: [(after.after(state, a), frozenset()) for a in letters]
+        start,
+        len(letters),
+        lambda state: [(derivatives.derivative(state, a), frozenset()) for a in letters],
     )
     delta = np.array(main.delta, dtype=np.int32)
     states = main.states
     number = {state: i for i, state in enumerate(states)}
     of, looping = strong_components(delta)
     parts = [
-        _component(after, [states[q] for q in np.flatnonzero(of == c)])
+        _component(derivatives, [states[q] for q in np.flatnonzero(of == c)])
         if looping[c]
         else Component()
         for c in range(len(looping))
     ]
-    where = {state: int(of[number[state]]) for state in states}
-    runner = _Runner(after, where, parts)
+    component_of = {state: int(of[number[state]]) for state in states}
+    steps = _ProductSteps(derivatives, component_of, parts)
     whole = _explore(
-        runner.entered(start), len(letters), lambda state: [runner.step(state, a) for a in letters]
+        steps.entered(start), len(letters), lambda state: [steps.step(state, a) for a in letters]
     )
-    return reduced(_assembled(whole, [parts[where[s.main]] for s in whole.states]))
+    return reduced(_assemble(whole, [parts[component_of[s.main]] for s in whole.states]))
 
 
 def _explore(
@@ -148,91 +172,99 @@ def _explore(
             marks.append(mark)
         found.delta.append(delta)
         found.marks.append(marks)
-        if len(number) * letters > _LARGEST:
+        if len(number) * letters > _MAX_EDGES:
             raise UnsupportedError(
-                f"the automaton of this formula of linear time has more than {len(number):,} states; "
-                "a simpler formula, or an external translator (-ltl2datool), may do"
+                f"the automaton of this LTL formula has more than {len(number):,} states\n"
+                "  hint: simplify the formula or use an external translator (-ltl2datool)"
             )
     return found
 
 
-def _component(after: After, states: list[int]) -> Component:
-    """How a run that stays among some states of the main automaton is accepted."""
-    formulas = [f for s in states for f in after.formulas_in(s)]
+def _component(derivatives: Derivatives, states: list[int]) -> Component:
+    """Acceptance of runs that stay among some states of the main automaton."""
+    formulas = [f for s in states for f in derivatives.formulas_of(s)]
     if states == [TRUE] or (all(f.safe for f in formulas) and FALSE not in states):
         return Component((), (frozenset(),))
     if states == [FALSE] or all(f.co_safe for f in formulas):
         return Component()
-    wanted = {
-        w for g in guesses(after, states) if (w := requirements(after, states, g)) is not None
+    sets = {
+        c
+        for g in guesses(derivatives, states)
+        if (c := conditions(derivatives, states, g)) is not None
     }
-    least = [w for w in wanted if not any(v < w for v in wanted)]
-    found = sorted({r for w in least for r in w}, key=repr)
-    number = {r: i for i, r in enumerate(found)}
-    alternatives = sorted((frozenset(number[r] for r in w) for w in least), key=sorted)
-    return Component(tuple(found), tuple(alternatives))
+    minimal = [c for c in sets if not any(other < c for other in sets)]
+    distinct = sorted({condition for c in minimal for condition in c}, key=repr)
+    index = {condition: i for i, condition in enumerate(distinct)}
+    alternatives = sorted((frozenset(index[r] for r in c) for c in minimal), key=sorted)
+    return Component(tuple(distinct), tuple(alternatives))
 
 
 @dataclass(frozen=True)
-class _Runner:
-    """Steps of the whole automaton."""
+class _ProductSteps:
+    """Successors in the product of the main automaton and the automata of the conditions."""
 
-    after: After
-    where: dict[int, int]
+    derivatives: Derivatives
+    component_of: dict[int, int]
     parts: list[Component]
 
     def entered(self, main: int) -> State:
-        """The state on entering a component of the main automaton."""
+        """The product state on entering a component of the main automaton."""
         return State(
-            main, tuple(_initial(r, main) for r in self.parts[self.where[main]].requirements)
+            main,
+            tuple(
+                _initial_formula(r, main) for r in self.parts[self.component_of[main]].conditions
+            ),
         )
 
     def step(self, state: State, letter: int) -> tuple[State, frozenset[int]]:
-        """The next state, and the requirements that were satisfied (Again) or violated (others) by the letter."""
-        main = self.after.after(state.main, letter)
-        if self.where[main] != self.where[state.main]:
+        """The successor, and the conditions that the letter satisfied (GF) or violated (others)."""
+        main = self.derivatives.derivative(state.main, letter)
+        if self.component_of[main] != self.component_of[state.main]:
             return self.entered(main), frozenset()
-        beside, marks = [], []
-        for i, (requirement, left) in enumerate(
-            zip(self.parts[self.where[main]].requirements, state.beside, strict=True)
+        remaining, marks = [], []
+        for i, (condition, left) in enumerate(
+            zip(self.parts[self.component_of[main]].conditions, state.remaining, strict=True)
         ):
-            left = self.after.after(left, letter)
-            if left == (TRUE if isinstance(requirement, Again) else FALSE):
+            left = self.derivatives.derivative(left, letter)
+            if left == (TRUE if isinstance(condition, GFCondition) else FALSE):
                 marks.append(i)
-                left = _initial(requirement, main)
-            beside.append(left)
-        return State(main, tuple(beside)), frozenset(marks)
+                left = _initial_formula(condition, main)
+            remaining.append(left)
+        return State(main, tuple(remaining)), frozenset(marks)
 
 
-def _initial(requirement: Requirement, main: int) -> int:
-    match requirement:
-        case Again(formula) | Never(formula):
+def _initial_formula(condition: Condition, main: int) -> int:
+    match condition:
+        case GFCondition(formula) | FGCondition(formula):
             return formula
-        case Main(formulas):
+        case SafetyCondition(formulas):
             return dict(formulas)[main]
         case _:
-            assert_never(requirement)
+            assert_never(condition)
 
 
-def _assembled(whole: _Explored[State], parts: list[Component]) -> Automaton:
-    """One automaton: the i-th alternatives of all components together make the i-th pair, as no run stays in two components."""
+def _assemble(whole: _Explored[State], parts: list[Component]) -> Automaton:
+    """The automaton with one Rabin pair per alternative.
+
+    The i-th alternatives of all components share a pair, since a run stays in one component only.
+    """
     delta = np.array(whole.delta, dtype=np.int32)
     pairs = []
     for i in range(max((len(p.alternatives) for p in parts), default=0)):
         chosen = [p.alternatives[i] if i < len(p.alternatives) else None for p in parts]
-        again = [
-            [r for r in sorted(a or ()) if isinstance(p.requirements[r], Again)]
+        gf = [
+            [r for r in sorted(a or ()) if isinstance(p.conditions[r], GFCondition)]
             for p, a in zip(parts, chosen, strict=True)
         ]
         avoid = np.zeros(delta.shape, dtype=bool)
-        visits = np.ones((max(map(len, again)), *delta.shape), dtype=bool)
+        visits = np.ones((max(map(len, gf)), *delta.shape), dtype=bool)
         for q, (marks, alternative) in enumerate(zip(whole.marks, chosen, strict=True)):
             if alternative is None:
                 avoid[q] = True
                 continue
-            avoid[q] = [bool((alternative - set(again[q])) & m) for m in marks]
-            for v, requirement in enumerate(again[q]):
-                visits[v, q] = [requirement in m for m in marks]
-        pairs.append(Pair(avoid, tuple(visits)))
+            avoid[q] = [bool((alternative - set(gf[q])) & m) for m in marks]
+            for v, condition in enumerate(gf[q]):
+                visits[v, q] = [condition in m for m in marks]
+        pairs.append(RabinPair(avoid, tuple(visits)))
     accepting = frozenset(q for q, s in enumerate(whole.states) if s.main == TRUE)
     return Automaton(delta, 0, tuple(pairs), accepting)

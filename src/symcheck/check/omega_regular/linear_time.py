@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from symcheck.automata.formula import Formula
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.formula import LtlFormula
+from symcheck.automata.ltl import LtlFactory
 from symcheck.check.time_bounds import Steps, window
 from symcheck.errors import UnsupportedError
 from symcheck.syntax.ast import (
@@ -30,55 +30,55 @@ _STEPS = 2000
 
 
 def read(
-    formulas: Formulas, path: PathFormula, atoms: Mapping[Expression, Formula], *, timed: bool
-) -> Formula:
+    factory: LtlFactory, path: PathFormula, atoms: Mapping[Expression, LtlFormula], *, timed: bool
+) -> LtlFormula:
     """The path formula, given what its largest state formulas are.
 
     Raises UnsupportedError for bounds in continuous time (`timed`) and very large ones, InputError for wrong ones.
     """
 
-    def inner(part: PathFormula) -> Formula:
-        return read(formulas, part, atoms, timed=timed)
+    def inner(part: PathFormula) -> LtlFormula:
+        return read(factory, part, atoms, timed=timed)
 
     if path in atoms:
         return atoms[path]  # type: ignore[index]
     match path:
         case Unary("!", operand):
-            return formulas.negation(inner(operand))
+            return factory.negation(inner(operand))
         case Binary("&", left, right):
-            return formulas.conjunction((inner(left), inner(right)))
+            return factory.conjunction((inner(left), inner(right)))
         case Binary("|", left, right):
-            return formulas.disjunction((inner(left), inner(right)))
+            return factory.disjunction((inner(left), inner(right)))
         case Binary("=>", left, right):
-            return formulas.disjunction((formulas.negation(inner(left)), inner(right)))
+            return factory.disjunction((factory.negation(inner(left)), inner(right)))
         case Binary("<=>", left, right):
-            return _choice(formulas, inner(left), inner(right), formulas.negation(inner(right)))
+            return _choice(factory, inner(left), inner(right), factory.negation(inner(right)))
         case Conditional(condition, then, otherwise):
-            return _choice(formulas, inner(condition), inner(then), inner(otherwise))
+            return _choice(factory, inner(condition), inner(then), inner(otherwise))
         case Next(operand, bound):
             steps = _steps(bound, timed=timed)
             possible = steps.lower <= 1 and (steps.upper is None or steps.upper >= 1)
-            return formulas.next(inner(operand)) if possible else formulas.false
+            return factory.next(inner(operand)) if possible else factory.false
         case Eventually(operand, bound):
-            return _until(formulas, formulas.true, inner(operand), _steps(bound, timed=timed))
+            return _until(factory, factory.true, inner(operand), _steps(bound, timed=timed))
         case Globally(operand, bound):
-            return _release(formulas, formulas.false, inner(operand), _steps(bound, timed=timed))
+            return _release(factory, factory.false, inner(operand), _steps(bound, timed=timed))
         case Until(left, right, bound):
-            return _until(formulas, inner(left), inner(right), _steps(bound, timed=timed))
+            return _until(factory, inner(left), inner(right), _steps(bound, timed=timed))
         case Release(left, right, bound):
-            return _release(formulas, inner(left), inner(right), _steps(bound, timed=timed))
+            return _release(factory, inner(left), inner(right), _steps(bound, timed=timed))
         case WeakUntil(left, right, bound):
-            either = formulas.disjunction((inner(left), inner(right)))
-            return _release(formulas, inner(right), either, _steps(bound, timed=timed))
+            either = factory.disjunction((inner(left), inner(right)))
+            return _release(factory, inner(right), either, _steps(bound, timed=timed))
         case _:
             raise AssertionError(f"not a path formula: {type(path).__name__}")
 
 
-def _choice(formulas: Formulas, condition: Formula, then: Formula, otherwise: Formula) -> Formula:
-    yes = formulas.conjunction((condition, then))
-    return formulas.disjunction(
-        (yes, formulas.conjunction((formulas.negation(condition), otherwise)))
-    )
+def _choice(
+    factory: LtlFactory, condition: LtlFormula, then: LtlFormula, otherwise: LtlFormula
+) -> LtlFormula:
+    yes = factory.conjunction((condition, then))
+    return factory.disjunction((yes, factory.conjunction((factory.negation(condition), otherwise))))
 
 
 def _steps(bound: PathBound | None, *, timed: bool) -> Steps:
@@ -96,15 +96,13 @@ def _steps(bound: PathBound | None, *, timed: bool) -> Steps:
     return steps
 
 
-def _until(formulas: Formulas, left: Formula, right: Formula, steps: Steps) -> Formula:
+def _until(factory: LtlFactory, left: LtlFormula, right: LtlFormula, steps: Steps) -> LtlFormula:
     """The formula left U[a,b] right: a steps within `left` first."""
-    result = formulas.until(left, right, None if steps.upper is None else steps.upper - steps.lower)
+    result = factory.until(left, right, None if steps.upper is None else steps.upper - steps.lower)
     for _ in range(steps.lower):
-        result = formulas.conjunction((left, formulas.next(result)))
+        result = factory.conjunction((left, factory.next(result)))
     return result
 
 
-def _release(formulas: Formulas, left: Formula, right: Formula, steps: Steps) -> Formula:
-    return formulas.negation(
-        _until(formulas, formulas.negation(left), formulas.negation(right), steps)
-    )
+def _release(factory: LtlFactory, left: LtlFormula, right: LtlFormula, steps: Steps) -> LtlFormula:
+    return factory.negation(_until(factory, factory.negation(left), factory.negation(right), steps))

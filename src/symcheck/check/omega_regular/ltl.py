@@ -1,4 +1,4 @@
-"""Formulas of linear time, by way of deterministic automata.
+"""LtlFactory of linear time, by way of deterministic automata.
 
 The product of the model with an automaton of the formula has the same probabilities as the model, and whether a run
 satisfies the formula can be seen from where it ends up: in a bottom component (a Markov chain) or an end component (an
@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from symcheck.automata.automaton import Automaton
-from symcheck.automata.formula import Formula, Kind
-from symcheck.automata.ltl import Formulas
+from symcheck.automata.formula import Kind, LtlFormula
+from symcheck.automata.ltl import LtlFactory
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import measures
 from symcheck.check.omega_regular.linear_time import read
@@ -45,15 +45,15 @@ def path_probability_ltl(
 
 def as_until(context: Context, path: TemporalPath) -> UntilPath | None:
     """The path formula as `left U right` over sets of states, if it is found to be no more: F (a U b) is F b."""
-    formulas = Formulas()
-    alphabet, formula = _read(context, formulas, path)
+    factory = LtlFactory()
+    alphabet, formula = _read(context, factory, path)
     if formula.kind is not Kind.UNTIL or formula.bound is not None:
         return None
     left, right = (_literal_states(context, alphabet, part) for part in formula.parts)
     return None if left is None or right is None else UntilPath(left, right, negative=path.negative)
 
 
-def _literal_states(context: Context, alphabet: _Alphabet, formula: Formula) -> StateSet | None:
+def _literal_states(context: Context, alphabet: _Alphabet, formula: LtlFormula) -> StateSet | None:
     """The states of a literal; None for any other formula, and where letters are only numbers."""
     match formula.kind:
         case Kind.TRUE:
@@ -72,11 +72,11 @@ def linear_product(
 
     form: what is to be made of the automaton first.
     """
-    formulas = Formulas()
-    alphabet, formula = _read(context, formulas, path)
+    factory = LtlFactory()
+    alphabet, formula = _read(context, factory, path)
     if path.negative:
-        formula = formulas.negation(formula)
-    automaton = alphabet.automaton(context, formulas, formula)
+        formula = factory.negation(formula)
+    automaton = alphabet.automaton(context, factory, formula)
     if form is not None:
         automaton = form(automaton)
     product: Product = context.engine.product(alphabet.sets, automaton)
@@ -97,9 +97,9 @@ def co_safe_reward(
     A run shows it with the state whose letter ends a prefix all of whose continuations satisfy the formula, as the
     derivatives tell; X true needs one step. Raises InputError for formulas with (after negations are pushed inwards) G, W or R.
     """
-    formulas = Formulas(step=len(path.letters))
-    alphabet, formula = _read(context, formulas, path)
-    formula = formulas.negation(formula) if path.negative else formula
+    factory = LtlFactory(step=len(path.letters))
+    alphabet, formula = _read(context, factory, path)
+    formula = factory.negation(formula) if path.negative else formula
     if not formula.co_safe:
         message = "an expected reward until a formula that no finite part of a run may show to be satisfied"
         raise InputError(
@@ -113,7 +113,7 @@ def co_safe_reward(
     alphabet = replace(
         alphabet, letters=tuple(v | 1 << len(path.letters) for v in alphabet.letters), own=True
     )
-    automaton = alphabet.automaton(context, formulas, formula)
+    automaton = alphabet.automaton(context, factory, formula)
     product: Product = context.engine.product(alphabet.sets, automaton)
     inner = replace(context, engine=product.engine)
     target = product.edges(automaton.entering(automaton.accepting))
@@ -132,29 +132,33 @@ class _Alphabet:
     sets: tuple[StateSet, ...]
     own: bool = False
 
-    def automaton(self, context: Context, formulas: Formulas, formula: Formula) -> Automaton:
+    def automaton(self, context: Context, factory: LtlFactory, formula: LtlFormula) -> Automaton:
         """The automaton of a formula, over the letters of the sets."""
         program = None if self.own else context.options.ltl2da
         if program is None:
             from symcheck.automata.translate import translate
 
-            made = translate(formulas, formula, self.letters)
+            made = translate(factory, formula, self.letters)
         else:
-            from symcheck.automata.external import translate_by
+            from symcheck.automata.external import translate_externally
 
-            made = translate_by(program, context.options.ltl2da_syntax, formula, self.letters)
-        return made.spread(self.columns, 1 << len(self.sets))
+            made = translate_externally(
+                program, context.options.ltl2da_syntax, formula, self.letters
+            )
+        return made.relabel(self.columns, 1 << len(self.sets))
 
 
-def _read(context: Context, formulas: Formulas, path: TemporalPath) -> tuple[_Alphabet, Formula]:
+def _read(
+    context: Context, factory: LtlFactory, path: TemporalPath
+) -> tuple[_Alphabet, LtlFormula]:
     """The formula over numbered atoms, and the letters that occur."""
     everything = context.engine.all
-    atoms: dict[Expression, Formula] = {}
+    atoms: dict[Expression, LtlFormula] = {}
     sets: list[StateSet] = []
     for expression, states in path.letters:
-        atoms[expression] = _atom(formulas, sets, states, everything)
+        atoms[expression] = _atom(factory, sets, states, everything)
     timed = context.engine.model.type is ModelType.CTMC
-    formula = read(formulas, path.formula, atoms, timed=timed)
+    formula = read(factory, path.formula, atoms, timed=timed)
     blocks = [(0, everything)]
     for i, states in enumerate(sets):
         split = [
@@ -180,18 +184,18 @@ def _read(context: Context, formulas: Formulas, path: TemporalPath) -> tuple[_Al
 
 
 def _atom(
-    formulas: Formulas, sets: list[StateSet], states: StateSet, everything: StateSet
-) -> Formula:
+    factory: LtlFactory, sets: list[StateSet], states: StateSet, everything: StateSet
+) -> LtlFormula:
     """The literal of a set of states; no atom is spent on sets that are full, empty, known, or the complement of a known one."""
     if not states:
-        return formulas.false
+        return factory.false
     if states == everything:
-        return formulas.true
+        return factory.true
     for i, known in enumerate(sets):
         if states == known or states == ~known:
-            return formulas.literal(i, states == known)
+            return factory.literal(i, states == known)
     sets.append(states)
-    return formulas.literal(len(sets) - 1)
+    return factory.literal(len(sets) - 1)
 
 
 def _union(none: StateSet, sets: Sequence[StateSet]) -> StateSet:

@@ -151,12 +151,12 @@ def _probability(
 
 def _remembering(context: Context, path: TemporalPath, direction: Direction) -> Strategy:
     """A strategy of the product with an automaton. The least probability is missed with the greatest."""
-    from symcheck.automata.acceptance import counted
+    from symcheck.automata.acceptance import degeneralize
     from symcheck.check.omega_regular.ltl import linear_product
     from symcheck.engines.explicit.product import ExplicitProduct
 
     product, pairs = linear_product(
-        context, replace(path, negative=direction == Direction.MIN), counted
+        context, replace(path, negative=direction == Direction.MIN), degeneralize
     )
     assert isinstance(product, ExplicitProduct)
     chooser = _Chooser(replace(context, engine=product.engine, relevant_states=None), Direction.MAX)
