@@ -116,12 +116,16 @@ def test_agrees_with_the_scalar_evaluator(pair):
     expression, _ = pair
     x, y, b = np.arange(-2, 4), np.arange(0, 3), np.array([False, True])
     columns = {"x": x.reshape(-1, 1, 1), "y": y.reshape(1, -1, 1), "b": b.reshape(1, 1, -1)}
-    values = np.broadcast_to(evaluate_columns(expression, columns), (6, 3, 2))
+    lanes = evaluate_columns(expression, columns)
+    values = np.broadcast_to(lanes.values, (6, 3, 2))
+    faults = np.broadcast_to(False if lanes.faults is None else lanes.faults, (6, 3, 2))
     for (i, j, k), value in np.ndenumerate(values):
         try:
             expected = evaluate(expression, {"x": int(x[i]), "y": int(y[j]), "b": bool(b[k])})
         except InputError:
-            continue  # no value: what the lane holds is not to be used, see the next test
+            assert faults[i, j, k]
+            continue
+        assert not faults[i, j, k]
         if isinstance(expected, float) and math.isnan(expected):
             assert np.isnan(value)
         elif isinstance(expected, float):
@@ -139,26 +143,30 @@ def test_agrees_with_the_scalar_evaluator(pair):
         Binary("^", Literal(10, Type.INT), Literal(30, Type.INT)),
     ],
 )
-def test_what_has_no_integer_value_is_nan(expression):
+def test_what_has_no_integer_value_is_a_fault(expression):
     with pytest.raises(InputError):
         evaluate(expression, {"x": 3})
-    assert np.isnan(evaluate_columns(expression, {"x": np.array([3, 4])})).all()
+    lanes = evaluate_columns(expression, {"x": np.array([3, 4])})
+    assert lanes.faults is not None
+    assert lanes.faults.all()
+    assert np.isnan(lanes.numbers()).all()
 
 
 def test_lanes_that_have_a_value_keep_it():
     x = np.array([0, 1, 2])
     quotient = Call("floor", (Binary("/", Literal(6, Type.INT), Name("x")),))
-    assert evaluate_columns(quotient, {"x": x})[1:].tolist() == [6, 3]
+    assert evaluate_columns(quotient, {"x": x}).values[1:].tolist() == [6, 3]
     remainder = evaluate_columns(Call("mod", (Literal(7, Type.INT), Name("x"))), {"x": x})
-    assert np.isnan(remainder[0])
-    assert remainder[1:].tolist() == [0, 1]
+    assert remainder.faults is not None
+    assert remainder.faults.tolist() == [True, False, False]
+    assert remainder.values[1:].tolist() == [0, 1]
 
 
 def test_only_the_variables_that_occur_give_the_shape():
     columns = {"x": np.arange(4).reshape(4, 1), "y": np.arange(3).reshape(1, 3)}
-    assert evaluate_columns(Name("y"), columns).shape == (1, 3)
-    assert evaluate_columns(Literal(1, Type.INT), columns).shape == ()
-    assert evaluate_columns(Binary("+", Name("x"), Name("y")), columns).tolist() == [
+    assert evaluate_columns(Name("y"), columns).values.shape == (1, 3)
+    assert evaluate_columns(Literal(1, Type.INT), columns).values.shape == ()
+    assert evaluate_columns(Binary("+", Name("x"), Name("y")), columns).values.tolist() == [
         [i + j for j in range(3)] for i in range(4)
     ]
 

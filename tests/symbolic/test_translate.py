@@ -84,15 +84,26 @@ def value_at(expression, state):
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
+def has_fault(expression, state):
+    try:
+        evaluate(expression, dict(zip("xyb", state, strict=True)))
+    except InputError:
+        return True
+    return False
+
+
 @pytest.mark.parametrize("way", WAYS)
 @settings(max_examples=40, deadline=None)
 @given(text=_boolean)
 def test_booleans(way, text):
     expression = bind_one(text, "bool")
     space = space_with(WAYS[way])
-    found = space.where(expression)
+    translator = space.symbolic.translator
+    found = translator.boolean_on(expression, space.states)
+    faults = translator.faults(expression)
     for state in all_states():
         expected = value_at(expression, state)
+        assert at(space, faults, state) == (expected is None)
         if (
             expected is not None and "/" not in text
         ):  # a NaN inside compares differently when diagrams are composed
@@ -107,10 +118,12 @@ def test_booleans(way, text):
 def test_numbers(way, text):
     expression = bind_one(text, "number")
     space = space_with(WAYS[way])
-    found = space.values(expression)
-    undefined = space.symbolic.translator.undefined(expression)
+    translator = space.symbolic.translator
+    found = translator.number_on(expression, space.states)
+    undefined, faults = translator.undefined(expression), translator.faults(expression)
     for state in all_states():
         expected = value_at(expression, state)
+        assert at(space, faults, state) == has_fault(expression, state)
         if expected is None:
             continue
         assert at(space, found, state) == pytest.approx(float(expected), rel=1e-13, abs=1e-300)

@@ -66,7 +66,10 @@ def _violations(space: StateSpace, options: BuildSettings) -> Iterator[Bdd]:
 
     Guards are small and reachable sets may be large: they meet only where a command could break a rule somewhere.
     """
+    translator = space.symbolic.translator
     for event in space.symbolic.events:
+        guards = [c.command.guard for commands in event.participants for c in commands]
+        yield from filter(None, (translator.faults(g) & space.states for g in guards))
         enabled = _Once(partial(and_, event.guard, space.states))
         happens = _Once(partial(_happening, space, event, enabled))
         if event.guard.disjoint(space.states):

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, overload
 
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event
 from symcheck.symbolic.encoding.enumerate_states import minterms
 from symcheck.symbolic.encoding.variables import Encoding
@@ -189,16 +190,30 @@ class StateSpace:
         return Odd(self.symbolic.manager, self.states, self.symbolic.encoding.rows)
 
     def where(self, expression: Expression) -> Bdd:
-        """The reachable states that satisfy a boolean expression over the variables."""
-        return self.symbolic.translator.boolean_on(expression, self.states) & self.states
+        """The reachable states that satisfy a boolean expression over the variables.
+
+        Raises ModelFault where it has no value at one of them.
+        """
+        found = self.symbolic.translator.boolean_on(expression, self.states) & self.states
+        self._raise_fault(expression, self.states)
+        return found
 
     def values(self, expression: Expression, states: Bdd | None = None) -> Mtbdd:
         """The value of a numeric expression on the reachable states (or those in `states`), 0 elsewhere.
 
-        Where it has no value, such as 0/0, it is 0 here: `symbolic.translator.undefined(expression)` says where.
+        Where it is NaN, such as 0/0, it is 0 here: `symbolic.translator.undefined(expression)` says where.
+        Raises ModelFault where it has no value at one of them.
         """
         chosen = self.states if states is None else states & self.states
-        return self.symbolic.translator.number_on(expression, chosen)
+        found = self.symbolic.translator.number_on(expression, chosen)
+        self._raise_fault(expression, chosen)
+        return found
+
+    def _raise_fault(self, expression: Expression, states: Bdd) -> None:
+        """Raise what the scalar evaluation raises at the first of the states where it does."""
+        for state in self.valuations(self.symbolic.translator.faults(expression) & states, 1):
+            names = (v.name for v in self.symbolic.model.variables)
+            evaluate(expression, dict(zip(names, state, strict=True)))
 
     def valuations(self, states: Bdd, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """Variable values of the states in the set, lowest first in diagram order; at most `limit`."""

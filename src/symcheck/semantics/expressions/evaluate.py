@@ -47,7 +47,7 @@ from symcheck.syntax.ast import (
     Unary,
 )
 
-__all__ = ["INT_MAX", "INT_MIN", "evaluate"]
+__all__ = ["INT_MAX", "INT_MIN", "evaluate", "is_int64"]
 
 INT_MIN, INT_MAX = -(2**63), 2**63 - 1
 _EXPONENT_LIMIT = 1 << 20
@@ -205,8 +205,13 @@ def _divide(a: Value, b: Value) -> Value:
     return Fraction(quotient) if exact and math.isfinite(quotient) else quotient
 
 
+def is_int64(value: int | Fraction) -> bool:
+    """Whether an int fits into 64 bits."""
+    return INT_MIN <= value <= INT_MAX
+
+
 def _checked(value: Value, node: Node) -> Value:
-    if isinstance(value, int) and not INT_MIN <= value <= INT_MAX:
+    if isinstance(value, int) and not is_int64(value):
         raise _fault(
             node,
             "int-overflow",

@@ -3,19 +3,24 @@
 Columns may have any shapes that broadcast together. On an open mesh (one axis per variable) each subexpression is
 evaluated only over the domain of its own variables, so that a table over 2**20 valuations costs few full-size operations.
 
-Unlike the scalar evaluator, this one never raises for a value that has no meaning (a division by zero in `mod`, a
-negative exponent of an integer power, an integer beyond 2**62): that lane becomes NaN, because a table holds valuations
-that no state may ever take. The caller reports NaN where a reachable state meets it.
+The scalar evaluator raises an error where an expression has no value (a remainder by zero, a negative exponent of an
+integer power, an integer beyond 64 bits). This evaluator marks these lanes as faults instead, because a table holds
+valuations that no state may ever take. The caller reports a fault where a reachable state meets it. NaN is not a fault:
+it is the value of 0/0.
 """
 
 from __future__ import annotations
 
+import operator as op
 from collections.abc import Callable, Mapping
-from typing import Any, assert_never
+from functools import reduce
+from typing import Any, NamedTuple, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.semantics.expressions.evaluate import INT_MAX, INT_MIN, is_int64
+from symcheck.semantics.expressions.literals import to_float
 from symcheck.syntax.ast import (
     Binary,
     Call,
@@ -35,44 +40,87 @@ from symcheck.syntax.ast import (
     Unary,
 )
 
-__all__ = ["Column", "evaluate_columns"]
+__all__ = ["Column", "Lanes", "evaluate_columns"]
 
 Column = NDArray[Any]
-_LARGE = 2.0**62
+Bools = NDArray[np.bool_]
+_BITS = 63
+"""The largest exponent for which a power of an int other than -1, 0 and 1 can have a value."""
 
 
-def evaluate_columns(expression: Expression, columns: Mapping[str, Column]) -> Column:
+class Lanes(NamedTuple):
+    """The values of an expression, and the lanes where it has none (`faults` None: it has a value in every lane).
+
+    `values` is bool, int64 or float64 by the type of the expression and may hold anything in a lane of `faults`.
+    Both broadcast to the shape of the columns.
+    """
+
+    values: Column
+    faults: Bools | None = None
+
+    def numbers(self) -> NDArray[np.float64]:
+        """The values as doubles, NaN at faults."""
+        numbers = self.values.astype(np.float64)
+        return numbers if self.faults is None else np.where(self.faults, np.nan, numbers)
+
+    def spread(self, shape: tuple[int, ...]) -> Lanes:
+        """The lanes broadcast to a shape, as vectors."""
+        values, faults = (
+            None if a is None else np.broadcast_to(a, shape).reshape(-1) for a in self
+        )
+        assert values is not None
+        return Lanes(values, faults)
+
+
+def evaluate_columns(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
     """The value of `expression` for each lane of the columns.
 
-    `columns` maps variable names to bool or int64 arrays. The result is bool, int64 or float64 and has the shape that
-    the columns of the variables that occur broadcast to (0-dimensional for a constant). An expression of integer type
-    comes as float64 where some lane has no integer value (NaN there). Raises KeyError for a variable without column
-    and TypeError for a node that is not arithmetic.
+    Args:
+        expression: a well-typed expression without labels and temporal operators.
+        columns: a bool or int64 array for each variable that occurs.
+
+    Returns:
+        Lanes of the shape that the columns of the variables that occur broadcast to (0-dimensional for a constant).
+
+    Raises:
+        KeyError: a variable has no column.
+        TypeError: a node is not arithmetic.
     """
     with np.errstate(all="ignore"):
         return _evaluate(expression, columns)
 
 
-def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Column:
+def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
     match expression:
-        case Literal(value, kind):
-            return np.asarray(value if kind is not Type.DOUBLE else float(value))
-        case Name(name):
-            return columns[name]
-        case Unary("!", operand):
-            return np.asarray(~_evaluate(operand, columns))
-        case Unary(_, operand):
-            return np.asarray(-_evaluate(operand, columns))
-        case Binary(operator, left, right):
-            return _BINARY[operator](_evaluate(left, columns), _evaluate(right, columns))
-        case Conditional(condition, then, otherwise):
-            return np.where(
-                _evaluate(condition, columns),
-                _evaluate(then, columns),
-                _evaluate(otherwise, columns),
+        case Literal(value, Type.DOUBLE):
+            return Lanes(np.asarray(to_float(value)))
+        case Literal(value, _):
+            return (
+                Lanes(np.asarray(value))
+                if is_int64(value)
+                else Lanes(np.asarray(0), np.asarray(True))
             )
+        case Name(name):
+            return Lanes(columns[name])
+        case Unary("!", operand):
+            values, faults = _evaluate(operand, columns)
+            return Lanes(np.asarray(~values), faults)
+        case Unary(_, operand):
+            return _apply(_negative, _evaluate(operand, columns))
+        case Binary("&" | "|" | "=>" as operator, left, right):
+            return _logical(operator, _evaluate(left, columns), _evaluate(right, columns))
+        case Binary(operator, left, right):
+            return _apply(_BINARY[operator], _evaluate(left, columns), _evaluate(right, columns))
+        case Conditional(condition, then, otherwise):
+            chosen, a, b = (_evaluate(e, columns) for e in (condition, then, otherwise))
+            faults = _union(
+                chosen.faults,
+                None if a.faults is None else chosen.values & a.faults,
+                None if b.faults is None else ~chosen.values & b.faults,
+            )
+            return Lanes(np.where(chosen.values, a.values, b.values), faults)
         case Call(function, arguments):
-            return _CALLS[function](*(_evaluate(a, columns) for a in arguments))
+            return _apply(_CALLS[function], *(_evaluate(a, columns) for a in arguments))
         case (
             LabelReference()
             | ProbabilityOperator()
@@ -88,76 +136,126 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Column:
             assert_never(expression)
 
 
-def _integers(*values: Column) -> bool:
+def _apply(operation: Callable[..., Lanes], *operands: Lanes) -> Lanes:
+    """The operation on values; its faults and those of the operands."""
+    values, faults = operation(*(o.values for o in operands))
+    return Lanes(values, _union(faults, *(o.faults for o in operands)))
+
+
+def _union(*faults: Bools | None) -> Bools | None:
+    """Lanes that are a fault in one of the arrays; None if there is no such lane."""
+    present = [f for f in faults if f is not None and f.any()]
+    return reduce(op.or_, present) if present else None
+
+
+def _logical(operator: str, left: Lanes, right: Lanes) -> Lanes:
+    """`&`, `|` and `=>`: the right operand is not evaluated where the left one decides."""
+    a, b = left.values, right.values
+    matters = ~a if operator == "|" else a
+    faults = None if right.faults is None else matters & right.faults
+    values = a & b if operator == "&" else a | b if operator == "|" else ~a | b
+    return Lanes(np.asarray(values), _union(left.faults, faults))
+
+
+def _are_integers(*values: Column) -> bool:
     return all(v.dtype.kind == "i" for v in values)
 
 
-def _whole(values: Column) -> Column:
-    """Whole-numbered floats as int64, where all lanes allow it."""
-    values = np.asarray(values)
-    return (
-        values.astype(np.int64)
-        if bool(np.all(np.abs(values) < _LARGE))
-        else np.where(np.abs(values) < _LARGE, values, np.nan)
-    )
+def _extremes(values: Column) -> tuple[int, ...]:
+    return (int(values.min()), int(values.max())) if values.size else ()
 
 
-def _power(base: Column, exponent: Column) -> Column:
-    value = np.asarray(np.power(base.astype(np.float64), exponent.astype(np.float64)))
-    if not _integers(base, exponent):
-        return value
-    value = np.where(exponent < 0, np.nan, value)
-    if bool(np.all(np.abs(value) < _LARGE)):
-        return np.asarray(np.power(base, exponent))
-    return _whole(value)
+def _checked(values: Column) -> Lanes:
+    """Python integers as int64; those beyond 64 bits are faults."""
+    faults = np.asarray((values < INT_MIN) | (values > INT_MAX), np.bool_)
+    return Lanes(np.where(faults, 0, values).astype(np.int64), _union(faults))
 
 
-def _modulo(dividend: Column, divisor: Column) -> Column:
-    if _integers(dividend, divisor) and bool(np.all(divisor > 0)):
-        return np.asarray(np.mod(dividend, divisor))
-    remainder = np.fmod(dividend.astype(np.float64), divisor.astype(np.float64))
-    return _whole(
-        np.where(remainder < 0, remainder + divisor, remainder)
-    )  # no value, NaN, for a divisor of 0
+def _arithmetic(operation: Callable[[Any, Any], Any]) -> Callable[[Column, Column], Lanes]:
+    """`+`, `-` or `*`: the extremes of the operands tell whether an integer result may leave 64 bits."""
+
+    def apply(x: Column, y: Column) -> Lanes:
+        if not _are_integers(x, y):
+            return Lanes(np.asarray(operation(x, y)))
+        corners = [operation(a, b) for a in _extremes(x) for b in _extremes(y)]
+        if all(INT_MIN <= c <= INT_MAX for c in corners):
+            return Lanes(np.asarray(operation(x, y)))
+        return _checked(np.asarray(operation(x.astype(object), y.astype(object)), object))
+
+    return apply
 
 
-def _logarithm(value: Column, base: Column) -> Column:
+_add = _arithmetic(op.add)
+_subtract = _arithmetic(op.sub)
+
+
+def _negative(x: Column) -> Lanes:
+    return _subtract(np.asarray(0), x) if _are_integers(x) else Lanes(np.asarray(-x))
+
+
+def _power(base: Column, exponent: Column) -> Lanes:
+    if not _are_integers(base, exponent):
+        return Lanes(np.asarray(np.power(base.astype(np.float64), exponent.astype(np.float64))))
+    faults = (exponent < 0) | ((exponent > _BITS) & ((base > 1) | (base < -1)))
+    # The powers of -1, 0 and 1 depend on whether the exponent is 0 and whether it is odd.
+    exponent = np.where(faults, 0, np.where(exponent > _BITS, _BITS - 1 + exponent % 2, exponent))
+    largest = max(map(abs, _extremes(base)), default=0)
+    if largest < 2 or largest ** max(_extremes(exponent), default=0) <= INT_MAX:
+        return Lanes(np.asarray(np.power(base, exponent)), faults)
+    values, beyond = _checked(np.asarray(base.astype(object) ** exponent.astype(object), object))
+    return Lanes(values, _union(faults, beyond))
+
+
+def _modulo(dividend: Column, divisor: Column) -> Lanes:
+    zero = divisor == 0
+    remainder = np.fmod(dividend, np.where(zero | (divisor == -1), 1, divisor))
+    values, beyond = _add(remainder, np.where(remainder < 0, divisor, 0))
+    return Lanes(values, _union(zero, beyond))
+
+
+def _logarithm(value: Column, base: Column) -> Lanes:
     x, b = value.astype(np.float64), base.astype(np.float64)
     meaningful = (b > 0) & (b != 1) & (b != np.inf) & (x >= 0)
-    return np.where(meaningful, np.log(x) / np.log(b), np.nan)
+    return Lanes(np.where(meaningful, np.log(x) / np.log(b), np.nan))
 
 
-def _fold(operator: Callable[[Column, Column], Column], *values: Column) -> Column:
-    result = values[0]
-    for value in values[1:]:
-        result = operator(result, value)
-    return result
+def _rounding(function: Callable[[Column], Column]) -> Callable[[Column], Lanes]:
+    def apply(x: Column) -> Lanes:
+        if _are_integers(x):
+            return Lanes(x)
+        values = np.asarray(function(x))
+        faults = ~((values >= float(INT_MIN)) & (values < -float(INT_MIN)))
+        return Lanes(np.where(faults, 0, values).astype(np.int64), faults)
+
+    return apply
 
 
-_BINARY: Mapping[str, Callable[[Column, Column], Column]] = {
-    "+": lambda x, y: np.asarray(x + y),
-    "-": lambda x, y: np.asarray(x - y),
-    "*": lambda x, y: np.asarray(x * y),
-    "/": lambda x, y: np.asarray(np.true_divide(x, y)),
+def _total(operation: Callable[..., Any]) -> Callable[..., Lanes]:
+    """An operation that has a value everywhere; more than two operands are combined from the left."""
+    return lambda *operands: Lanes(np.asarray(reduce(operation, operands)))
+
+
+_BINARY: Mapping[str, Callable[[Column, Column], Lanes]] = {
+    "+": _add,
+    "-": _subtract,
+    "*": _arithmetic(op.mul),
+    "/": _total(np.true_divide),
     "^": _power,
-    "=": lambda x, y: np.asarray(x == y),
-    "!=": lambda x, y: np.asarray(x != y),
-    "<": lambda x, y: np.asarray(x < y),
-    "<=": lambda x, y: np.asarray(x <= y),
-    ">": lambda x, y: np.asarray(x > y),
-    ">=": lambda x, y: np.asarray(x >= y),
-    "&": lambda x, y: np.asarray(x & y),
-    "|": lambda x, y: np.asarray(x | y),
-    "=>": lambda x, y: np.asarray(~x | y),
-    "<=>": lambda x, y: np.asarray(x == y),
+    "=": _total(op.eq),
+    "!=": _total(op.ne),
+    "<": _total(op.lt),
+    "<=": _total(op.le),
+    ">": _total(op.gt),
+    ">=": _total(op.ge),
+    "<=>": _total(op.eq),
 }
 
-_CALLS: Mapping[str, Callable[..., Column]] = {
-    "min": lambda *values: _fold(np.minimum, *values),
-    "max": lambda *values: _fold(np.maximum, *values),
-    "floor": lambda x: x if _integers(x) else _whole(np.floor(x)),
-    "ceil": lambda x: x if _integers(x) else _whole(np.ceil(x)),
-    "round": lambda x: x if _integers(x) else _whole(np.floor(x + 0.5)),
+_CALLS: Mapping[str, Callable[..., Lanes]] = {
+    "min": _total(np.minimum),
+    "max": _total(np.maximum),
+    "floor": _rounding(np.floor),
+    "ceil": _rounding(np.ceil),
+    "round": _rounding(lambda x: np.floor(x + 0.5)),
     "pow": _power,
     "mod": _modulo,
     "log": _logarithm,

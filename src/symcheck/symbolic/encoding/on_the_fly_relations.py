@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import UnsupportedError
-from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.expressions.vectorised import Column, Lanes, evaluate_columns
 from symcheck.symbolic.encoding.enumerate_states import minterms
 from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
 from symcheck.syntax.ast import Expression
@@ -49,6 +49,7 @@ class Learned:
         self.bits = tuple(bit for v in self.variables for bit in v.rows)
         self.others = manager.cube([bit for bit in encoding.rows if bit not in set(self.bits)])
         self.known: Bdd = manager.false
+        self.faults: Bdd = manager.false
         self.evaluated = 0
 
     def extend(self, states: Bdd) -> bool:
@@ -62,15 +63,17 @@ class Learned:
                 f"{len(self.variables)} variables that it reads ({self.expression.span}): use the explicit engine (-ex)"
             )
         rows = minterms(self.manager, unseen, self.bits)
-        values = np.broadcast_to(
-            evaluate_columns(self.expression, columns_of(self.variables, rows)), rows.shape[:1]
+        lanes = evaluate_columns(self.expression, columns_of(self.variables, rows)).spread(
+            rows.shape[:1]
         )
-        self.add(rows, values)
+        if lanes.faults is not None:
+            self.faults = self.faults | self.manager.bdd_from_rows(self.bits, rows[lanes.faults])
+        self.add(rows, lanes)
         self.known = self.known | unseen
         self.evaluated += rows.shape[0]
         return True
 
-    def add(self, rows: NDArray[np.uint8], values: Column) -> None:
+    def add(self, rows: NDArray[np.uint8], lanes: Lanes) -> None:
         """Add the value of the expression on each row (minterms over `bits`, lexicographic)."""
         raise NotImplementedError
 
@@ -88,10 +91,10 @@ class LearnedBoolean(Learned):
         super().__init__(manager, encoding, names, expression)
         self.holds: Bdd = manager.false
 
-    def add(self, rows: NDArray[np.uint8], values: Column) -> None:
+    def add(self, rows: NDArray[np.uint8], lanes: Lanes) -> None:
         """See `Learned.add`."""
         self.holds = self.holds | self.manager.bdd_from_rows(
-            self.bits, rows[values.astype(np.bool_)]
+            self.bits, rows[lanes.values.astype(np.bool_)]
         )
 
 
@@ -109,9 +112,9 @@ class LearnedNumber(Learned):
         self.value: Mtbdd = manager.zero
         self.undefined: Bdd = manager.false
 
-    def add(self, rows: NDArray[np.uint8], values: Column) -> None:
+    def add(self, rows: NDArray[np.uint8], lanes: Lanes) -> None:
         """See `Learned.add`."""
-        numbers = values.astype(np.float64)
+        numbers = lanes.numbers()
         nan = np.isnan(numbers)
         if nan.any():
             self.undefined = self.undefined | self.manager.bdd_from_rows(self.bits, rows[nan])
@@ -136,9 +139,9 @@ class LearnedAssignment(Learned):
         self.relation: Bdd = manager.false
         self.in_range: Bdd = manager.false
 
-    def add(self, rows: NDArray[np.uint8], values: Column) -> None:
+    def add(self, rows: NDArray[np.uint8], lanes: Lanes) -> None:
         """See `Learned.add`."""
-        codes, valid = code_values(self.target, values)
+        codes, valid = code_values(self.target, lanes)
         shifts = np.arange(self.target.width - 1, -1, -1)
         code_bits = (codes[:, None] >> shifts & 1).astype(np.uint8)
         moves = np.concatenate([rows, code_bits], axis=1)[valid]
@@ -162,13 +165,11 @@ def columns_of(variables: Sequence[EncodedVariable], bits: NDArray[np.uint8]) ->
 
 
 def code_values(
-    target: EncodedVariable, values: Column
+    target: EncodedVariable, lanes: Lanes
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Codes of values assigned to `target`, and which values are in its range (the code is 0 where not)."""
-    values = np.asarray(values)
-    if values.dtype.kind == "f":
-        valid = (values >= target.low) & (values <= target.high) & (values == np.floor(values))
-        return np.where(valid, values, target.low).astype(np.int64) - target.low, valid
-    whole = values.astype(np.int64)
+    whole = lanes.values.astype(np.int64)
     valid = (whole >= target.low) & (whole <= target.high)
+    if lanes.faults is not None:
+        valid &= ~lanes.faults
     return np.where(valid, whole - target.low, 0), valid

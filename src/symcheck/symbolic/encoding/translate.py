@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.expressions.types import type_of
+from symcheck.semantics.expressions.vectorised import Lanes, evaluate_columns
 from symcheck.semantics.model import BoundCommand
 from symcheck.symbolic.encoding.expressions import children, contains, leaf_bound, mesh, support
 from symcheck.symbolic.encoding.on_the_fly_relations import (
@@ -69,6 +70,7 @@ class Assigned:
     in_range: Bdd
 
 
+_LARGEST_EXACT_INT = 2.0**53
 _COMPARISONS = {"=", "!=", "<", "<=", ">", ">="}
 
 
@@ -89,7 +91,9 @@ class Translator:
         self._numbers: dict[Expression, Mtbdd] = {}
         self._assignments: dict[tuple[str, Expression], Assigned] = {}
         self._undefined: dict[Expression, Bdd] = {}
+        self._faults: dict[Expression, Bdd] = {}
         self._identities: dict[tuple[int, ...], Bdd] = {}
+        self._types = {v.name: v.variable.type for v in encoding.variables}
         self._supports: dict[Expression, frozenset[str]] = {}
 
     # ------------------------------------------------------------------------------------------------ sizes
@@ -190,6 +194,8 @@ class Translator:
             x, y = self.number(left), self.number(right)
         except TooLarge:
             return self._bdd_table(expression)
+        if not (self._is_exact(left, x) and self._is_exact(right, y)):
+            return self._bdd_table(expression)
         found, undefined = x.compare(operator, y), self.undefined(left) | self.undefined(right)
         return (
             found | undefined if operator == "!=" else found - undefined
@@ -211,8 +217,8 @@ class Translator:
                 return False
 
     def _bdd_table(self, expression: Expression) -> Bdd:
-        variables, values = self._tabulate(expression)
-        return self.manager.bdd_table(_row_bits(variables), values)
+        variables, lanes = self._tabulate(expression)
+        return self.manager.bdd_table(_row_bits(variables), lanes.values)
 
     # ------------------------------------------------------------------------------------------------ numbers
 
@@ -277,10 +283,32 @@ class Translator:
             return self._undefined.get(expression, self.manager.false)
         return self.manager.disjunction([self.undefined(e) for e in children(expression)])
 
+    def faults(self, expression: Expression) -> Bdd:
+        """Where an expression that has been translated has no value, so that the scalar evaluation raises an error."""
+        known = self.learned.get(("", expression))
+        if known is not None:
+            return known.faults
+        if expression in self._faults:
+            return self._faults[expression]
+        if not self._faults and not any(part.faults for part in self.learned.values()):
+            return self.manager.false
+        match expression:
+            case Binary("&" | "|" | "=>" as operator, left, right):
+                matters = self.boolean(left)
+                decisive = self.faults(right) & (~matters if operator == "|" else matters)
+                return self.faults(left) | decisive
+            case Conditional(condition, then, otherwise):
+                chosen = self.boolean(condition)
+                return self.faults(condition) | chosen.ite(
+                    self.faults(then), self.faults(otherwise)
+                )
+            case _:
+                return self.manager.disjunction([self.faults(e) for e in children(expression)])
+
     def probability(self, expression: Expression) -> float | Mtbdd:
         """A probability or rate: a float where it is constant."""
         if not self.support(expression):
-            return float(evaluate_columns(expression, {}))
+            return float(evaluate_columns(expression, {}).numbers())
         return self.learned_number(expression)
 
     def _number(self, expression: Expression) -> Mtbdd:
@@ -290,7 +318,7 @@ class Translator:
             return self.boolean(expression).to_mtbdd()
         match expression:
             case Unary("-", operand):
-                return -self.number(operand)
+                return self._exact_or_table(expression, -self.number(operand))
             case Binary("+" | "-" | "*" as operator, left, right):
                 try:
                     return self._arithmetic(
@@ -316,11 +344,24 @@ class Translator:
             raise TooLarge(
                 f"the diagram of an expression may have {leaves} different values ({expression.span})"
             )
-        return x + y if operator == "+" else x - y if operator == "-" else x * y
+        result = x + y if operator == "+" else x - y if operator == "-" else x * y
+        return self._exact_or_table(expression, result)
+
+    def _exact_or_table(self, expression: Expression, number: Mtbdd) -> Mtbdd:
+        """A composed number, or a table: a double cannot tell large ints apart, nor which are beyond 64 bits."""
+        return number if self._is_exact(expression, number) else self._mtbdd_table(expression)
+
+    def _is_exact(self, expression: Expression, number: Mtbdd) -> bool:
+        """Whether no leaf stands for an int so large that a double may stand for several."""
+        leaves = np.abs(number.leaves)
+        return (
+            not bool(np.any((leaves >= _LARGEST_EXACT_INT) & np.isfinite(leaves)))
+            or type_of(expression, self._types) is Type.DOUBLE
+        )
 
     def _mtbdd_table(self, expression: Expression) -> Mtbdd:
-        variables, values = self._tabulate(expression)
-        numbers = values.astype(np.float64)
+        variables, lanes = self._tabulate(expression)
+        numbers = lanes.numbers()
         if (
             self.width(expression) > self.limits.table
             and len(np.unique(numbers)) > self.limits.leaves
@@ -336,7 +377,7 @@ class Translator:
 
     # ------------------------------------------------------------------------------------------------ tables
 
-    def _tabulate(self, expression: Expression) -> tuple[tuple[EncodedVariable, ...], Column]:
+    def _tabulate(self, expression: Expression) -> tuple[tuple[EncodedVariable, ...], Lanes]:
         """Variables in diagram order and the expression's values, one per code combination, first variable slowest."""
         variables = self.encoding.sorted(self.support(expression))
         width = sum(v.width for v in variables)
@@ -344,9 +385,12 @@ class Translator:
             raise TooLarge(
                 f"an expression reads {width} bits at once, a table may have {self.limits.wide} ({expression.span})"
             )
-        values = evaluate_columns(expression, mesh(variables))
-        shape = tuple(1 << v.width for v in variables)
-        return variables, np.broadcast_to(values, shape).reshape(-1)
+        lanes = evaluate_columns(expression, mesh(variables)).spread(
+            tuple(1 << v.width for v in variables)
+        )
+        if lanes.faults is not None:
+            self._faults[expression] = self.manager.bdd_table(_row_bits(variables), lanes.faults)
+        return variables, lanes
 
     # ------------------------------------------------------------------------------------------------ assignments
 
@@ -386,8 +430,8 @@ class Translator:
             return self._assignment_table(target, expression)
 
     def _assignment_table(self, target: EncodedVariable, expression: Expression) -> Assigned:
-        variables, values = self._tabulate(expression)
-        codes, valid = code_values(target, values)
+        variables, lanes = self._tabulate(expression)
+        codes, valid = code_values(target, lanes)
         rows = _row_bits(variables)
         relation = self.bits_equal(
             target,
@@ -403,17 +447,19 @@ class Translator:
 
     def _assignment_composed(self, target: EncodedVariable, expression: Expression) -> Assigned:
         if target.is_bool:
-            value = self.boolean(expression)
-            return Assigned(
-                self.manager.variable(target.columns[0]).equivalent(value), self.manager.true
-            )
+            relation = self.manager.variable(target.columns[0]).equivalent(self.boolean(expression))
+            in_range = ~self.faults(expression)
+            return Assigned(relation & in_range, in_range)
         number = self.number(expression)
+        if max(abs(target.low), abs(target.high)) >= _LARGEST_EXACT_INT:
+            raise TooLarge(f"{target.name} holds ints of 2^53 or more ({expression.span})")
         next_value = self.manager.table(target.columns, target.column().astype(np.float64))
         relation = number.equal(next_value) & self.next_valid(target)
         in_range = number.compare(">=", float(target.low)) & number.compare(
             "<=", float(target.high)
         )
-        return Assigned(relation, in_range)
+        in_range = in_range - self.faults(expression)
+        return Assigned(relation & in_range, in_range)
 
     def bits_equal(self, target: EncodedVariable, bits: Sequence[Bdd]) -> Bdd:
         """The column bits of `target` equal these functions of the row bits (most significant first)."""

@@ -95,13 +95,14 @@ def _earned(
         i for i in structure.items if i.on_states == on_states and (on_states or i.action == action)
     ]
     parts = []
+    translator = space.symbolic.translator
     for item in items:
-        where = space.where(item.guard) & states
+        where = translator.boolean_on(item.guard, space.states) & states
+        if faults := translator.faults(item.guard) & states:
+            check_finite(space, space.symbolic.manager.zero, faults, on_states)
         if where:
-            value = space.values(item.value, where)
-            check_finite(
-                space, value, where & space.symbolic.translator.undefined(item.value), on_states
-            )
+            value = translator.number_on(item.value, where)
+            check_finite(space, value, where & translator.undefined(item.value), on_states)
             parts.append(value)
     return space.symbolic.manager.sum(parts)
 

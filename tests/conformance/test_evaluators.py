@@ -1,0 +1,163 @@
+"""All evaluators of expressions agree on the whole range of ints, on values and on errors.
+
+The scalar evaluator is the reference. The others are the vectorised evaluator, the compiled register machine, and the
+diagrams (tabulated, composed and learned).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from symcheck.check.options import Options
+
+import symcheck
+from symbolic.oracle import at, bound
+from symcheck.errors import InputError, ModelFault
+from symcheck.explicit.compile import compile_expression
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.vectorised import evaluate_columns
+from symcheck.semantics.model import BoundModel
+from symcheck.symbolic.build import build
+from symcheck.symbolic.encoding.translate import Limits
+from symcheck.symbolic.model import StateSpace
+from symcheck.syntax.ast import Type
+from symcheck.syntax.parse import parse_expression
+
+BOUNDARIES = (
+    *(0, 3, 2**31, 2**32, 3037000499, 2**53, 2**62, 3**39, 2**63 - 2),
+    *(-(2**31), -(2**53), -(2**62), -(2**63) + 2),
+)
+WAYS = {
+    "tabulated": Limits(),
+    "composed": Limits(table=0),
+    "learned": Limits(table=0, wide=0, nodes=0, leaves=0),
+}
+WIDTH = 2
+"""Each variable holds the ints up to so far from a boundary."""
+
+_int = st.deferred(
+    lambda: st.one_of(
+        st.sampled_from(["x", "y", "1", "2", "-1", "7", "9007199254740993", "9223372036854775807"]),
+        st.builds("({} {} {})".format, _int, st.sampled_from("+-*"), _int),
+        st.builds("{}({},{})".format, st.sampled_from(["min", "max", "pow", "mod"]), _int, _int),
+        st.builds("(-{})".format, _int),
+        st.builds("({}={}?{}:{})".format, _int, _int, _int, _int),
+        st.builds("{}({}/2)".format, st.sampled_from(["floor", "ceil", "round"]), _int),
+    )
+)
+_comparison = st.builds(
+    "({} {} {})".format, _int, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), _int
+)
+_bool = st.one_of(
+    _comparison,
+    st.builds(
+        "({} {} {})".format, _comparison, st.sampled_from(["&", "|", "=>", "<=>"]), _comparison
+    ),
+)
+
+
+@cache
+def model_around(x: int, y: int) -> BoundModel:
+    def declaration(name: str, value: int) -> str:
+        return f"{name} : [{value - WIDTH + 1}-1..{min(value + WIDTH, 2**63 - 1)}];"
+
+    return bound(
+        f"dtmc module m {declaration('x', x)} {declaration('y', y)} [] true -> true; endmodule"
+    )
+
+
+def space_of(model: BoundModel, limits: Limits) -> StateSpace:
+    symbolic = build(model, Options(), limits=limits)
+    valid = [symbolic.translator.valid(v) for v in symbolic.encoding.variables]
+    everything = symbolic.manager.conjunction(valid)
+    return StateSpace(symbolic, everything, symbolic.manager.false, 25, "none", 0.0, ())
+
+
+def scalar(expression, state):
+    try:
+        return evaluate(expression, dict(zip("xy", state, strict=True)))
+    except InputError:
+        return None
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(BOUNDARIES), st.sampled_from(BOUNDARIES), st.one_of(_int, _bool))
+@example(3, 3, "pow(5,pow(x,3)) = 7450580596923828125")
+@example(2**53, 2**53, "x = 9007199254740993")
+@example(2**53, 3, "x + y")
+@example(2**62, 2**62, "x + y")
+@example(2**62, -(2**62), "x - y")
+@example(2**63 - 2, 3, "mod(x, y - 4)")
+@example(-(2**63) + 2, 3, "-x")
+@example(-(2**63) + 2, 0, "x * y - 1")
+@example(2**32, 2**31, "x * y")
+@example(2**53, 0, "y = 0 | pow(y, x) = 1")
+@example(2**62, 0, "(y = 0 ? 1 : x * y) > 1")
+def test_evaluators_agree_on_the_whole_range_of_ints(x, y, text):
+    model, expression = model_around(x, y), parse_expression(text)
+    values = [range(int(v.low), int(v.high) + 1) for v in model.variables]
+    states = list(product(*values))
+    expected = [scalar(expression, s) for s in states]
+    columns = {
+        n: np.array(c, np.int64) for n, c in zip("xy", zip(*states, strict=True), strict=True)
+    }
+
+    lanes = evaluate_columns(expression, columns).spread((len(states),))
+    faults = np.zeros(len(states), bool) if lanes.faults is None else lanes.faults
+    assert [
+        None if f else v for f, v in zip(faults, lanes.values.tolist(), strict=True)
+    ] == expected
+
+    code = compile_expression(expression, model)
+    found, valid = code.run_masked(dict(enumerate(columns.values())))
+    found, valid = np.broadcast_to(found, len(states)), np.broadcast_to(valid, len(states))
+    assert [v if ok else None for ok, v in zip(valid, found.tolist(), strict=True)] == expected
+
+    for limits in WAYS.values():
+        space = space_of(model, limits)
+        translator = space.symbolic.translator
+        if code.type is Type.BOOL:
+            diagram = translator.boolean_on(expression, space.states)
+        else:
+            diagram = translator.number_on(expression, space.states)
+        faults = translator.faults(expression)
+        for state, value in zip(states, expected, strict=True):
+            assert at(space, faults, state) == (value is None)
+            if value is not None:
+                assert at(space, diagram, state) == float(value)
+
+
+@pytest.mark.parametrize("engine", ["explicit", "mtbdd", "hybrid", "sparse"])
+def test_engines_agree_on_errors(engine, tmp_path):
+    file = tmp_path / "countdown.pm"
+    file.write_text(
+        "dtmc module m x : [0..3] init 3; [] x>0 -> (x'=x-1); [] x=0 -> true; endmodule"
+    )
+    model = symcheck.load(file, engine=engine)
+    with pytest.raises(InputError, match="beyond 64 bits"):
+        model.check("P=? [ F x*4611686018427387904 = 0 ]")
+    with pytest.raises(InputError, match=r"mod\(1, 0\) has no value"):
+        model.check("P=? [ F mod(1,x) = 1 ]")
+    assert model.check("P=? [ F x=0 | mod(1,x) = 1 ]").value == 1
+    assert model.check("P=? [ F pow(5,pow(x,3)) = 7450580596923828125 ]").value == 1
+
+
+@pytest.mark.parametrize("engine", ["explicit", "mtbdd", "hybrid", "sparse"])
+@pytest.mark.parametrize("part", ["guard", "update", "reward"])
+def test_engines_agree_on_errors_of_models(engine, part, tmp_path):
+    guard, value, reward = (
+        "mod(1, x) = 1" if part == wanted else other
+        for wanted, other in (("guard", "false"), ("update", "true"), ("reward", "x > 0"))
+    )
+    file = tmp_path / "faulty.pm"
+    file.write_text(
+        f"dtmc module m x : [0..3] init 3; b : bool; [] x>0 -> (x'=x-1); [] {guard} -> (b'=true);"
+        f"[] x=0 -> (b'={value}); endmodule rewards {reward} : 1; endrewards"
+    )
+    with pytest.raises(ModelFault, match=r"mod\(1, 0\) has no value"):
+        symcheck.load(file, engine=engine).check("R=? [ F x=0 ]")
