@@ -63,7 +63,7 @@ def grid(m: int, leak: float, probability: bool = True) -> LinearProblem:
         np.where(r < m - 1, s + m, s),
     ]
     indices = np.stack(near, 1).astype(np.int32).ravel()
-    arrays = sparse.merge(
+    arrays = sparse.merge_columns(
         np.arange(n + 1, dtype=np.int64) * 4,
         indices,
         np.full(4 * n, (1 - leak) / 4),

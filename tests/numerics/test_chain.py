@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from symcheck.kernels.chains.uniformization import nearest_first
+from symcheck.kernels.graph.components import breadth_first_order
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.uniformized_chain import Chain, Visits, uniformise
@@ -69,16 +69,20 @@ def test_bounds_close_in_on_a_chain_that_decays():
     assert off <= 1e-9 * weights.powers(60, ratio) * y[0]
 
 
-def test_nearest_first_lists_all_states_by_distance() -> None:
+def test_breadth_first_order_lists_all_states_by_distance() -> None:
     """0 -> 1 -> 2, and 3 that nobody reaches."""
     indptr, indices = np.array([0, 1, 2, 2, 3], dtype=np.int64), np.array([1, 2, 0], dtype=np.int32)
-    assert nearest_first(indptr, indices, np.array([1, 0, 0, 0], dtype=np.uint8)).tolist() == [
+    assert breadth_first_order(
+        indptr, indices, np.array([1, 0, 0, 0], dtype=np.uint8)
+    ).tolist() == [
         0,
         1,
         2,
         3,
     ]
-    assert nearest_first(indptr, indices, np.array([0, 0, 1, 0], dtype=np.uint8)).tolist() == [
+    assert breadth_first_order(
+        indptr, indices, np.array([0, 0, 1, 0], dtype=np.uint8)
+    ).tolist() == [
         2,
         0,
         1,

@@ -258,7 +258,7 @@ class Exploration:
         actions = np.empty(found.closed, np.int32)
         having = [any(not i.on_states for i in r.items) for r in self.model.rewards]
         rewards = [np.empty(found.closed) if h else np.zeros(found.closed) for h in having]
-        found.finish(
+        found.build(
             order,
             rank,
             indptr,

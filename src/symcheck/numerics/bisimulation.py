@@ -154,6 +154,6 @@ def _quotient(matrix: SparseMatrix, edges: Incidence, block: Int32s, rounds: int
     kept = sparse.select(
         matrix.indptr, matrix.indices, matrix.data, rows, np.arange(matrix.columns, dtype=np.int32)
     )
-    merged = sparse.merge(*kept, block, len(first))
+    merged = sparse.merge_columns(*kept, block, len(first))
     groups = None if matrix.groups is None else starts_of(np.diff(matrix.groups)[first])
     return Lumping(block, first, SparseMatrix(*merged, len(first), groups), rows, rounds)

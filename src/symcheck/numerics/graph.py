@@ -169,7 +169,7 @@ def bsccs(source: Source, within: Bools | None = None) -> list[Int32s]:
     """Components that nothing leaves, as arrays of states in ascending order. An edge out of `within` counts as leaving."""
     graph = _incidence(source)
     parts = sccs(graph, within)
-    closed = kernel.bottom(graph.edges, graph.matrix.indices, parts.of, parts.count)
+    closed = kernel.bottom_components(graph.edges, graph.matrix.indices, parts.of, parts.count)
     return [np.sort(parts.members(c)) for c in np.flatnonzero(closed).tolist()]
 
 
@@ -177,16 +177,16 @@ def forward_reachable(source: Source, sources: Bools, through: Bools | None = No
     """States reachable from `sources`, passing only through states of `through` (default: all)."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
-    return kernel.forward(graph.edges, graph.matrix.indices, _mask(sources), _mask(through)).view(
-        np.bool_
-    )
+    return kernel.forward_reachable(
+        graph.edges, graph.matrix.indices, _mask(sources), _mask(through)
+    ).view(np.bool_)
 
 
 def backward_reachable(source: Source, target: Bools, through: Bools | None = None) -> Bools:
     """States from which some path (of some strategy) leads into `target`, through states of `through`; with `target` itself."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
-    return kernel.backward(
+    return kernel.backward_reachable(
         graph.pre, graph.rows_in, graph.owner, _mask(target), _mask(through)
     ).view(np.bool_)
 
@@ -238,7 +238,7 @@ def prob1e_strategy(source: Source, left: Bools, right: Bools) -> tuple[Bools, I
     """`prob1e`, and a row per state that stays within the set and moves nearer to `right` (-1 at `right` and outside)."""
     graph = _incidence(source)
     matrix = graph.matrix
-    alive, rows = mdp_graph.almost_sure(
+    alive, rows = mdp_graph.almost_sure_reachability(
         matrix.indptr,
         matrix.indices,
         graph.groups,
@@ -261,7 +261,7 @@ def maximal_end_components(
     graph = _incidence(source)
     matrix = graph.matrix
     usable = None if rows is None else _mask(rows)
-    of, enabled, count = mdp_graph.end_components(
+    of, enabled, count = mdp_graph.maximal_end_components(
         matrix.indptr,
         matrix.indices,
         graph.groups,
@@ -298,7 +298,7 @@ def shortest_path(
     """States of a shortest path from `sources` into `target` through states of `through`; None if there is none."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
-    path = kernel.shortest(
+    path = kernel.shortest_path(
         graph.edges, graph.matrix.indices, _mask(sources), _mask(through), _mask(target)
     )
     return path if len(path) else None

@@ -14,7 +14,7 @@ from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.base import Enumerated
 from symcheck.engines.explicit.graph import ExplicitGraph
 from symcheck.kernels.rows.sparse import multiply
-from symcheck.kernels.rows.submatrix import groups_among, select_states, sum_among, take_rows
+from symcheck.kernels.rows.submatrix import select_groups, select_states, sum_columns, take_rows
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Type
@@ -169,7 +169,7 @@ class ExplicitSystem:
     def groups(self) -> Int64s | None:
         """Which of the rows belong to which state; None where each has one."""
         groups = self.engine.matrix.groups
-        return groups if groups is None or self._whole else groups_among(groups, self._mask)
+        return groups if groups is None or self._whole else select_groups(groups, self._mask)
 
     @cached_property
     def matrix(self) -> SparseMatrix:
@@ -210,7 +210,7 @@ class ExplicitSystem:
 
     def _sums(self, columns: Bools, values: Floats | None) -> Floats:
         whole = self.engine.matrix
-        return sum_among(
+        return sum_columns(
             whole.indptr,
             whole.indices,
             whole.data,

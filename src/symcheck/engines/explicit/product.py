@@ -15,7 +15,7 @@ from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.graph import Owner
 from symcheck.errors import MemoryLimitError
 from symcheck.explicit.states import StateTable
-from symcheck.kernels.graph import product as pairs
+from symcheck.kernels.graph import product as kernel
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
@@ -123,13 +123,11 @@ class ExplicitProduct:
         if not edges:
             return ArraySet(np.zeros(len(self.pairs.state), bool))
         width = int(self.letter.max(initial=0)) + 1
-        wanted = np.zeros((int(self.pairs.automaton.max(initial=0)) + 1, width), np.uint8)
+        requested = np.zeros((int(self.pairs.automaton.max(initial=0)) + 1, width), bool)
         for q, letter in edges:
-            if q < len(wanted) and letter < width:
-                wanted[q, letter] = 1
-        members = np.empty(len(self.pairs.state), np.uint8)
-        pairs.matching(self.pairs.state, self.pairs.automaton, self.letter, wanted, members)
-        return ArraySet(members.view(np.bool_))
+            if q < len(requested) and letter < width:
+                requested[q, letter] = True
+        return ArraySet(requested[self.pairs.automaton, self.letter[self.pairs.state]])
 
     def project(self, values: ArrayValues) -> ArrayValues:
         """For each base state, the value at its pair with the automaton's initial state."""
@@ -177,7 +175,7 @@ def product(
         np.empty(count, np.int32),
         np.empty(len(found), np.int32),
     )
-    pairs.split(found.view(np.uint8), size, state, second, number)
+    kernel.number_pairs(found.view(np.uint8), size, state, second, number)
     del found
     matrix, rows = pair_matrix(base.matrix, table[second, letter[state]], state, number, size)
     model = ProductModel(base, state, second, matrix, rows, automaton.initial)
@@ -195,7 +193,7 @@ def reachable_pairs(
 ) -> NDArray[np.bool_]:
     """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for some s."""
     found = np.zeros(matrix.states * table.shape[0], np.uint8)
-    pairs.reach(
+    kernel.mark_reachable(
         _entries(matrix), matrix.indices, np.ascontiguousarray(table), letter, initial, found
     )
     return found.view(np.bool_)
@@ -214,7 +212,7 @@ def pair_matrix(
         after = np.repeat(following, per_state)
     indptr = starts_of(np.diff(matrix.indptr)[rows])
     indices, data = np.empty(int(indptr[-1]), np.int32), np.empty(int(indptr[-1]))
-    pairs.rows(
+    kernel.product_rows(
         matrix.indptr, matrix.indices, matrix.data, rows, after, number, size, indptr, indices, data
     )
     return SparseMatrix(indptr, indices, data, len(state), groups), rows

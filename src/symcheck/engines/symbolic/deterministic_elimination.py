@@ -150,7 +150,7 @@ def shorter(
         earned = np.empty(len(indptr) - 1)
         sparse.multiply(indptr, indices, data, ways.along, earned)
         _add_step(d, kept, layout, reward, earned)
-    entries = kernel.merge(indptr, indices, data, ways.place, kept.count + 2)
+    entries = sparse.merge_columns_in_place(indptr, indices, data, ways.place, kept.count + 2)
     groups = np.arange(len(indptr), dtype=np.int64) if layout is None else layout.groups
     padded = np.append(groups, [groups[-1], groups[-1]])
     return Shorter(
@@ -191,7 +191,7 @@ def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: int | None) -
             for f, guard in zip(_step_rewards(d, reward), d.slot_guards, strict=True)
         ]
         along = d.odd.to_vector(d.manager.sum(steps))
-    kernel.follow(place, n + 1, along)
+    kernel.resolve_representatives(place, n + 1, along)
     return Ways(d, place, along)
 
 
@@ -313,7 +313,7 @@ def _among(
     n = int(np.count_nonzero(open_))
     place = np.full(m.columns, -1, np.int32)
     place[open_] = np.arange(n, dtype=np.int32)
-    groups, into, leave, entries = kernel.unknowns(
+    groups, into, leave, entries = kernel.restrict_in_place(
         m.indptr, m.indices, m.data, m.groups, member.view(np.uint8), place, n
     )
     rows = m.indptr[: len(into) + 1], m.indices[:entries], m.data[:entries]

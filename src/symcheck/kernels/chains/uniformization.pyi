@@ -1,6 +1,3 @@
-import numpy as np
-from numpy.typing import NDArray
-
 from symcheck.kernels.arrays import Floats, Int32s, Int64s
 
 def steps(
@@ -14,4 +11,3 @@ def steps(
     weights: Floats,
     floor: float,
 ) -> tuple[bool, float, float, float]: ...
-def nearest_first(indptr: Int64s, indices: Int32s, sources: NDArray[np.uint8]) -> Int32s: ...

@@ -1,19 +1,20 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Products of a uniformised chain, with what a stopping test needs gathered on the way."""
 
-import numpy as np
-
 from libc.math cimport INFINITY
-from libc.stdint cimport int32_t, int64_t, uint8_t
+from libc.stdint cimport int32_t, int64_t
 
 
-def steps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, const double[::1] diagonal,
-          double[::1] y, double[::1] z, double[::1] total, const double[::1] weights, double floor):
-    """For each weight w: total += w y, then y <- P y, with P given by off-diagonal rows and a diagonal. y and z swap roles.
+def steps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+          const double[::1] diagonal, double[::1] y, double[::1] z, double[::1] total,
+          const double[::1] weights, double floor):
+    """For each weight w: total += w y, then y <- P y, with P given by off-diagonal rows and a
+    diagonal. y and z swap roles.
 
-    Returns (result in y?, least ratio, greatest ratio, greatest entry) of the last step. The result is in y if the number of
-    weights is even, else in z. The ratios are of (P y)_i to y_i; with a floor f they are of (P y)_i - f to y_i, where y_i > f,
-    and of (P y)_i + f to y_i + f: bounds for y without its entries below f, and for y + f, if P does not enlarge constants.
+    Returns (result in y?, least ratio, greatest ratio, greatest entry) of the last step. The result
+    is in y if the number of weights is even, else in z. The ratios are of (P y)_i to y_i; with a
+    floor f they are of (P y)_i - f to y_i, where y_i > f, and of (P y)_i + f to y_i + f: bounds for
+    y without its entries below f, and for y + f, if P does not enlarge constants.
     """
     cdef int64_t n = y.shape[0], i, k, t, count = weights.shape[0]
     cdef double w, s, least = 1.0, greatest = 1.0, most = 0.0, r
@@ -59,31 +60,3 @@ def steps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::
             a = b
             b = c
     return count % 2 == 0, least, greatest, most
-
-
-def nearest_first(const int64_t[::1] indptr, const int32_t[::1] indices, const uint8_t[::1] sources):
-    """All states, those with fewest edges from a source on first; the ones that no source reaches come last. int32[n]."""
-    cdef int64_t n = indptr.shape[0] - 1, head = 0, tail = 0, i, k
-    out = np.empty(n, dtype=np.int32)
-    seen = np.zeros(n, dtype=np.uint8)
-    cdef int32_t[::1] queue = out
-    cdef uint8_t[::1] known = seen
-    with nogil:
-        for i in range(n):
-            if sources[i]:
-                known[i] = 1
-                queue[tail] = <int32_t>i
-                tail += 1
-        while head < tail:
-            i = queue[head]
-            head += 1
-            for k in range(indptr[i], indptr[i + 1]):
-                if not known[indices[k]]:
-                    known[indices[k]] = 1
-                    queue[tail] = indices[k]
-                    tail += 1
-        for i in range(n):
-            if not known[i]:
-                queue[tail] = <int32_t>i
-                tail += 1
-    return out

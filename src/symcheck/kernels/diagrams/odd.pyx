@@ -1,24 +1,28 @@
-# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Offset-labelled decision diagrams (ODDs) over plain arrays: which number has a member of a set, and back.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Offset-labelled decision diagrams (ODDs) over plain arrays: which number has a member of a set,
+and back.
 
-An ODD is the BDD of a set over an ordered list of k levels, with one node per level on each path (a level that the
-BDD skips gets a node with both branches alike) and the number of members below each node. Members are numbered in
-lexicographic order of their bits. Four arrays hold it, children before parents:
+An ODD is the BDD of a set over an ordered list of k levels, with one node per level on each path (a
+level that the BDD skips gets a node with both branches alike) and the number of members below each
+node. Members are numbered in lexicographic order of their bits. Four arrays hold it, children
+before parents:
     depth[M]   which of the k levels (k at the two leaves)
     low, high  the branches; node 0 is the empty set, node 1 the leaf of a member
     count[M]   members below
 
-A diagram (BDD or MTBDD) comes as a node table: level[N], low[N], high[N] and value[leaves]; the nodes below `leaves` are
-the leaves, with their values (a BDD has two, of values 0 and 1). `symcheck.kernels.diagrams.vectors` goes between them and arrays.
+A diagram (BDD or MTBDD) comes as a node table: level[N], low[N], high[N] and value[leaves]; the
+nodes below `leaves` are the leaves, with their values (a BDD has two, of values 0 and 1).
+`symcheck.kernels.diagrams.vectors` goes between them and arrays.
 
-Every expansion to an array runs in O(nodes + length): the first placement of a node in the output is remembered, and
-later placements are block copies of it.
+Every expansion to an array runs in O(nodes + length): the first placement of a node in the output
+is remembered, and later placements are block copies of it.
 """
 from libc.stdint cimport INT64_MAX, int32_t, int64_t, uint32_t, uint64_t, uint8_t
 from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcpy, memset
 
-from symcheck.kernels.tables.memo_table cimport Memo, Slot, memo_close, memo_find, memo_free, memo_insert, memo_open
+from symcheck.kernels.tables.memo_table cimport (MemoTable, MemoEntry, memo_close, memo_find,
+                                                 memo_is_empty, memo_insert, memo_open)
 
 import numpy as np
 
@@ -33,14 +37,15 @@ cdef object fault(int64_t status):
         return ValueError("the diagram depends on a variable that is not among the levels")
     return ValueError("the set is not a subset of the other")
 
-# ---------------------------------------------------------------------------------------------- building
+# ----------------------------------------------------------------------------------------------
+# building
 
 cdef struct Growing:
     Table table
     const int32_t* levels
     int32_t k
-    Memo memo            # (diagram node, depth) -> ODD node
-    Memo unique          # (low, high), depth -> ODD node
+    MemoTable memo            # (diagram node, depth) -> ODD node
+    MemoTable unique          # (low, high), depth -> ODD node
     int32_t* depth
     int32_t* low
     int32_t* high
@@ -49,7 +54,8 @@ cdef struct Growing:
     int64_t room
 
 
-cdef int64_t _append(Growing* g, int32_t depth, int32_t low, int32_t high, int64_t count) noexcept nogil:
+cdef int64_t _append(Growing* g, int32_t depth, int32_t low, int32_t high,
+                     int64_t count) noexcept nogil:
     cdef int64_t room
     if g.used == g.room:
         room = 2 * g.room
@@ -75,7 +81,7 @@ cdef int64_t _grow(Growing* g, int32_t node, int32_t depth) noexcept nogil:
     cdef int32_t level
     cdef int64_t low, high, result
     cdef uint64_t key
-    cdef Slot* slot
+    cdef MemoEntry* entry
     if node < g.table.leaves:
         if g.table.value[node] == 0:
             return 0
@@ -84,9 +90,9 @@ cdef int64_t _grow(Growing* g, int32_t node, int32_t depth) noexcept nogil:
     elif depth == g.k:
         return FOREIGN_LEVEL
     key = (<uint64_t><uint32_t>node << 32) | <uint32_t>depth
-    slot = memo_find(&g.memo, key, 0)
-    if not memo_free(slot):
-        return slot.node
+    entry = memo_find(&g.memo, key, 0)
+    if not memo_is_empty(entry):
+        return entry.node
     level = g.levels[depth]
     if node >= g.table.leaves and g.table.level[node] < level:
         return FOREIGN_LEVEL
@@ -103,30 +109,30 @@ cdef int64_t _grow(Growing* g, int32_t node, int32_t depth) noexcept nogil:
     if low or high:
         if g.count[low] > INT64_MAX - g.count[high]:
             return OVERFLOW
-        slot = memo_find(&g.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
-        if not memo_free(slot):
-            result = slot.node
+        entry = memo_find(&g.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
+        if not memo_is_empty(entry):
+            result = entry.node
         else:
             result = _append(g, depth, <int32_t>low, <int32_t>high, g.count[low] + g.count[high])
             if result < 0:
                 return result
-            slot = memo_insert(&g.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
-            if slot == NULL:
+            entry = memo_insert(&g.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
+            if entry == NULL:
                 return OUT_OF_MEMORY
-            slot.node = <int32_t>result
-    slot = memo_insert(&g.memo, key, 0)
-    if slot == NULL:
+            entry.node = <int32_t>result
+    entry = memo_insert(&g.memo, key, 0)
+    if entry == NULL:
         return OUT_OF_MEMORY
-    slot.node = <int32_t>result
+    entry.node = <int32_t>result
     return result
 
 
-def build(const int32_t[::1] level, const int32_t[::1] low, const int32_t[::1] high, const double[::1] value, int root,
-          const int32_t[::1] levels):
+def build(const int32_t[::1] level, const int32_t[::1] low, const int32_t[::1] high,
+          const double[::1] value, int root, const int32_t[::1] levels):
     """(depth, low, high, count, root) of the ODD of the set of points where the diagram is not 0.
 
-    levels: int32[k], increasing. Raises OverflowError for 2**63 members or more, ValueError where the diagram reads a
-    level that is not among `levels`.
+    levels: int32[k], increasing. Raises OverflowError for 2**63 members or more, ValueError where
+    the diagram reads a level that is not among `levels`.
     """
     cdef Growing g
     cdef int64_t result = OUT_OF_MEMORY
@@ -151,7 +157,8 @@ def build(const int32_t[::1] level, const int32_t[::1] low, const int32_t[::1] h
             result = _grow(&g, root, 0)
         if result < 0:
             raise fault(result)
-        return (ints(g.depth, g.used), ints(g.low, g.used), ints(g.high, g.used), longs(g.count, g.used), int(result))
+        return (ints(g.depth, g.used), ints(g.low, g.used), ints(g.high, g.used),
+                longs(g.count, g.used), int(result))
     finally:
         memo_close(&g.memo)
         memo_close(&g.unique)
@@ -177,10 +184,12 @@ cdef object longs(int64_t* data, int64_t n):
     return result
 
 
-cdef Odd odd_of(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count):
+cdef Odd odd_of(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
+                const int64_t[::1] count):
     return Odd(&depth[0], &low[0], &high[0], &count[0])
 
-# ---------------------------------------------------------------------------------------------- members as numbers
+# ----------------------------------------------------------------------------------------------
+# members as numbers
 
 cdef struct Emission:
     Odd odd
@@ -224,11 +233,14 @@ cdef void _emit(Emission* e, int32_t node, int64_t at, int64_t prefix) noexcept 
     _emit(e, e.odd.high[node], at + n, prefix + e.weights[depth])
 
 
-def emit(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count, int root,
-         const int64_t[::1] weights, int64_t offset, int64_t[::1] out):
-    """out[i] = offset + sum of weights[d] over the levels d at which bit d of member i is 1 (wrapping at 2**64).
+def emit(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
+         const int64_t[::1] count, int root, const int64_t[::1] weights, int64_t offset,
+         int64_t[::1] out):
+    """out[i] = offset + sum of weights[d] over the levels d at which bit d of member i is 1
+    (wrapping at 2**64).
 
-    Powers of two as weights give packed bits or the value of an integer variable. out: int64[count[root]].
+    Powers of two as weights give packed bits or the value of an integer variable. out:
+    int64[count[root]].
     """
     cdef Emission e
     cdef int32_t d
@@ -259,8 +271,8 @@ def emit(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] hi
     free(e.base)
 
 
-def rank(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count, int root,
-         const uint8_t[:, ::1] bits, int64_t[::1] out):
+def rank(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
+         const int64_t[::1] count, int root, const uint8_t[:, ::1] bits, int64_t[::1] out):
     """out[i] = number of the member with bits[i, :] (uint8[m, k]), or -1 where it is no member."""
     cdef int64_t i, at, m = bits.shape[0]
     cdef int32_t node, k = <int32_t>bits.shape[1], d
@@ -279,9 +291,11 @@ def rank(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] hi
             out[i] = at if node else -1
 
 
-def unrank(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count, int root,
-           const int64_t[::1] indices, uint8_t[:, ::1] bits):
-    """bits[i, :] = the bits (uint8[m, k]) of member number indices[i]. Raises IndexError for a number out of range."""
+def unrank(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
+           const int64_t[::1] count, int root, const int64_t[::1] indices, uint8_t[:, ::1] bits):
+    """bits[i, :] = the bits (uint8[m, k]) of member number indices[i]. Raises IndexError for a
+    number out of range.
+    """
     cdef int64_t i, at, m = indices.shape[0]
     cdef int32_t node, k = <int32_t>bits.shape[1], d
     for i in range(m):
@@ -300,12 +314,13 @@ def unrank(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] 
                     bits[i, d] = 0
                     node = low[node]
 
-# ---------------------------------------------------------------------------------------------- subset numbers in a superset
+# ----------------------------------------------------------------------------------------------
+# subset numbers in a superset
 
 cdef struct Embedding:
     Odd sub
     Odd sup
-    Memo memo             # (sub node, sup node) -> first placement, base
+    MemoTable memo             # (sub node, sup node) -> first placement, base
     int64_t* out
 
 
@@ -313,7 +328,7 @@ cdef int _embed(Embedding* e, int32_t node, int32_t other, int64_t at, int64_t b
     cdef int64_t i, n, delta
     cdef int64_t* out
     cdef const int64_t* source
-    cdef Slot* slot
+    cdef MemoEntry* entry
     cdef uint64_t key
     cdef int status
     out = e.out + at
@@ -321,7 +336,8 @@ cdef int _embed(Embedding* e, int32_t node, int32_t other, int64_t at, int64_t b
     while True:
         if other == 0:
             return NOT_A_SUBSET
-        if n == e.sup.count[other]:      # the same set, if it is a subset at all: then checked by its equal count
+        # the same set, if it is a subset at all: then checked by its equal count
+        if n == e.sup.count[other]:
             for i in range(n):
                 out[i] = base + i
             return 0
@@ -335,31 +351,34 @@ cdef int _embed(Embedding* e, int32_t node, int32_t other, int64_t at, int64_t b
         else:
             break
     key = (<uint64_t><uint32_t>node << 32) | <uint32_t>other
-    slot = memo_find(&e.memo, key, 0)
-    if not memo_free(slot):
-        source = e.out + slot.a
-        delta = base - slot.b
+    entry = memo_find(&e.memo, key, 0)
+    if not memo_is_empty(entry):
+        source = e.out + entry.first
+        delta = base - entry.second
         for i in range(n):
             out[i] = source[i] + delta
         return 0
-    slot = memo_insert(&e.memo, key, 0)
-    if slot == NULL:
+    entry = memo_insert(&e.memo, key, 0)
+    if entry == NULL:
         return OUT_OF_MEMORY
-    slot.a = at
-    slot.b = base
+    entry.first = at
+    entry.second = base
     status = _embed(e, e.sub.low[node], e.sup.low[other], at, base)
     if status < 0:
         return status
-    return _embed(e, e.sub.high[node], e.sup.high[other], at + e.sub.count[e.sub.low[node]], base + e.sup.count[e.sup.low[other]])
+    return _embed(e, e.sub.high[node], e.sup.high[other], at + e.sub.count[e.sub.low[node]],
+                  base + e.sup.count[e.sup.low[other]])
 
 
 def embed(sub, sup, int64_t[::1] out):
-    """out[i] = number in `sup` of member i of `sub`. Both are (depth, low, high, count, root) over the same levels.
+    """out[i] = number in `sup` of member i of `sub`. Both are (depth, low, high, count, root) over
+    the same levels.
 
     `sub` must be a subset of `sup`; ValueError where the walk meets a member that is missing.
     """
     cdef Embedding e
-    cdef const int32_t[::1] depth = sub[0], low = sub[1], high = sub[2], depth2 = sup[0], low2 = sup[1], high2 = sup[2]
+    cdef const int32_t[::1] depth = sub[0], low = sub[1], high = sub[2], depth2 = sup[0]
+    cdef const int32_t[::1] low2 = sup[1], high2 = sup[2]
     cdef const int64_t[::1] count = sub[3], count2 = sup[3]
     cdef int32_t root = sub[4], root2 = sup[4]
     cdef int status

@@ -2,7 +2,7 @@
 """Declarations that the cutting of the DAG shares with its making."""
 from libc.stdint cimport int32_t, int64_t, uint32_t
 
-from symcheck.kernels.tables.memo_table cimport Memo
+from symcheck.kernels.tables.memo_table cimport MemoTable
 
 cdef struct Edge:
     int32_t node          # 0: no entries
@@ -10,10 +10,12 @@ cdef struct Edge:
     uint32_t col
 
 cdef struct Node:
-    Edge edges[4]         # in an order that gives each row its columns in ascending order; a run has none
+    # in an order that gives each row its columns in ascending order; a run has none
+    Edge edges[4]
     int64_t entries
     int64_t runs          # runs below, counted with repetition: the size when flattened
-    uint32_t rows         # extent: 1 + the last row, 1 + the last column; the first row and column are 0
+    # extent: 1 + the last row, 1 + the last column; the first row and column are 0
+    uint32_t rows
     uint32_t cols
     int32_t value         # of a run; -1 otherwise
 
@@ -34,7 +36,7 @@ cdef struct Walk:
     int32_t k
     Odd row
     Odd col
-    Memo memo             # triple -> node, place
+    MemoTable memo             # triple -> node, place
     Node* nodes
     int64_t used
     int64_t room

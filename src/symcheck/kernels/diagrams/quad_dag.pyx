@@ -1,17 +1,20 @@
-# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The quad-DAG: the distinct sub-matrices of a matrix diagram.
 
-A matrix is an MTBDD over interleaved row and column bits (row bit i above column bit i above row bit i+1); its rows are
-the members of a row ODD, its columns those of a column ODD (see `odd.pyx`), over the same number k of bits. The triple
-(diagram node, row node, column node) determines a sub-matrix. Triples are walked once each; sub-matrices are stored once
-each: a node is either a *run* (a constant along `length` diagonal cells) or up to four edges (node, row, column), and
-two sub-matrices that differ only by where they stand are one node. `symcheck.kernels.blocks.block_matrix` cuts it into blocks.
+A matrix is an MTBDD over interleaved row and column bits (row bit i above column bit i above row
+bit i+1); its rows are the members of a row ODD, its columns those of a column ODD (see `odd.pyx`),
+over the same number k of bits. The triple (diagram node, row node, column node) determines a
+sub-matrix. Triples are walked once each; sub-matrices are stored once each: a node is either a
+*run* (a constant along `length` diagonal cells) or up to four edges (node, row, column), and two
+sub-matrices that differ only by where they stand are one node.
+`symcheck.kernels.blocks.block_matrix` cuts it into blocks.
 """
 from libc.stdint cimport INT64_MAX, int32_t, int64_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcmp, memset
 
-from symcheck.kernels.tables.memo_table cimport Slot, memo_close, memo_find, memo_free, memo_insert, memo_open
+from symcheck.kernels.tables.memo_table cimport (MemoEntry, memo_close, memo_find, memo_is_empty,
+                                                 memo_insert, memo_open)
 
 import numpy as np
 
@@ -24,7 +27,8 @@ cdef enum:
 
 
 cdef uint64_t _content_hash(const Node* node) noexcept nogil:
-    cdef uint64_t h = <uint64_t>(node.value + 1) * <uint64_t>0x9E3779B97F4A7C15 + <uint64_t>node.rows
+    cdef uint64_t h = <uint64_t>(node.value
+                                 + 1) * <uint64_t>0x9E3779B97F4A7C15 + <uint64_t>node.rows
     cdef int i
     for i in range(4):
         h ^= (<uint64_t><uint32_t>node.edges[i].node << 32) ^ <uint64_t>node.edges[i].row ^ (<uint64_t>node.edges[i].col << 17)
@@ -34,7 +38,8 @@ cdef uint64_t _content_hash(const Node* node) noexcept nogil:
 
 
 cdef bint _same(const Node* a, const Node* b) noexcept nogil:
-    return a.value == b.value and a.rows == b.rows and memcmp(a.edges, b.edges, sizeof(a.edges)) == 0
+    return (a.value == b.value and a.rows == b.rows
+            and memcmp(a.edges, b.edges, sizeof(a.edges)) == 0)
 
 
 cdef int _grow_unique(Walk* w) noexcept nogil:
@@ -89,7 +94,9 @@ cdef int64_t _run(Walk* w, int64_t length, int32_t value) noexcept nogil:
 
 
 cdef int _merge_runs(Walk* w, Edge* edges, int32_t* quadrants, int n) noexcept nogil:
-    """Join runs that continue each other along the diagonal. Returns how many edges are left, or a negative status."""
+    """Join runs that continue each other along the diagonal. Returns how many edges are left, or a
+    negative status.
+    """
     cdef int i, j, last
     cdef Node* a
     cdef Node* b
@@ -100,8 +107,9 @@ cdef int _merge_runs(Walk* w, Edge* edges, int32_t* quadrants, int n) noexcept n
         while j < n:
             a = &w.nodes[edges[i].node]
             b = &w.nodes[edges[j].node]
-            if (i != j and a.value >= 0 and a.value == b.value and edges[j].row == edges[i].row + a.rows
-                    and edges[j].col == edges[i].col + a.rows):
+            if (i != j and a.value >= 0 and a.value == b.value
+                    and edges[j].row == edges[i].row + a.rows
+                and edges[j].col == edges[i].col + a.rows):
                 joined = _run(w, <int64_t>a.rows + b.rows, a.value)
                 if joined < 0:
                     return <int>joined
@@ -121,7 +129,9 @@ cdef int _merge_runs(Walk* w, Edge* edges, int32_t* quadrants, int n) noexcept n
 
 
 cdef bint _precedes(int32_t a, int32_t b) noexcept nogil:
-    """Must an edge that covers the quadrants `a` come before one with `b`? (bits 1, 2, 4, 8: 00, 01, 10, 11)"""
+    """Must an edge that covers the quadrants `a` come before one with `b`? (bits 1, 2, 4, 8: 00,
+    01, 10, 11)
+    """
     return (a & 1 and b & 2) or (a & 4 and b & 8)
 
 
@@ -202,7 +212,7 @@ cdef int _walk(Walk* w, int32_t m, int32_t r, int32_t c, Edge* out) noexcept nog
     cdef int64_t number
     cdef Edge edges[4]
     cdef int32_t quadrants[4]
-    cdef Slot* slot
+    cdef MemoEntry* entry
     cdef uint64_t key
     while True:
         if r == 0 or c == 0 or _zero(w, m):
@@ -238,11 +248,11 @@ cdef int _walk(Walk* w, int32_t m, int32_t r, int32_t c, Edge* out) noexcept nog
         else:
             break
     key = (<uint64_t><uint32_t>m << 32) | <uint32_t>r
-    slot = memo_find(&w.memo, key, <uint32_t>c)
-    if not memo_free(slot):
-        out.node = slot.node
-        out.row = <uint32_t>(<uint64_t>slot.a >> 32)
-        out.col = <uint32_t>slot.a
+    entry = memo_find(&w.memo, key, <uint32_t>c)
+    if not memo_is_empty(entry):
+        out.node = entry.node
+        out.row = <uint32_t>(<uint64_t>entry.first >> 32)
+        out.col = <uint32_t>entry.first
         return 0
     for a in range(2):
         ra = w.row.high[r] if a else w.row.low[r]
@@ -267,11 +277,11 @@ cdef int _walk(Walk* w, int32_t m, int32_t r, int32_t c, Edge* out) noexcept nog
     status = _combine(w, edges, quadrants, n, out)
     if status < 0:
         return status
-    slot = memo_insert(&w.memo, key, <uint32_t>c)
-    if slot == NULL:
+    entry = memo_insert(&w.memo, key, <uint32_t>c)
+    if entry == NULL:
         return OUT_OF_MEMORY
-    slot.node = out.node
-    slot.a = <int64_t>((<uint64_t>out.row << 32) | <uint64_t>out.col)
+    entry.node = out.node
+    entry.first = <int64_t>((<uint64_t>out.row << 32) | <uint64_t>out.col)
     return 0
 
 
@@ -292,13 +302,17 @@ cdef class Quad:
         free(self.roots)
 
     def __init__(self, const int32_t[::1] level, const int32_t[::1] low, const int32_t[::1] high,
-                 const double[::1] values, const int32_t[::1] roots, row, col, const int32_t[::1] row_levels, const int32_t[::1] col_levels):
-        """level, low, high: int32 per diagram node, where the nodes below len(values) are leaves with these values.
+                 const double[::1] values, const int32_t[::1] roots, row, col,
+                 const int32_t[::1] row_levels, const int32_t[::1] col_levels):
+        """level, low, high: int32 per diagram node, where the nodes below len(values) are leaves
+        with these values.
 
-        row, col: ODDs (depth, low, high, count, root) with as many levels as row_levels and col_levels.
-        Raises OverflowError for 2**31 rows or columns or more, ValueError where a diagram reads another level.
+        row, col: ODDs (depth, low, high, count, root) with as many levels as row_levels and
+        col_levels. Raises OverflowError for 2**31 rows or columns or more, ValueError where a
+        diagram reads another level.
         """
-        cdef const int32_t[::1] rd = row[0], rl = row[1], rh = row[2], cd = col[0], cl = col[1], ch = col[2]
+        cdef const int32_t[::1] rd = row[0], rl = row[1], rh = row[2], cd = col[0], cl = col[1]
+        cdef const int32_t[::1] ch = col[2]
         cdef const int64_t[::1] rc = row[3], cc = col[3]
         cdef int32_t rroot = row[4], croot = col[4], dummy = 0
         cdef int64_t i
@@ -322,7 +336,8 @@ cdef class Quad:
         self.w.nodes = <Node*>malloc(self.w.room * sizeof(Node))
         self.w.unique = <int32_t*>malloc(self.w.unique_size * 4)
         self.roots = <Edge*>malloc((roots.shape[0] + 1) * sizeof(Edge))
-        if self.w.nodes == NULL or self.w.unique == NULL or self.roots == NULL or memo_open(&self.w.memo, 4096) < 0:
+        if (self.w.nodes == NULL or self.w.unique == NULL or self.roots == NULL
+                or memo_open(&self.w.memo, 4096) < 0):
             raise MemoryError
         memset(self.w.unique, 0, self.w.unique_size * 4)
         memset(self.w.nodes, 0, sizeof(Node))
@@ -336,7 +351,7 @@ cdef class Quad:
                 raise OverflowError("the matrix has 2**63 entries or more")
             if status == FOREIGN_LEVEL:
                 raise ValueError("the matrix depends on a variable that is neither a row nor a column bit")
-        self.triples = self.w.memo.used
+        self.triples = self.w.memo.count
         memo_close(&self.w.memo)          # what follows needs the nodes only
         free(self.w.unique)
         self.w.unique = NULL

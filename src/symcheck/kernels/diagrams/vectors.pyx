@@ -1,5 +1,6 @@
-# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Between diagrams and arrays over the members of an ODD: values of a diagram, and the diagram of values.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Between diagrams and arrays over the members of an ODD: values of a diagram, and the diagram of
+values.
 
 ODDs and node tables are as in `symcheck.kernels.diagrams.odd`.
 """
@@ -7,21 +8,24 @@ from libc.stdint cimport int32_t, int64_t, uint8_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcmp, memcpy, memset
 
-from symcheck.kernels.tables.memo_table cimport Memo, Slot, memo_close, memo_find, memo_free, memo_insert, memo_open
-from symcheck.kernels.diagrams.odd cimport FOREIGN_LEVEL, OUT_OF_MEMORY, Odd, Table, fault, ints, odd_of
+from symcheck.kernels.tables.memo_table cimport (MemoTable, MemoEntry, memo_close, memo_find,
+                                                 memo_is_empty, memo_insert, memo_open)
+from symcheck.kernels.diagrams.odd cimport (FOREIGN_LEVEL, OUT_OF_MEMORY, Odd, Table, fault, ints,
+                                            odd_of)
 
 import numpy as np
 
 __all__ = ["collapse", "expand", "number", "vector_table"]
 
-# ---------------------------------------------------------------------------------------------- diagram -> array
+# ----------------------------------------------------------------------------------------------
+# diagram -> array
 
 cdef struct Expansion:
     Odd odd
     Table table
     const int32_t* levels
     int32_t k
-    Memo memo             # (ODD node, diagram node) -> first placement
+    MemoTable memo             # (ODD node, diagram node) -> first placement
     char* out
     int64_t width         # bytes of an item: 1 or 8
 
@@ -43,7 +47,7 @@ cdef int _expand(Expansion* e, int32_t node, int32_t f, int64_t at) noexcept nog
     cdef int32_t depth, f0, f1
     cdef int64_t n = e.odd.count[node]
     cdef uint64_t key
-    cdef Slot* slot
+    cdef MemoEntry* entry
     cdef int status
     while True:
         if f < e.table.leaves:
@@ -66,24 +70,27 @@ cdef int _expand(Expansion* e, int32_t node, int32_t f, int64_t at) noexcept nog
         else:
             break
     key = (<uint64_t><uint32_t>node << 32) | <uint32_t>f
-    slot = memo_find(&e.memo, key, 0)
-    if not memo_free(slot):
-        memcpy(e.out + at * e.width, e.out + slot.a * e.width, n * e.width)
+    entry = memo_find(&e.memo, key, 0)
+    if not memo_is_empty(entry):
+        memcpy(e.out + at * e.width, e.out + entry.first * e.width, n * e.width)
         return 0
-    slot = memo_insert(&e.memo, key, 0)
-    if slot == NULL:
+    entry = memo_insert(&e.memo, key, 0)
+    if entry == NULL:
         return OUT_OF_MEMORY
-    slot.a = at
+    entry.first = at
     status = _expand(e, e.odd.low[node], f0, at)
     if status < 0:
         return status
     return _expand(e, e.odd.high[node], f1, at + e.odd.count[e.odd.low[node]])
 
 
-def expand(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count, int root,
-           const int32_t[::1] level, const int32_t[::1] tlow, const int32_t[::1] thigh, const double[::1] value, int troot,
-           const int32_t[::1] levels, out):
-    """out[i] = value of the diagram at member i. out: float64[n], or uint8[n] (1 where the diagram is not 0); zeroed before."""
+def expand(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
+           const int64_t[::1] count, int root, const int32_t[::1] level, const int32_t[::1] tlow,
+           const int32_t[::1] thigh, const double[::1] value, int troot, const int32_t[::1] levels,
+           out):
+    """out[i] = value of the diagram at member i. out: float64[n], or uint8[n] (1 where the diagram
+    is not 0); zeroed before.
+    """
     cdef Expansion e
     cdef uint8_t[::1] bytes_
     cdef double[::1] doubles
@@ -113,7 +120,8 @@ def expand(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] 
     if status < 0:
         raise fault(status)
 
-# ---------------------------------------------------------------------------------------------- array -> diagram
+# ----------------------------------------------------------------------------------------------
+# array -> diagram
 
 cdef struct Writer:
     Odd odd
@@ -123,8 +131,9 @@ cdef struct Writer:
     int32_t* high
     int64_t used
     int64_t room
-    Memo unique           # (low, high), level -> diagram node
-    Memo memo             # collapse: (pattern, ODD node); vectors: (ODD node, constant) -> diagram node
+    MemoTable unique           # (low, high), level -> diagram node
+    # collapse: (pattern, ODD node); vectors: (ODD node, constant) -> diagram node
+    MemoTable memo
     int32_t* whole        # collapse: the diagram node of an ODD node's set, or -1
     const uint64_t* bits
     const int32_t* ids
@@ -133,7 +142,7 @@ cdef struct Writer:
 
 
 cdef int64_t _node(Writer* w, int32_t level, int64_t low, int64_t high) noexcept nogil:
-    cdef Slot* slot
+    cdef MemoEntry* entry
     cdef int64_t room
     cdef uint64_t key
     if low < 0 or high < 0:
@@ -141,9 +150,9 @@ cdef int64_t _node(Writer* w, int32_t level, int64_t low, int64_t high) noexcept
     if low == high:
         return low
     key = (<uint64_t>low << 32) | <uint64_t>high
-    slot = memo_find(&w.unique, key, <uint32_t>level)
-    if not memo_free(slot):
-        return slot.node
+    entry = memo_find(&w.unique, key, <uint32_t>level)
+    if not memo_is_empty(entry):
+        return entry.node
     if w.used == w.room:
         room = 2 * w.room
         if room > 0x7FFFFFF0:
@@ -157,10 +166,10 @@ cdef int64_t _node(Writer* w, int32_t level, int64_t low, int64_t high) noexcept
     w.level[w.used] = level
     w.low[w.used] = <int32_t>low
     w.high[w.used] = <int32_t>high
-    slot = memo_insert(&w.unique, key, <uint32_t>level)
-    if slot == NULL:
+    entry = memo_insert(&w.unique, key, <uint32_t>level)
+    if entry == NULL:
         return OUT_OF_MEMORY
-    slot.node = <int32_t>w.used
+    entry.node = <int32_t>w.used
     w.used += 1
     return w.used - 1
 
@@ -169,7 +178,8 @@ cdef int64_t _whole(Writer* w, int32_t node) noexcept nogil:
     cdef int64_t result
     if w.whole[node] >= 0:
         return w.whole[node]
-    result = _node(w, w.levels[w.odd.depth[node]], _whole(w, w.odd.low[node]), _whole(w, w.odd.high[node]))
+    result = _node(w, w.levels[w.odd.depth[node]], _whole(w, w.odd.low[node]),
+                   _whole(w, w.odd.high[node]))
     if result >= 0:
         w.whole[node] = <int32_t>result
     return result
@@ -191,14 +201,14 @@ cdef int64_t _small(Writer* w, int32_t node, uint64_t pattern) noexcept nogil:
     cdef int64_t n = w.odd.count[node], half, result
     cdef uint64_t full = <uint64_t>-1 if n == 64 else ((<uint64_t>1) << n) - 1
     cdef int32_t low, high, level
-    cdef Slot* slot
+    cdef MemoEntry* entry
     if pattern == 0:
         return 0
     if pattern == full:
         return _whole(w, node)
-    slot = memo_find(&w.memo, pattern, <uint32_t>node)
-    if not memo_free(slot):
-        return slot.node
+    entry = memo_find(&w.memo, pattern, <uint32_t>node)
+    if not memo_is_empty(entry):
+        return entry.node
     low = w.odd.low[node]
     high = w.odd.high[node]
     level = w.levels[w.odd.depth[node]]
@@ -208,13 +218,14 @@ cdef int64_t _small(Writer* w, int32_t node, uint64_t pattern) noexcept nogil:
     elif high == 0:
         result = _node(w, level, _small(w, low, pattern), 0)
     else:                 # 0 < half < 64
-        result = _node(w, level, _small(w, low, pattern & (((<uint64_t>1) << half) - 1)), _small(w, high, pattern >> half))
+        result = _node(w, level, _small(w, low, pattern & (((<uint64_t>1) << half) - 1)),
+                       _small(w, high, pattern >> half))
     if result < 0:
         return result
-    slot = memo_insert(&w.memo, pattern, <uint32_t>node)
-    if slot == NULL:
+    entry = memo_insert(&w.memo, pattern, <uint32_t>node)
+    if entry == NULL:
         return OUT_OF_MEMORY
-    slot.node = <int32_t>result
+    entry.node = <int32_t>result
     return result
 
 
@@ -262,7 +273,8 @@ cdef int _open(Writer* w, int64_t leaves, int32_t bottom) except -1:
     w.level = <int32_t*>malloc(w.room * 4)
     w.low = <int32_t*>malloc(w.room * 4)
     w.high = <int32_t*>malloc(w.room * 4)
-    if w.level == NULL or w.low == NULL or w.high == NULL or memo_open(&w.unique, 1024) < 0 or memo_open(&w.memo, 1024) < 0:
+    if (w.level == NULL or w.low == NULL or w.high == NULL or memo_open(&w.unique, 1024) < 0
+            or memo_open(&w.memo, 1024) < 0):
         raise MemoryError
     for i in range(leaves):
         w.level[i] = bottom
@@ -282,14 +294,16 @@ cdef void _close(Writer* w) noexcept:
     free(w.result)
 
 
-def collapse(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count, int root,
-             const uint64_t[::1] bits, const int32_t[::1] levels, int bottom):
+def collapse(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
+             const int64_t[::1] count, int root, const uint64_t[::1] bits,
+             const int32_t[::1] levels, int bottom):
     """The BDD of the members whose bit is set, as a node table (level, low, high, root).
 
-    Nodes 0 and 1 are the leaves, of level `bottom` and their own children; other children come before their parents.
+    Nodes 0 and 1 are the leaves, of level `bottom` and their own children; other children come
+    before their parents.
 
-    bits: member i is bit i % 64 of word i // 64; one spare word at the end. Blocks of equal bits cost one look at their
-    words; blocks of up to 64 members are memoised by their content.
+    bits: member i is bit i % 64 of word i // 64; one spare word at the end. Blocks of equal bits
+    cost one look at their words; blocks of up to 64 members are memoised by their content.
     """
     cdef Writer w
     cdef int64_t result = 0, i, nodes = depth.shape[0]
@@ -319,7 +333,7 @@ def collapse(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1
 
 cdef int64_t _constant(Writer* w, int32_t node, int32_t value) noexcept nogil:
     """The diagram that is leaf `value` on the set of the ODD node and 0 elsewhere."""
-    cdef Slot* slot
+    cdef MemoEntry* entry
     cdef int64_t result
     cdef uint64_t key
     if node == 0 or value == 0:
@@ -327,16 +341,17 @@ cdef int64_t _constant(Writer* w, int32_t node, int32_t value) noexcept nogil:
     if node == 1:
         return value
     key = (<uint64_t><uint32_t>node << 32) | <uint32_t>value
-    slot = memo_find(&w.memo, key, 0)
-    if not memo_free(slot):
-        return slot.node
-    result = _node(w, w.levels[w.odd.depth[node]], _constant(w, w.odd.low[node], value), _constant(w, w.odd.high[node], value))
+    entry = memo_find(&w.memo, key, 0)
+    if not memo_is_empty(entry):
+        return entry.node
+    result = _node(w, w.levels[w.odd.depth[node]], _constant(w, w.odd.low[node], value),
+                   _constant(w, w.odd.high[node], value))
     if result < 0:
         return result
-    slot = memo_insert(&w.memo, key, 0)
-    if slot == NULL:
+    entry = memo_insert(&w.memo, key, 0)
+    if entry == NULL:
         return OUT_OF_MEMORY
-    slot.node = <int32_t>result
+    entry.node = <int32_t>result
     return result
 
 
@@ -364,9 +379,11 @@ cdef int64_t _vector(Writer* w, int32_t node, int64_t at) noexcept nogil:
 
 
 def number(const double[::1] values, int32_t[::1] ids):
-    """Number the distinct values: ids[i] is the index of values[i] in the result (float64, first entry 0). -0.0 counts as 0."""
-    cdef Memo memo
-    cdef Slot* slot
+    """Number the distinct values: ids[i] is the index of values[i] in the result (float64, first
+    entry 0). -0.0 counts as 0.
+    """
+    cdef MemoTable memo
+    cdef MemoEntry* entry
     cdef int64_t i, n = values.shape[0]
     cdef int32_t used = 1
     cdef double x
@@ -376,8 +393,8 @@ def number(const double[::1] values, int32_t[::1] ids):
     if memo_open(&memo, 1024) < 0:
         raise MemoryError
     with nogil:
-        slot = memo_insert(&memo, 0, 0)
-        slot.node = 0
+        entry = memo_insert(&memo, 0, 0)
+        entry.node = 0
         for i in range(n):
             x = values[i]
             if x == 0:
@@ -385,33 +402,36 @@ def number(const double[::1] values, int32_t[::1] ids):
             memcpy(&key, &x, 8)
             if key != previous:
                 previous = key
-                slot = memo_find(&memo, key, 0)
-                if memo_free(slot):
-                    slot = memo_insert(&memo, key, 0)
-                    if slot == NULL or used == 0x7FFFFFF0:
+                entry = memo_find(&memo, key, 0)
+                if memo_is_empty(entry):
+                    entry = memo_insert(&memo, key, 0)
+                    if entry == NULL or used == 0x7FFFFFF0:
                         failed = True
                         break
-                    slot.node = used
+                    entry.node = used
                     used += 1
-                id_ = slot.node
+                id_ = entry.node
             ids[i] = id_
     if failed:
         memo_close(&memo)
         raise MemoryError
     leaves = np.zeros(used, np.float64)
     cdef double[::1] view = leaves
-    for i in range(memo.size):
-        if not memo_free(&memo.slots[i]):
-            memcpy(&view[memo.slots[i].node], &memo.slots[i].key, 8)
+    for i in range(memo.capacity):
+        if not memo_is_empty(&memo.entries[i]):
+            memcpy(&view[memo.entries[i].node], &memo.entries[i].key, 8)
     memo_close(&memo)
     return leaves
 
 
-def vector_table(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count, int root,
-                 const int32_t[::1] ids, int leaves, const int32_t[::1] levels, int bottom):
-    """The MTBDD of a vector over the members, 0 elsewhere: (level, low, high, root); leaves as in `collapse`.
+def vector_table(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
+                 const int64_t[::1] count, int root, const int32_t[::1] ids, int leaves,
+                 const int32_t[::1] levels, int bottom):
+    """The MTBDD of a vector over the members, 0 elsewhere: (level, low, high, root); leaves as in
+    `collapse`.
 
-    ids: int32[n], the number of each member's value, where 0 is the value 0. Blocks of one value cost one comparison run.
+    ids: int32[n], the number of each member's value, where 0 is the value 0. Blocks of one value
+    cost one comparison run.
     """
     cdef Writer w
     cdef int64_t result = 0, i, nodes = depth.shape[0]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.rows.csr_builder import RowStore
+from symcheck.kernels.rows.csr_builder import CsrBuilder
 from symcheck.kernels.tables.state_table import StateSet
 
 class Outcome(IntEnum):
@@ -21,7 +21,7 @@ def give_back() -> None: ...
 
 class Explorer:
     states: StateSet
-    rows: RowStore
+    rows: CsrBuilder
     explored: int
     level: int
     deadlock_count: int

@@ -1,16 +1,16 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Breadth-first exploration of a model given as tables, straight into compressed rows.
 
-A batch of states of one level is expanded into one array of successors; these are then numbered through the hash table,
-and the rows are closed. So the table is probed with prefetching, and a deep search over narrow levels costs no more per
-state than a wide one.
+A batch of states of one level is expanded into one array of successors; these are then numbered
+through the hash table, and the rows are closed. So the table is probed with prefetching, and a deep
+search over narrow levels costs no more per state than a wide one.
 """
 
 from libc.stdint cimport int32_t, int64_t, uint64_t
 from libc.string cimport memcpy
 from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
-from symcheck.kernels.rows.csr_builder cimport RowStore
+from symcheck.kernels.rows.csr_builder cimport CsrBuilder
 from symcheck.kernels.explore.successors cimport Expander
 from symcheck.kernels.tables.state_table cimport StateSet
 from symcheck.kernels.memory cimport Buffer, release, reserve
@@ -44,7 +44,9 @@ cpdef enum Outcome:
 
 
 def give_back():
-    """Give memory that was freed, and that the allocator keeps, back to the system, where it can be told to."""
+    """Give memory that was freed, and that the allocator keeps, back to the system, where it can be
+    told to.
+    """
     with nogil:
         trim_heap()
 
@@ -58,12 +60,13 @@ cdef double now() noexcept nogil:
 cdef class Explorer:
     """A search that can be paused. `tables`: see `symcheck.explicit.tables.Tables`.
 
-    `add` puts states in, `run` explores; `states` and `rows` hold what was found, in the order of discovery. After a
-    fault, `fault_state` is the number of the state that the model breaks a rule in.
+    `add` puts states in, `run` explores; `states` and `rows` hold what was found, in the order of
+    discovery. After a fault, `fault_state` is the number of the state that the model breaks a rule
+    in.
     """
 
     cdef readonly StateSet states
-    cdef readonly RowStore rows
+    cdef readonly CsrBuilder rows
     cdef readonly long long explored, level, level_end, fault_state
     cdef readonly int fault_status
     cdef Expander expander
@@ -94,7 +97,9 @@ cdef class Explorer:
             memcpy(&out[0], self.expander.deadlocks.data, self.expander.deadlock_count * 8)
 
     def add(self, const uint64_t[:, ::1] rows):
-        """Put states in (uint64[n, words]), to be explored in their turn; known ones are passed over."""
+        """Put states in (uint64[n, words]), to be explored in their turn; known ones are passed
+        over.
+        """
         cdef int32_t[::1] ids
         if rows.shape[0] == 0:
             return
@@ -106,7 +111,9 @@ cdef class Explorer:
             self.level_end = self.states.count
 
     def run(self, long long budget, double seconds):
-        """Explore until nothing is left, `budget` states are known, or about so many seconds have passed."""
+        """Explore until nothing is left, `budget` states are known, or about so many seconds have
+        passed.
+        """
         cdef int outcome
         with nogil:
             outcome = self._run(budget, now() + seconds)
@@ -164,7 +171,7 @@ cdef class Explorer:
             return failed
         for row in range(self.expander.row_count):
             end = (<const int64_t*> self.expander.ends.data)[row]
-            if self.rows.close(ids + begin, weights + begin, end - begin):
+            if self.rows.close_row(ids + begin, weights + begin, end - begin):
                 return 1
             begin = end
         return 0

@@ -3,14 +3,14 @@
 
 from libc.stdint cimport int32_t, int64_t, uint64_t
 
-from symcheck.kernels.rows.csr_builder cimport RowStore
+from symcheck.kernels.rows.csr_builder cimport CsrBuilder
 from symcheck.kernels.memory cimport Buffer
 from symcheck.kernels.explore.register_machine cimport Instruction, Slot
 
 
 cdef class Expander:
     cdef object tables
-    cdef readonly RowStore rows
+    cdef readonly CsrBuilder rows
     # the model
     cdef int kind, words, variables, structures
     cdef bint check_sums
@@ -18,10 +18,12 @@ cdef class Expander:
     cdef const int32_t[:, ::1] fields, program
     cdef const int64_t[::1] lows
     cdef const uint64_t[::1] ranges
-    cdef const int32_t[::1] command_guard, command_code, command_updates, update_probability, update_code, update_assignments
+    cdef const int32_t[::1] command_guard, command_code, command_updates, update_probability
+    cdef const int32_t[::1] update_code, update_assignments
     cdef const uint64_t[:, ::1] update_keep, update_preset
     cdef const int32_t[::1] assignment_register, assignment_variable
-    cdef const int32_t[::1] event_action, event_parts, part_commands, part_list, part_forest, forest, action_rewards
+    cdef const int32_t[::1] event_action, event_parts, part_commands, part_list, part_forest
+    cdef const int32_t[::1] forest, action_rewards
     cdef const int32_t[:, ::1] rewards, canonical
     cdef int root, canonical_code, events
     cdef const Instruction* code

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.rows.csr_builder import RowStore
+from symcheck.kernels.rows.csr_builder import CsrBuilder
 
 class Expander:
-    rows: RowStore
+    rows: CsrBuilder
     def __init__(self, tables: Any) -> None: ...
     @property
     def nbytes(self) -> int: ...

@@ -7,7 +7,7 @@ from libc.string cimport memcpy
 
 import numpy as np
 
-from symcheck.kernels.rows.csr_builder cimport RowStore
+from symcheck.kernels.rows.csr_builder cimport CsrBuilder
 from symcheck.kernels.memory cimport Buffer, release, reserve
 from symcheck.kernels.explore.register_machine cimport Instruction, Slot, Status, execute
 
@@ -55,7 +55,7 @@ cdef class Expander:
         self.events = self.event_action.shape[0]
         self.code = <const Instruction*> &self.program[0, 0]
         self._allocate(tables.slots, tables.most_updates, tables.most_commands, tables.most_parts)
-        self.rows = RowStore(self.structures)
+        self.rows = CsrBuilder(self.structures)
 
     def _allocate(self, const int64_t[::1] slots, int most_updates, int most_commands, int most_parts):
         cdef size_t size = slots.shape[0] * sizeof(Slot) + 8
@@ -130,7 +130,7 @@ cdef class Expander:
             if status:
                 return status, i, None
         return 0, n, (
-            copy_array(self.rows.ends_of_groups.data, self.rows.groups, np.int64),
+            copy_array(self.rows.group_ends.data, self.rows.groups, np.int64),
             copy_array(self.ends.data, self.row_count, np.int64),
             copy_array(self.rows.actions.data, self.rows.opened, np.int32),
             copy_array(self.weights.data, self.successor_count, np.float64),
@@ -199,11 +199,11 @@ cdef class Expander:
 
     cdef int _open_row(self) noexcept nogil:
         """Make room for one more row, which counts as a choice from now on."""
-        return reserve(&self.ends, (self.row_count + 1) * 8) or self.rows.open()
+        return reserve(&self.ends, (self.row_count + 1) * 8) or self.rows.open_row()
 
     cdef void _end_row(self, int action) noexcept nogil:
         (<int64_t*> self.ends.data)[self.row_count] = self.successor_count
-        self.rows.label(action)
+        self.rows.set_action(action)
         self.row_count += 1
 
     cdef int _room(self, long long more) noexcept nogil:

@@ -1,136 +1,155 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Graph algorithms over compressed rows. States own consecutive rows; `edges` (int64[states+1]) delimits a state's entries.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Strongly connected components and reachability over compressed rows.
 
-`pre`/`rows_in`: the transposed structure, that is, the rows with an entry in a column. `owner`: the state of a row.
-Masks are uint8.
+States own consecutive rows. state_ptr: int64[n+1], the entries of state s are state_ptr[s] to
+state_ptr[s+1] of `indices` (int32, the successors).
+
+column_ptr, column_rows: the transposed structure, that is, int64[n+1] and int32, the rows with an
+entry in each column. row_state: int32[rows], the state of each row. Masks are uint8[n], 1 for
+members. Every function raises MemoryError when memory ends.
 """
 
 import numpy as np
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
-from symcheck.kernels.graph.tarjan cimport Search, enter, leave
+from symcheck.kernels.graph.queue cimport enqueue_members
+from symcheck.kernels.graph.tarjan cimport Tarjan, tarjan_enter, tarjan_leave
 
 
-def components(const int64_t[::1] edges, const int32_t[::1] indices, within=None):
-    """Strongly connected components of the states in `within` (default: all), successors first.
+def components(const int64_t[::1] state_ptr, const int32_t[::1] indices, within=None):
+    """Strongly connected components, successors first (Tarjan 1972).
 
-    Returns (component int32[n], -1 outside; order int32[m]: the states by component, within one in the order in which a
-    depth-first search leaves them; start int64[count+1] into `order`). Tarjan (1972).
+    Args:
+        state_ptr, indices: the graph.
+        within: mask of the states to consider; None for all.
+    Returns:
+        component: int32[n], the component of each state, -1 outside `within`.
+        order: int32[m], the states by component; within one component, in depth-first post-order.
+        start: int64[components+1], where each component begins in `order`.
     """
-    cdef int64_t n = edges.shape[0] - 1
+    cdef int64_t n = state_ptr.shape[0] - 1
     cdef const uint8_t[::1] inside = np.ones(n, dtype=np.uint8) if within is None else within
     cdef int32_t[::1] component = np.full(n, -1, dtype=np.int32)
     cdef int32_t[::1] order = np.empty(n, dtype=np.int32)
     cdef int64_t[::1] start = np.empty(n + 1, dtype=np.int64)
-    cdef int32_t[::1] low = np.zeros(n, dtype=np.int32)
-    cdef int32_t[::1] finished = np.empty(n, dtype=np.int32)
+    cdef int32_t[::1] lowlink = np.zeros(n, dtype=np.int32)
+    cdef int32_t[::1] stack = np.empty(n, dtype=np.int32)
     cdef int32_t[::1] path = np.empty(n, dtype=np.int32)
-    cdef int64_t[::1] at = np.empty(n, dtype=np.int64)
-    cdef int32_t[::1] found = np.zeros(n, dtype=np.int32)
-    cdef int32_t v, w, lowest
+    cdef int64_t[::1] next_entry = np.empty(n, dtype=np.int64)
+    cdef int32_t[::1] index = np.zeros(n, dtype=np.int32)
+    cdef int32_t v, w, least
     cdef int64_t root, k, end
-    cdef Search search = Search(
-        &found[0], &low[0], &component[0], &path[0], &finished[0], &order[0], &start[0], depth=-1, top=0, done=0, clock=0, count=0,
-    )
+    cdef Tarjan search = Tarjan(&index[0], &lowlink[0], &component[0], &path[0], &stack[0],
+                                &order[0], &start[0], depth=-1, stack_size=0, assigned=0,
+                                next_index=0, count=0)
     with nogil:
         start[0] = 0
         for root in range(n):
-            if found[root] or not inside[root]:
+            if index[root] or not inside[root]:
                 continue
-            enter(&search, <int32_t>root)
-            at[0] = edges[root]
+            tarjan_enter(&search, <int32_t>root)
+            next_entry[0] = state_ptr[root]
             while search.depth >= 0:
                 v = path[search.depth]
-                k = at[search.depth]
-                end = edges[v + 1]
-                lowest = low[v]
+                k = next_entry[search.depth]
+                end = state_ptr[v + 1]
+                least = lowlink[v]
                 while k < end:
                     w = indices[k]
-                    if found[w] == 0:
+                    if index[w] == 0:
                         if inside[w]:
                             break
-                    elif component[w] < 0 and found[w] < lowest:
-                        lowest = found[w]
+                    elif component[w] < 0 and index[w] < least:
+                        least = index[w]
                     k += 1
-                low[v] = lowest
+                lowlink[v] = least
                 if k < end:
-                    at[search.depth] = k + 1
-                    enter(&search, indices[k])
-                    at[search.depth] = edges[indices[k]]
+                    next_entry[search.depth] = k + 1
+                    tarjan_enter(&search, indices[k])
+                    next_entry[search.depth] = state_ptr[indices[k]]
                 else:
-                    leave(&search)
-    # Views: what was not written to of an array takes no memory.
-    return np.asarray(component), np.asarray(order)[: search.done], np.asarray(start)[: search.count + 1]
+                    tarjan_leave(&search)
+    # Views suffice: pages of an array that were never written take no memory.
+    return (np.asarray(component), np.asarray(order)[: search.assigned],
+            np.asarray(start)[: search.count + 1])
 
 
-def bottom(const int64_t[::1] edges, const int32_t[::1] indices, const int32_t[::1] component, int64_t count):
-    """uint8[count]: 1 for the components that no edge leaves (to a state outside of all components either)."""
-    cdef int64_t n = edges.shape[0] - 1, s, k
+def bottom_components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
+                      const int32_t[::1] component, int64_t count):
+    """Mask of the components that no edge leaves: uint8[count].
+
+    Edges to states without a component leave the component, too.
+    """
+    cdef int64_t n = state_ptr.shape[0] - 1, s, k
     cdef uint8_t[::1] out = np.ones(count, dtype=np.uint8)
     with nogil:
         for s in range(n):
             if component[s] >= 0:
-                for k in range(edges[s], edges[s + 1]):
+                for k in range(state_ptr[s], state_ptr[s + 1]):
                     if component[indices[k]] != component[s]:
                         out[component[s]] = 0
     return np.asarray(out)
 
 
-def forward(const int64_t[::1] edges, const int32_t[::1] indices, const uint8_t[::1] sources, const uint8_t[::1] through):
-    """uint8[n]: reachable from `sources` by passing through states of `through` (sources themselves are expanded if in it)."""
-    cdef int64_t n = edges.shape[0] - 1, s, k, head = 0, tail = 0
-    cdef uint8_t[::1] seen = np.zeros(n, dtype=np.uint8)
+def forward_reachable(const int64_t[::1] state_ptr, const int32_t[::1] indices,
+                      const uint8_t[::1] sources, const uint8_t[::1] allowed):
+    """Mask of the states reachable from `sources` by paths whose inner states are all in `allowed`.
+
+    Sources outside `allowed` are reached, but their successors are not visited.
+    """
+    cdef int64_t n = state_ptr.shape[0] - 1, s, k, head = 0, tail = 0
+    cdef uint8_t[::1] reached = np.zeros(n, dtype=np.uint8)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
     with nogil:
-        for s in range(n):
-            if sources[s]:
-                seen[s] = 1
-                queue[tail] = <int32_t>s
-                tail += 1
+        tail = enqueue_members(sources, reached, queue)
         while head < tail:
             s = queue[head]
             head += 1
-            if not through[s]:
+            if not allowed[s]:
                 continue
-            for k in range(edges[s], edges[s + 1]):
-                if not seen[indices[k]]:
-                    seen[indices[k]] = 1
+            for k in range(state_ptr[s], state_ptr[s + 1]):
+                if not reached[indices[k]]:
+                    reached[indices[k]] = 1
                     queue[tail] = indices[k]
                     tail += 1
-    return np.asarray(seen)
+    return np.asarray(reached)
 
 
-def backward(const int64_t[::1] pre, const int32_t[::1] rows_in, const int32_t[::1] owner,
-             const uint8_t[::1] target, const uint8_t[::1] through):
-    """uint8[n]: `target`, and the states of `through` from which some path through `through` leads into it."""
-    cdef int64_t n = pre.shape[0] - 1, s, k, head = 0, tail = 0
+def backward_reachable(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
+                       const int32_t[::1] row_state, const uint8_t[::1] target,
+                       const uint8_t[::1] allowed):
+    """Mask of `target` and the states of `allowed` with a path inside `allowed` into it.
+
+    row_state may be empty where every state has one row.
+    """
+    cdef int64_t n = column_ptr.shape[0] - 1, s, k, head = 0, tail = 0
     cdef int32_t p
-    cdef bint plain = owner.shape[0] == 0
-    cdef uint8_t[::1] seen = np.zeros(n, dtype=np.uint8)
+    cdef bint one_row = row_state.shape[0] == 0
+    cdef uint8_t[::1] reached = np.zeros(n, dtype=np.uint8)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
     with nogil:
-        for s in range(n):
-            if target[s]:
-                seen[s] = 1
-                queue[tail] = <int32_t>s
-                tail += 1
+        tail = enqueue_members(target, reached, queue)
         while head < tail:
             s = queue[head]
             head += 1
-            for k in range(pre[s], pre[s + 1]):
-                p = rows_in[k] if plain else owner[rows_in[k]]
-                if not seen[p] and through[p]:
-                    seen[p] = 1
+            for k in range(column_ptr[s], column_ptr[s + 1]):
+                p = column_rows[k] if one_row else row_state[column_rows[k]]
+                if not reached[p] and allowed[p]:
+                    reached[p] = 1
                     queue[tail] = p
                     tail += 1
-    return np.asarray(seen)
+    return np.asarray(reached)
 
 
-def shortest(const int64_t[::1] edges, const int32_t[::1] indices, const uint8_t[::1] sources, const uint8_t[::1] through,
-             const uint8_t[::1] target):
-    """A shortest path from `sources` through `through` into `target`, as state numbers; empty if there is none."""
-    cdef int64_t n = edges.shape[0] - 1, s, k, head = 0, tail = 0, goal = -1
+def shortest_path(const int64_t[::1] state_ptr, const int32_t[::1] indices,
+                  const uint8_t[::1] sources, const uint8_t[::1] allowed,
+                  const uint8_t[::1] target):
+    """A shortest path from `sources` through `allowed` into `target`.
+
+    Returns the states on it, int64; empty if there is no such path.
+    """
+    cdef int64_t n = state_ptr.shape[0] - 1, s, k, head = 0, tail = 0, goal = -1
     cdef int32_t w
     cdef int32_t[::1] parent = np.full(n, -2, dtype=np.int32)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
@@ -146,9 +165,9 @@ def shortest(const int64_t[::1] edges, const int32_t[::1] indices, const uint8_t
         while head < tail and goal < 0:
             s = queue[head]
             head += 1
-            if not through[s]:
+            if not allowed[s]:
                 continue
-            for k in range(edges[s], edges[s + 1]):
+            for k in range(state_ptr[s], state_ptr[s + 1]):
                 w = indices[k]
                 if parent[w] == -2:
                     parent[w] = <int32_t>s
@@ -162,3 +181,29 @@ def shortest(const int64_t[::1] edges, const int32_t[::1] indices, const uint8_t
         path.append(goal)
         goal = parent[goal]
     return np.array(path[::-1], dtype=np.int64)
+
+
+def breadth_first_order(const int64_t[::1] state_ptr, const int32_t[::1] indices,
+                        const uint8_t[::1] sources):
+    """All states by their distance (number of edges) from `sources`: int32[n].
+
+    States that no source reaches come last.
+    """
+    cdef int64_t n = state_ptr.shape[0] - 1, head = 0, tail = 0, s, k
+    cdef uint8_t[::1] reached = np.zeros(n, dtype=np.uint8)
+    cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
+    with nogil:
+        tail = enqueue_members(sources, reached, queue)
+        while head < tail:
+            s = queue[head]
+            head += 1
+            for k in range(state_ptr[s], state_ptr[s + 1]):
+                if not reached[indices[k]]:
+                    reached[indices[k]] = 1
+                    queue[tail] = indices[k]
+                    tail += 1
+        for s in range(n):
+            if not reached[s]:
+                queue[tail] = <int32_t>s
+                tail += 1
+    return np.asarray(queue)

@@ -1,7 +1,9 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Loops over states that have one way on: where that leads in the end, and rows in terms of what is left.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Deterministic-state elimination: states whose only choice has a single successor.
 
-`place` holds a number per state: p >= 0 is where the state ends; -1 - s says that its only transition leads to state s.
+Such a state has the value of its successor (plus the reward of the step), so it can be eliminated.
+`representative` (int32[n]) holds a number per state: p >= 0 is the representative of the state, and
+-1 - s says that its only transition leads to state s.
 """
 
 import numpy as np
@@ -10,114 +12,112 @@ from libc.stdint cimport INT32_MIN, int32_t, int64_t, uint8_t
 from libc.stdlib cimport free, realloc
 
 
-def follow(int32_t[::1] place, int32_t never, double[::1] along=None):
-    """Replace successors by where they lead in the end, in place; `never` for states that go round in circles. Linear time.
+def resolve_representatives(int32_t[::1] representative, int32_t sink,
+                            double[::1] path_reward=None):
+    """Replace successors by the representatives that they lead to, in place and in linear time.
 
-    along: what each state earns with its step (0 where it has a place); becomes the sum along its way.
+    Args:
+        representative: int32[n], as the module says; all entries are >= 0 afterwards.
+        sink: the representative of states on cycles of deterministic states.
+        path_reward: float64[n] or None. It holds the reward of each state's step (0 for states with
+            a representative), and afterwards the sum along the path to the representative.
+    Raises:
+        MemoryError: memory ended; the arrays are then useless.
     """
-    cdef int64_t n = place.shape[0], s, depth, room = 0
-    cdef int32_t t, end
+    cdef int64_t n = representative.shape[0], s, depth, capacity = 0
+    cdef int32_t t, last
     cdef int32_t* path = NULL
-    cdef int32_t* wider
-    cdef bint full = False, adding = along is not None
+    cdef int32_t* larger
+    cdef bint failed = False, rewarded = path_reward is not None
     with nogil:
         for s in range(n):
-            if place[s] >= 0:
+            if representative[s] >= 0:
                 continue
             depth = 0
             t = <int32_t>s
-            # A state on the path is marked: its successor stands behind it there.
-            while place[t] < 0 and place[t] != INT32_MIN:
-                if depth == room:
-                    room = 2 * room + 1024
-                    wider = <int32_t*>realloc(path, room * sizeof(int32_t))
-                    if wider is NULL:
-                        full = True
+            # A state on the path is marked; its successor follows it there.
+            while representative[t] < 0 and representative[t] != INT32_MIN:
+                if depth == capacity:
+                    capacity = 2 * capacity + 1024
+                    larger = <int32_t*>realloc(path, capacity * sizeof(int32_t))
+                    if larger is NULL:
+                        failed = True
                         break
-                    path = wider
+                    path = larger
                 path[depth] = t
                 depth += 1
-                end = place[t]
-                place[t] = INT32_MIN
-                t = -1 - end
-            if full:
+                last = representative[t]
+                representative[t] = INT32_MIN
+                t = -1 - last
+            if failed:
                 break
-            end = never if place[t] == INT32_MIN else place[t]
+            last = sink if representative[t] == INT32_MIN else representative[t]
             while depth:
                 depth -= 1
-                place[path[depth]] = end
-                if adding and end != never:
-                    along[path[depth]] += along[t]
+                representative[path[depth]] = last
+                if rewarded and last != sink:
+                    path_reward[path[depth]] += path_reward[t]
                 t = path[depth]
         free(path)
-    if full:
+    if failed:
         raise MemoryError
 
 
-def merge(int64_t[::1] indptr, int32_t[::1] indices, double[::1] data, const int32_t[::1] place, int64_t columns):
-    """Renumber columns by `place` (many to one) and add up what falls together, row by row, in place; the entries that are left."""
-    cdef int64_t rows = indptr.shape[0] - 1, r, k, begin, end = 0, first, total = 0
-    cdef int32_t c
-    cdef int64_t[::1] seen = np.full(columns, -1, dtype=np.int64)
-    with nogil:
-        for r in range(rows):
-            first = total
-            begin, end = end, indptr[r + 1]
-            for k in range(begin, end):
-                c = place[indices[k]]
-                if seen[c] >= first:
-                    data[seen[c]] += data[k]
-                else:
-                    seen[c] = total
-                    indices[total] = c
-                    data[total] = data[k]
-                    total += 1
-            indptr[r + 1] = total
-    return total
+def restrict_in_place(int64_t[::1] indptr, int32_t[::1] indices, double[::1] data,
+                      const int64_t[::1] groups, const uint8_t[::1] target,
+                      const int32_t[::1] column, int64_t n):
+    """Restrict a matrix to the rows and columns of the unknown states, in its own arrays.
 
-
-def unknowns(int64_t[::1] indptr, int32_t[::1] indices, double[::1] data, const int64_t[::1] groups,
-             const uint8_t[::1] member, const int32_t[::1] place, int64_t n):
-    """The rows of the n states with place[s] >= 0, in terms of each other; written over the old rows, of which nothing is left.
-
-    Returns (groups int64[n+1], into, leave float64[rows], entries): per row, what enters states that are members and no unknowns,
-    and what leaves the unknowns. The new rows are the first of indptr, indices and data.
+    Args:
+        indptr, indices, data: compressed rows (int64[rows+1], int32, float64); they are overwritten
+            by the new rows, which are their first elements.
+        groups: int64[states+1], the rows of each state.
+        target: uint8[columns], the columns whose mass is reported.
+        column: int32[columns], the new number of each unknown state, -1 for all others.
+        n: number of unknown states.
+    Returns:
+        groups: int64[n+1], the new rows of each unknown state.
+        entering_mass: float64[rows], per new row the sum of entries in target columns that are not
+            unknown.
+        exit_mass: float64[rows], per new row the sum of entries in columns that are not unknown.
+        entries: number of entries left.
     """
-    cdef int64_t states = groups.shape[0] - 1, s, r, k, begin, end = 0, rows = 0, row = 0, state = 0, total = 0
+    cdef int64_t states = groups.shape[0] - 1, s, r, k, begin, end = 0, rows = 0, row = 0
+    cdef int64_t state = 0, total = 0
     cdef int32_t c
-    cdef double entering, leaving
+    cdef double into_target, outside
     for s in range(states):
-        if place[s] >= 0:
+        if column[s] >= 0:
             rows += groups[s + 1] - groups[s]
     cdef int64_t[::1] new_groups = np.empty(n + 1, dtype=np.int64)
-    cdef double[::1] into = np.empty(rows)
-    cdef double[::1] leave = np.empty(rows)
+    cdef double[::1] entering_mass = np.empty(rows)
+    cdef double[::1] exit_mass = np.empty(rows)
     with nogil:
         new_groups[0] = 0
         for s in range(states):
-            if place[s] < 0:
+            if column[s] < 0:
                 continue
-            # What has been written over is where this row begins at most, and only if all rows before were taken.
+            # The start of this row was overwritten only if all rows before it were taken.
             begin = end if groups[s] == row else indptr[groups[s]]
             for r in range(groups[s], groups[s + 1]):
                 end = indptr[r + 1]
-                entering = leaving = 0.0
+                into_target = outside = 0.0
                 for k in range(begin, end):
                     c = indices[k]
-                    if place[c] >= 0:
-                        indices[total] = place[c]
+                    if column[c] >= 0:
+                        indices[total] = column[c]
                         data[total] = data[k]
                         total += 1
                     else:
-                        leaving = leaving + data[k]
-                        if member[c]:
-                            entering = entering + data[k]
+                        outside = outside + data[k]
+                        if target[c]:
+                            into_target = into_target + data[k]
                 begin = end
-                into[row] = entering
-                leave[row] = leaving
+                entering_mass[row] = into_target
+                exit_mass[row] = outside
                 row += 1
                 indptr[row] = total
             state += 1
             new_groups[state] = row
         indptr[0] = 0
-    return np.asarray(new_groups), np.asarray(into), np.asarray(leave), total
+    return np.asarray(new_groups), np.asarray(entering_mass), np.asarray(exit_mass), total

@@ -1,30 +1,30 @@
-import numpy as np
-from numpy.typing import NDArray
-
-from symcheck.kernels.arrays import Int32s, Int64s
-
-_Mask = NDArray[np.uint8]
+from symcheck.kernels.arrays import Int32s, Int64s, Masks
 
 def attractor(
-    pre: Int64s, rows_in: Int32s, owner: Int32s, groups: Int64s, target: _Mask, through: _Mask
-) -> _Mask: ...
-def almost_sure(
+    column_ptr: Int64s,
+    column_rows: Int32s,
+    row_state: Int32s,
+    groups: Int64s,
+    target: Masks,
+    allowed: Masks,
+) -> Masks: ...
+def almost_sure_reachability(
     indptr: Int64s,
     indices: Int32s,
     groups: Int64s,
-    pre: Int64s,
-    rows_in: Int32s,
-    owner: Int32s,
-    target: _Mask,
-    through: _Mask,
-) -> tuple[_Mask, Int64s]: ...
-def end_components(
+    column_ptr: Int64s,
+    column_rows: Int32s,
+    row_state: Int32s,
+    target: Masks,
+    allowed: Masks,
+) -> tuple[Masks, Int64s]: ...
+def maximal_end_components(
     indptr: Int64s,
     indices: Int32s,
     groups: Int64s,
-    pre: Int64s,
-    rows_in: Int32s,
-    owner: Int32s,
-    within: _Mask,
-    usable: _Mask | None,
-) -> tuple[Int32s, _Mask, int]: ...
+    column_ptr: Int64s,
+    column_rows: Int32s,
+    row_state: Int32s,
+    within: Masks,
+    usable: Masks | None,
+) -> tuple[Int32s, Masks, int]: ...

@@ -1,72 +1,89 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Graph algorithms for states with choices: attractors, almost sure reachability, end components.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Graph algorithms for Markov decision processes: attractors, Prob1E, maximal end components.
 
-States own consecutive rows: state s the rows groups[s] to groups[s+1].
+States own consecutive rows (choices): state s owns the rows groups[s] to groups[s+1] (groups:
+int64[n+1]).
 
-`pre`/`rows_in`: the transposed structure, that is, the rows with an entry in a column. `owner`: the state of a row.
-Masks are uint8.
+column_ptr, column_rows: the transposed structure, that is, int64[n+1] and int32, the rows with an
+entry in each column. row_state: int32[rows], the state of each row. Masks are uint8[n], 1 for
+members. Every function raises MemoryError when memory ends.
 """
 
 import numpy as np
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
-from symcheck.kernels.graph.tarjan cimport Search, enter, leave
+from symcheck.kernels.graph.queue cimport enqueue_members
+from symcheck.kernels.graph.tarjan cimport Tarjan, tarjan_enter, tarjan_leave
 
 
-def attractor(const int64_t[::1] pre, const int32_t[::1] rows_in, const int32_t[::1] owner, const int64_t[::1] groups,
-              const uint8_t[::1] target, const uint8_t[::1] through):
-    """uint8[n]: least set with `target` and the states of `through` all of whose rows have an entry in the set."""
-    cdef int64_t n = pre.shape[0] - 1, s, k, r, head = 0, tail = 0
+def attractor(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
+              const int32_t[::1] row_state, const int64_t[::1] groups, const uint8_t[::1] target,
+              const uint8_t[::1] allowed):
+    """Mask of the attractor of `target` inside `allowed`.
+
+    It is the least set with `target` and the states of `allowed` all of whose rows have an entry in
+    the set.
+    """
+    cdef int64_t n = column_ptr.shape[0] - 1, s, k, r, head = 0, tail = 0
     cdef int32_t p
-    cdef uint8_t[::1] seen = np.zeros(n, dtype=np.uint8)
-    cdef uint8_t[::1] hit = np.zeros(owner.shape[0], dtype=np.uint8)
-    cdef int32_t[::1] missing = np.empty(n, dtype=np.int32)
+    cdef uint8_t[::1] reached = np.zeros(n, dtype=np.uint8)
+    cdef uint8_t[::1] row_hit = np.zeros(row_state.shape[0], dtype=np.uint8)
+    cdef int32_t[::1] rows_left = np.empty(n, dtype=np.int32)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
     with nogil:
         for s in range(n):
-            missing[s] = <int32_t>(groups[s + 1] - groups[s])
-            if target[s]:
-                seen[s] = 1
-                queue[tail] = <int32_t>s
-                tail += 1
+            rows_left[s] = <int32_t>(groups[s + 1] - groups[s])
+        tail = enqueue_members(target, reached, queue)
         while head < tail:
             s = queue[head]
             head += 1
-            for k in range(pre[s], pre[s + 1]):
-                r = rows_in[k]
-                if hit[r]:
+            for k in range(column_ptr[s], column_ptr[s + 1]):
+                r = column_rows[k]
+                if row_hit[r]:
                     continue
-                hit[r] = 1
-                p = owner[r]
-                missing[p] -= 1
-                if missing[p] == 0 and not seen[p] and through[p]:
-                    seen[p] = 1
+                row_hit[r] = 1
+                p = row_state[r]
+                rows_left[p] -= 1
+                if rows_left[p] == 0 and not reached[p] and allowed[p]:
+                    reached[p] = 1
                     queue[tail] = p
                     tail += 1
-    return np.asarray(seen)
+    return np.asarray(reached)
 
 
-def almost_sure(const int64_t[::1] indptr, const int32_t[::1] indices, const int64_t[::1] groups,
-                const int64_t[::1] pre, const int32_t[::1] rows_in, const int32_t[::1] owner,
-                const uint8_t[::1] target, const uint8_t[::1] through):
-    """States with a strategy that reaches `target` through `through` with probability 1: (uint8[n], row int64[n]).
+def almost_sure_reachability(const int64_t[::1] indptr, const int32_t[::1] indices,
+                             const int64_t[::1] groups, const int64_t[::1] column_ptr,
+                             const int32_t[::1] column_rows, const int32_t[::1] row_state,
+                             const uint8_t[::1] target, const uint8_t[::1] allowed):
+    """The states where some strategy reaches `target` through `allowed` with probability 1
+    (Prob1E).
 
-    The row is a choice that stays among these states and moves nearer to the target (-1 at the target and outside).
-    Keeps one witness row per state, in a forest towards the target. A state that cannot get there with the rows left is
-    removed, which disables rows; only the states that hung on them are attached anew.
+    Args:
+        indptr, indices: int64[rows+1] and int32, the successors of each row.
+    Returns:
+        members: uint8[n].
+        witness: int64[n], a row that stays in the set and moves towards the target; -1 at the
+            target and outside the set.
+
+    The algorithm keeps a witness row per state, which form a forest with its roots at the
+    target. A state that cannot reach the target with the enabled rows is removed, which disables
+    the rows that may enter it; only the states whose path in the forest used such a row are
+    attached again.
+    Source: de Alfaro (1997), section 3.5, computed incrementally.
     """
-    cdef int64_t n = pre.shape[0] - 1, s, k, e, r, head, tail, i, w
+    cdef int64_t n = column_ptr.shape[0] - 1, s, k, e, r, head, tail, i, w
     cdef int32_t p
-    cdef uint8_t[::1] alive = np.zeros(n, dtype=np.uint8)      # not removed
-    cdef uint8_t[::1] loose = np.zeros(n, dtype=np.uint8)      # to be attached anew
-    cdef uint8_t[::1] disabled = np.zeros(owner.shape[0], dtype=np.uint8)
+    cdef uint8_t[::1] alive = np.zeros(n, dtype=np.uint8)      # not removed yet
+    # without a path to the target at present
+    cdef uint8_t[::1] detached = np.zeros(n, dtype=np.uint8)
+    cdef uint8_t[::1] disabled = np.zeros(row_state.shape[0], dtype=np.uint8)
     cdef int64_t[::1] witness = np.full(n, -1, dtype=np.int64)
     cdef int32_t[::1] parent = np.full(n, -1, dtype=np.int32)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
     cdef int32_t[::1] affected = np.empty(n, dtype=np.int32)
     cdef int32_t[::1] removed = np.empty(n, dtype=np.int32)
-    cdef int64_t n_affected = 0, n_removed = 0
+    cdef int64_t affected_count = 0, removed_count = 0
     with nogil:
         tail = 0
         head = 0
@@ -75,227 +92,244 @@ def almost_sure(const int64_t[::1] indptr, const int32_t[::1] indices, const int
                 alive[s] = 1
                 queue[tail] = <int32_t>s
                 tail += 1
-            elif through[s]:
+            elif allowed[s]:
                 alive[s] = 1
-                loose[s] = 1
-                affected[n_affected] = <int32_t>s
-                n_affected += 1
+                detached[s] = 1
+                affected[affected_count] = <int32_t>s
+                affected_count += 1
             else:
-                removed[n_removed] = <int32_t>s
-                n_removed += 1
-        # The states outside are removed from the start: rows that may leave are of no use.
-        for i in range(n_removed):
+                removed[removed_count] = <int32_t>s
+                removed_count += 1
+        # States outside are removed from the start, because rows that may enter them are useless.
+        for i in range(removed_count):
             s = removed[i]
-            for k in range(pre[s], pre[s + 1]):
-                disabled[rows_in[k]] = 1
+            for k in range(column_ptr[s], column_ptr[s + 1]):
+                disabled[column_rows[k]] = 1
         while True:
-            # Attach, nearest first, from the states in the queue.
+            # Attach states to the forest breadth first, from those in the queue.
             while head < tail:
                 s = queue[head]
                 head += 1
-                for k in range(pre[s], pre[s + 1]):
-                    r = rows_in[k]
-                    p = owner[r]
-                    if loose[p] and not disabled[r]:
-                        loose[p] = 0
+                for k in range(column_ptr[s], column_ptr[s + 1]):
+                    r = column_rows[k]
+                    p = row_state[r]
+                    if detached[p] and not disabled[r]:
+                        detached[p] = 0
                         witness[p] = r
                         parent[p] = <int32_t>s
                         queue[tail] = p
                         tail += 1
-            # What is still loose has no way to the target: remove it and disable the rows that may enter it.
-            n_removed = 0
-            for i in range(n_affected):
+            # Detached states cannot reach the target: remove them and disable the rows that may
+            # enter them.
+            removed_count = 0
+            for i in range(affected_count):
                 s = affected[i]
-                if loose[s]:
-                    loose[s] = 0
+                if detached[s]:
+                    detached[s] = 0
                     alive[s] = 0
                     witness[s] = -1
-                    removed[n_removed] = <int32_t>s
-                    n_removed += 1
-            if n_removed == 0:
+                    removed[removed_count] = <int32_t>s
+                    removed_count += 1
+            if removed_count == 0:
                 break
-            n_affected = 0
-            for i in range(n_removed):
+            affected_count = 0
+            for i in range(removed_count):
                 s = removed[i]
-                for k in range(pre[s], pre[s + 1]):
-                    r = rows_in[k]
+                for k in range(column_ptr[s], column_ptr[s + 1]):
+                    r = column_rows[k]
                     if disabled[r]:
                         continue
                     disabled[r] = 1
-                    p = owner[r]
-                    if alive[p] and not target[p] and witness[p] == r and not loose[p]:
-                        loose[p] = 1
-                        affected[n_affected] = p
-                        n_affected += 1
-            # Whatever hung on a loose state is loose as well.
+                    p = row_state[r]
+                    if alive[p] and not target[p] and witness[p] == r and not detached[p]:
+                        detached[p] = 1
+                        affected[affected_count] = p
+                        affected_count += 1
+            # States attached below a detached state are detached as well.
             i = 0
-            while i < n_affected:
+            while i < affected_count:
                 s = affected[i]
                 i += 1
-                for k in range(pre[s], pre[s + 1]):
-                    r = rows_in[k]
-                    p = owner[r]
-                    if alive[p] and not loose[p] and not target[p] and witness[p] == r and parent[p] == s:
-                        loose[p] = 1
-                        affected[n_affected] = p
-                        n_affected += 1
-            # Reattach those with an enabled row into a state that still hangs on the target.
+                for k in range(column_ptr[s], column_ptr[s + 1]):
+                    r = column_rows[k]
+                    p = row_state[r]
+                    if (alive[p] and not detached[p] and not target[p] and witness[p] == r
+                            and parent[p] == s):
+                        detached[p] = 1
+                        affected[affected_count] = p
+                        affected_count += 1
+            # Attach again the states with an enabled row into a state of the forest.
             head = 0
             tail = 0
-            for i in range(n_affected):
+            for i in range(affected_count):
                 s = affected[i]
                 for r in range(groups[s], groups[s + 1]):
                     if disabled[r]:
                         continue
                     for e in range(indptr[r], indptr[r + 1]):
                         w = indices[e]
-                        # A state attached in this very scan is as good as any other.
-                        if alive[w] and not loose[w]:
-                            loose[s] = 0
+                        # States that were attached during this scan count, too.
+                        if alive[w] and not detached[w]:
+                            detached[s] = 0
                             witness[s] = r
                             parent[s] = <int32_t>w
                             break
-                    if not loose[s]:
+                    if not detached[s]:
                         queue[tail] = <int32_t>s
                         tail += 1
                         break
     return np.asarray(alive), np.asarray(witness)
 
 
-cdef void strong_components(Search* search, int32_t[::1] states, const int64_t[::1] groups, const int64_t[::1] indptr,
-                            const int32_t[::1] indices, const uint8_t[::1] enabled, int64_t[::1] at_row, int64_t[::1] at) noexcept nogil:
-    """Strong components of `states`, which enabled rows do not leave, over these rows; at_row, at: room for a number per state."""
+cdef void enabled_components(Tarjan* search, int32_t[::1] states, const int64_t[::1] groups,
+                             const int64_t[::1] indptr, const int32_t[::1] indices,
+                             const uint8_t[::1] enabled, int64_t[::1] next_row,
+                             int64_t[::1] next_entry) noexcept nogil:
+    """Strongly connected components of `states` over the enabled rows, which must not leave them.
+
+    next_row, next_entry: scratch, one number per state.
+    """
     cdef int64_t i, r, k, end
-    cdef int32_t v, w, lowest
-    cdef bint deeper
+    cdef int32_t v, w, least
+    cdef bint entered
     search.depth = -1
-    search.top = search.done = 0
-    search.clock = search.count = 0
+    search.stack_size = search.assigned = 0
+    search.next_index = search.count = 0
     search.start[0] = 0
     for i in range(states.shape[0]):
-        search.found[states[i]] = 0
+        search.index[states[i]] = 0
         search.component[states[i]] = -1
     for i in range(states.shape[0]):
         v = states[i]
-        if search.found[v]:
+        if search.index[v]:
             continue
-        enter(search, v)
-        at_row[0] = groups[v]
-        at[0] = indptr[groups[v]]
+        tarjan_enter(search, v)
+        next_row[0] = groups[v]
+        next_entry[0] = indptr[groups[v]]
         while search.depth >= 0:
             v = search.path[search.depth]
-            r = at_row[search.depth]
-            k = at[search.depth]
-            lowest = search.low[v]
-            deeper = False
+            r = next_row[search.depth]
+            k = next_entry[search.depth]
+            least = search.lowlink[v]
+            entered = False
             while r < groups[v + 1]:
                 if enabled[r]:
                     end = indptr[r + 1]
                     while k < end:
                         w = indices[k]
                         k += 1
-                        if search.found[w] == 0:
-                            deeper = True
+                        if search.index[w] == 0:
+                            entered = True
                             break
-                        elif search.component[w] < 0 and search.found[w] < lowest:
-                            lowest = search.found[w]
-                    if deeper:
+                        elif search.component[w] < 0 and search.index[w] < least:
+                            least = search.index[w]
+                    if entered:
                         break
                 r += 1
                 k = indptr[r]
-            search.low[v] = lowest
-            if deeper:
-                at_row[search.depth] = r
-                at[search.depth] = k
-                enter(search, w)
-                at_row[search.depth] = groups[w]
-                at[search.depth] = indptr[groups[w]]
+            search.lowlink[v] = least
+            if entered:
+                next_row[search.depth] = r
+                next_entry[search.depth] = k
+                tarjan_enter(search, w)
+                next_row[search.depth] = groups[w]
+                next_entry[search.depth] = indptr[groups[w]]
             else:
-                leave(search)
+                tarjan_leave(search)
 
 
-def end_components(const int64_t[::1] indptr, const int32_t[::1] indices, const int64_t[::1] groups,
-                   const int64_t[::1] pre, const int32_t[::1] rows_in, const int32_t[::1] owner,
-                   const uint8_t[::1] within, usable):
-    """Maximal end components made of states in `within` and rows in `usable` (uint8[rows] or None: all).
+def maximal_end_components(const int64_t[::1] indptr, const int32_t[::1] indices,
+                           const int64_t[::1] groups, const int64_t[::1] column_ptr,
+                           const int32_t[::1] column_rows, const int32_t[::1] row_state,
+                           const uint8_t[::1] within, usable):
+    """Maximal end components with states in `within` and rows in `usable`.
 
-    Returns (component int32[n], -1 for none; enabled uint8[rows]: rows that stay in their component; count).
-    Rounds of strong components over what changed in the round before; a component that loses nothing is an end component.
+    Args:
+        usable: uint8[rows], or None for all rows.
+    Returns:
+        component: int32[n], -1 for states in none.
+        enabled: uint8[rows], the rows that stay in their state's component.
+        count: number of components.
+    Source: de Alfaro (1997); Chatterjee & Henzinger (2011). Each round computes strongly connected
+    components of what the round before changed; a component that loses no row is an end component.
     """
-    cdef int64_t n = pre.shape[0] - 1, s, k, r, i, j, e, head, tail
-    cdef int64_t n_active = 0, n_next
+    cdef int64_t n = column_ptr.shape[0] - 1, s, k, r, i, j, e, head, tail
+    cdef int64_t active_count = 0, next_count
     cdef int32_t p, count = 0
-    cdef uint8_t[::1] enabled = np.ones(owner.shape[0], dtype=np.uint8) if usable is None else np.array(usable, dtype=np.uint8)
-    cdef uint8_t[::1] open_ = np.zeros(n, dtype=np.uint8)
+    cdef uint8_t[::1] enabled = np.array(np.ones(row_state.shape[0]) if usable is None else usable,
+                                         dtype=np.uint8)
+    cdef uint8_t[::1] candidate = np.zeros(n, dtype=np.uint8)
     cdef int32_t[::1] result = np.full(n, -1, dtype=np.int32)
     cdef int32_t[::1] choices = np.zeros(n, dtype=np.int32)
     cdef int32_t[::1] active = np.empty(n, dtype=np.int32)
     cdef int32_t[::1] scc = np.full(n, -1, dtype=np.int32)
-    cdef int32_t[::1] found = np.zeros(n, dtype=np.int32)
-    cdef int32_t[::1] low = np.zeros(n, dtype=np.int32)
-    cdef int32_t[::1] finished = np.empty(n, dtype=np.int32)
+    cdef int32_t[::1] index = np.zeros(n, dtype=np.int32)
+    cdef int32_t[::1] lowlink = np.zeros(n, dtype=np.int32)
+    cdef int32_t[::1] stack = np.empty(n, dtype=np.int32)
     cdef int32_t[::1] path = np.empty(n, dtype=np.int32)
-    cdef int64_t[::1] at_row = np.empty(n, dtype=np.int64)
-    cdef int64_t[::1] at = np.empty(n, dtype=np.int64)
+    cdef int64_t[::1] next_row = np.empty(n, dtype=np.int64)
+    cdef int64_t[::1] next_entry = np.empty(n, dtype=np.int64)
     cdef int32_t[::1] order = np.empty(n, dtype=np.int32)
     cdef int64_t[::1] start = np.empty(n + 1, dtype=np.int64)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
     cdef bint changed
-    cdef Search search = Search(
-        &found[0], &low[0], &scc[0], &path[0], &finished[0], &order[0], &start[0], depth=-1, top=0, done=0, clock=0, count=0,
-    )
+    cdef Tarjan search = Tarjan(&index[0], &lowlink[0], &scc[0], &path[0], &stack[0], &order[0],
+                                &start[0], depth=-1, stack_size=0, assigned=0, next_index=0,
+                                count=0)
     with nogil:
         # Rows that may leave `within` are unusable from the start.
         for s in range(n):
             if within[s]:
-                open_[s] = 1
-                active[n_active] = <int32_t>s
-                n_active += 1
+                candidate[s] = 1
+                active[active_count] = <int32_t>s
+                active_count += 1
             else:
-                for k in range(pre[s], pre[s + 1]):
-                    enabled[rows_in[k]] = 0
+                for k in range(column_ptr[s], column_ptr[s + 1]):
+                    enabled[column_rows[k]] = 0
         head = 0
         tail = 0
         for s in range(n):
             for r in range(groups[s], groups[s + 1]):
-                if not open_[s]:
+                if not candidate[s]:
                     enabled[r] = 0
                 elif enabled[r]:
                     choices[s] += 1
-            if open_[s] and choices[s] == 0:
-                open_[s] = 0
+            if candidate[s] and choices[s] == 0:
+                candidate[s] = 0
                 queue[tail] = <int32_t>s
                 tail += 1
         while True:
-            # Remove states without a choice, and the rows that may enter them.
+            # Remove states without an enabled row, and the rows that may enter them.
             while head < tail:
                 s = queue[head]
                 head += 1
-                for k in range(pre[s], pre[s + 1]):
-                    r = rows_in[k]
+                for k in range(column_ptr[s], column_ptr[s + 1]):
+                    r = column_rows[k]
                     if enabled[r]:
                         enabled[r] = 0
-                        p = owner[r]
+                        p = row_state[r]
                         choices[p] -= 1
-                        if choices[p] == 0 and open_[p]:
-                            open_[p] = 0
+                        if choices[p] == 0 and candidate[p]:
+                            candidate[p] = 0
                             queue[tail] = p
                             tail += 1
-            # Strong components of the active states over the enabled rows.
-            n_next = 0
-            for i in range(n_active):
+            # Strongly connected components of the active states over the enabled rows.
+            next_count = 0
+            for i in range(active_count):
                 s = active[i]
-                if open_[s]:
-                    active[n_next] = <int32_t>s
-                    n_next += 1
-            n_active = n_next
-            if n_active == 0:
+                if candidate[s]:
+                    active[next_count] = <int32_t>s
+                    next_count += 1
+            active_count = next_count
+            if active_count == 0:
                 break
-            strong_components(&search, active[:n_active], groups, indptr, indices, enabled, at_row, at)
-            # Disable rows that leave their component; a component without such rows is settled.
+            enabled_components(&search, active[:active_count], groups, indptr, indices, enabled,
+                               next_row, next_entry)
+            # Disable rows that leave their component; a component without such rows is an end
+            # component.
             head = 0
             tail = 0
-            n_next = 0
+            next_count = 0
             for j in range(search.count):
                 changed = False
                 for i in range(start[j], start[j + 1]):
@@ -312,21 +346,21 @@ def end_components(const int64_t[::1] indptr, const int32_t[::1] indices, const 
                 if changed:
                     for i in range(start[j], start[j + 1]):
                         s = order[i]
-                        active[n_next] = <int32_t>s
-                        n_next += 1
+                        active[next_count] = <int32_t>s
+                        next_count += 1
                         if choices[s] == 0:
-                            open_[s] = 0
+                            candidate[s] = 0
                             queue[tail] = <int32_t>s
                             tail += 1
                 else:
                     for i in range(start[j], start[j + 1]):
                         result[order[i]] = count
-                        open_[order[i]] = 0
+                        candidate[order[i]] = 0
                     count += 1
-            n_active = n_next
-            if n_active == 0:
+            active_count = next_count
+            if active_count == 0:
                 break
-        # Rows of states that are in no end component do not count.
+        # Disable the rows of states that are in no end component.
         for s in range(n):
             if result[s] < 0:
                 for r in range(groups[s], groups[s + 1]):

@@ -1,49 +1,52 @@
 # cython: language_level=3
-"""Tarjan's search for strong components (1972), without recursion: what happens where it enters a state, and where it leaves one.
+"""Tarjan's algorithm for strongly connected components (1972), without recursion.
 
-Listing successors is left to those who search. They begin with `enter(search, root)` at depth -1; while the depth is not negative,
-they look at the successors of `path[depth]`, lower its `low` by `found` of those that have no component yet, `enter` the first
-one that is not found, and `leave` where there is none left.
+The caller enumerates the successors. It calls `tarjan_enter(search, root)` at depth -1. While the
+depth is not negative, it visits the successors of `path[depth]`: it lowers the state's `lowlink` by
+the `index` of those without a component, enters the first one without an index, and calls
+`tarjan_leave` when no successor is left.
 """
 from libc.stdint cimport int32_t, int64_t
 
-cdef struct Search:
-    int32_t* found       # when a state was entered, from 1 on; 0: not yet
-    int32_t* low         # the earliest state that is known to be reached from it
-    int32_t* component   # -1 as long as it has none
-    int32_t* path        # from a root to the state at hand
-    int32_t* finished    # the states that were left and have no component yet
+cdef struct Tarjan:
+    int32_t* index       # order in which states were visited, from 1; 0: not yet
+    int32_t* lowlink         # least such number known to be reachable from the state
+    int32_t* component   # component of each state; -1: none yet
+    int32_t* path        # states from the root to the current state
+    int32_t* stack    # visited states that have no component yet
     int32_t* order       # states by component, successors first
     int64_t* start       # of each component in `order`
-    int64_t depth, top, done
-    int32_t clock, count
+    int64_t depth, stack_size, assigned
+    int32_t next_index, count
 
-cdef inline void enter(Search* s, int32_t state) noexcept nogil:
+cdef inline void tarjan_enter(Tarjan* s, int32_t state) noexcept nogil:
+    """Put a state on the path."""
     s.depth += 1
     s.path[s.depth] = state
-    s.clock += 1
-    s.found[state] = s.clock
-    s.low[state] = s.clock
+    s.next_index += 1
+    s.index[state] = s.next_index
+    s.lowlink[state] = s.next_index
 
-cdef inline void leave(Search* s) noexcept nogil:
+cdef inline void tarjan_leave(Tarjan* s) noexcept nogil:
+    """Take the last state off the path, and close its component if it is the root of one."""
     cdef int32_t v = s.path[s.depth], w
-    cdef int32_t lowest = s.low[v]
+    cdef int32_t lowlink_v = s.lowlink[v]
     cdef int64_t first, k
-    s.finished[s.top] = v
-    s.top += 1
+    s.stack[s.stack_size] = v
+    s.stack_size += 1
     s.depth -= 1
-    if lowest == s.found[v]:
-        # Everything that finished since v was found, and has no component yet, belongs to v.
-        first = s.top
-        while first > 0 and s.found[s.finished[first - 1]] >= lowest:
+    if lowlink_v == s.index[v]:
+        # The states left since v was put on the path, without a component yet, form that of v.
+        first = s.stack_size
+        while first > 0 and s.index[s.stack[first - 1]] >= lowlink_v:
             first -= 1
-        for k in range(first, s.top):
-            w = s.finished[k]
+        for k in range(first, s.stack_size):
+            w = s.stack[k]
             s.component[w] = s.count
-            s.order[s.done] = w
-            s.done += 1
-        s.top = first
+            s.order[s.assigned] = w
+            s.assigned += 1
+        s.stack_size = first
         s.count += 1
-        s.start[s.count] = s.done
-    elif s.depth >= 0 and lowest < s.low[s.path[s.depth]]:
-        s.low[s.path[s.depth]] = lowest
+        s.start[s.count] = s.assigned
+    elif s.depth >= 0 and lowlink_v < s.lowlink[s.path[s.depth]]:
+        s.lowlink[s.path[s.depth]] = lowlink_v

@@ -61,15 +61,16 @@ cdef class Nodes:
             return low
         if self.tick():
             return NOTHING
-        at = <int64_t>mix_with(pair_key(low, high), place) & self.mask
+        at = <int64_t>mix_pair(pair_key(low, high), place) & self.mask
         while self.table[at] >= 0:
             x = self.table[at]
             if ((<int32_t*>self.lows.data)[x] == low and (<int32_t*>self.highs.data)[x] == high
                     and (<int32_t*>self.places.data)[x] == place):
                 return x
             at = (at + 1) & self.mask
-        if (self.nodes >= 0x7FFFFFF0 or reserve(&self.places, 4 * (self.nodes + 1)) or reserve(&self.lows, 4 * (self.nodes + 1))
-                or reserve(&self.highs, 4 * (self.nodes + 1))):
+        if (self.nodes >= 0x7FFFFFF0 or reserve(&self.places, 4 * (self.nodes + 1))
+                or reserve(&self.lows, 4 * (self.nodes + 1))
+            or reserve(&self.highs, 4 * (self.nodes + 1))):
             return self.fail()
         x = <int>self.nodes
         (<int32_t*>self.places.data)[x] = place
@@ -89,7 +90,8 @@ cdef class Nodes:
             return -1
         memset(table, 0xFF, (mask + 1) * sizeof(int32_t))
         for x in range(self.nodes):
-            at = <int64_t>mix_with(pair_key((<int32_t*>self.lows.data)[x], (<int32_t*>self.highs.data)[x]),
+            at = <int64_t>mix_pair(pair_key((<int32_t*>self.lows.data)[x],
+                                            (<int32_t*>self.highs.data)[x]),
                                    (<int32_t*>self.places.data)[x]) & mask
             while table[at] >= 0:
                 at = (at + 1) & mask
@@ -100,8 +102,8 @@ cdef class Nodes:
         return 0
 
     @cython.final
-    cdef inline int keep(self, Pairs* memo, int a, int b, int result) noexcept nogil:
-        if self.stop == GOES_ON and pairs_put(memo, a, b, result) < 0:
+    cdef inline int keep(self, PairMap* memo, int a, int b, int result) noexcept nogil:
+        if self.stop == GOES_ON and pair_map_insert(memo, a, b, result) < 0:
             return self.fail()
         return result
 

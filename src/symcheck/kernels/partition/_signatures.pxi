@@ -6,19 +6,22 @@ cdef class Signatures(Nodes):
     cdef int leaves
     cdef const int[::1] level, low, high, roots
     cdef const double[::1] weight
-    cdef Bags bags
-    # what is known: matrix node and partition to signature; two signatures to their sum; set and signature to set; …
-    cdef Pairs images, sums, unions, scales
+    cdef SignatureTable signatures
+    # what is known: matrix node and partition to signature; two signatures to their sum; set and
+    # signature to set; …
+    cdef PairMap images, sums, unions, scales
 
     @cython.final
     cdef int image(self, int m, int p) noexcept nogil:
-        """Where the rows of a matrix lead: the sum over the column bits, from the topmost of the two nodes on, of its entries."""
+        """Where the rows of a matrix lead: the sum over the column bits, from the topmost of the
+        two nodes on, of its entries.
+        """
         cdef int r, place, m0, m1, m00, m01, m10, m11, p0, p1
         if p == NOTHING or self.stop != GOES_ON or (m < self.leaves and self.weight[m] == 0.0):
             return NOTHING
         if m < self.leaves and p < 0:
-            return self.leaf(self.bags.one(-1 - p, self.weight[m]))
-        if pairs_find(&self.images, m, p, &r):
+            return self.leaf(self.signatures.singleton(-1 - p, self.weight[m]))
+        if pair_map_find(&self.images, m, p, &r):
             return r
         place = min(self.level[m] >> 1, self.place_of(p))
         self.halves(m, 2 * place, &m0, &m1)
@@ -40,7 +43,9 @@ cdef class Signatures(Nodes):
 
     @cython.final
     cdef inline int below(self, int m, int p, int place) noexcept nogil:
-        """The image from the bit after `place` on: column bits that neither node asks for count twice each."""
+        """The image from the bit after `place` on: column bits that neither node asks for count
+        twice each.
+        """
         cdef int r = self.image(m, p)
         cdef int gap = min(self.level[m] >> 1, self.place_of(p)) - place - 1
         return r if gap == 0 or r == NOTHING else self.scale(r, gap)
@@ -50,10 +55,10 @@ cdef class Signatures(Nodes):
         cdef int r, low, high
         if a == NOTHING or self.stop != GOES_ON:
             return NOTHING
-        if pairs_find(&self.scales, a, doublings, &r):
+        if pair_map_find(&self.scales, a, doublings, &r):
             return r
         if a < 0:
-            r = self.leaf(self.bags.scaled(-1 - a, doublings))
+            r = self.leaf(self.signatures.shift_left(-1 - a, doublings))
         else:
             low = self.scale((<int32_t*>self.lows.data)[a], doublings)
             high = self.scale((<int32_t*>self.highs.data)[a], doublings)
@@ -72,10 +77,10 @@ cdef class Signatures(Nodes):
             return NOTHING
         if a > b:
             a, b = b, a
-        if pairs_find(&self.sums, a, b, &r):
+        if pair_map_find(&self.sums, a, b, &r):
             return r
         if b < 0:
-            return self.keep(&self.sums, a, b, self.leaf(self.bags.add(-1 - a, -1 - b)))
+            return self.keep(&self.sums, a, b, self.leaf(self.signatures.add(-1 - a, -1 - b)))
         place = min(self.place_of(a), self.place_of(b))
         self.split(a, place, &a0, &a1)
         self.split(b, place, &b0, &b1)
@@ -89,13 +94,14 @@ cdef class Signatures(Nodes):
         cdef int r, place, a0, a1, b0, b1
         if b == NOTHING or self.stop != GOES_ON:
             return a
-        if pairs_find(&self.unions, a, b, &r):
+        if pair_map_find(&self.unions, a, b, &r):
             return r
         if a < 0 and b < 0:
-            place = self.bags.rounded(-1 - b)
+            place = self.signatures.round_values(-1 - b)
             if place < 0:
                 return self.fail()
-            return self.keep(&self.unions, a, b, self.leaf(self.bags.with_key(-1 - a, place)))
+            return self.keep(&self.unions, a, b,
+                             self.leaf(self.signatures.insert_key(-1 - a, place)))
         place = min(self.place_of(a), self.place_of(b))
         self.split(a, place, &a0, &a1)
         self.split(b, place, &b0, &b1)

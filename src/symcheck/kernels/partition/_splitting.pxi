@@ -4,9 +4,11 @@ cdef class Splitting(Signatures):
     """The blocks, and how they are split; see Partition."""
 
     cdef bint choices
-    # of partition and signature: all leaves as known of the blocks; in this round: looked at; parts; the new partition
-    cdef Pairs settled, surveyed, found, renamed
-    # of this round: the parts, each a block and a signature, and then a number; nodes of the partition that are settled
+    # of partition and signature: all leaves as known of the blocks; in this round: looked at;
+    # parts; the new partition
+    cdef PairMap settled, surveyed, found, renamed
+    # of this round: the parts, each a block and a signature, and then a number; nodes of the
+    # partition that are settled
     cdef Buffer part_block, part_signature, part_number, quiet, visits
     cdef int64_t parts, quiets
     # blocks: the signature of each, and the round when it was last seen
@@ -19,15 +21,17 @@ cdef class Splitting(Signatures):
     @cython.final
     cdef int signature(self, int s) noexcept nogil:
         """What a leaf of a signature is compared by; -1: no memory."""
-        return self.bags.rounded(-1 - s) if self.rounding else -1 - s
+        return self.signatures.round_values(-1 - s) if self.rounding else -1 - s
 
     @cython.final
     cdef bint survey(self, int p, int s) noexcept nogil:
-        """Find the parts that a function makes of the blocks; whether there is a state whose signature has changed.
+        """Find the parts that a function makes of the blocks; whether there is a state whose
+        signature has changed.
 
-        A block and a signature that are known to belong together are no part. A pair of nodes whose leaves all are so is
-        settled, for good: a signature that has changed names a block that is younger, and so does not come back; while a
-        state has the signature that is known of its block, the number stays with that.
+        A block and a signature that are known to belong together are no part. A pair of nodes whose
+        leaves all are so is settled, for good: a signature that has changed names a block that is
+        younger, and so does not come back; while a state has the signature that is known of its
+        block, the number stays with that.
         """
         cdef int r, place, p0, p1, s0, s1
         cdef bint changed
@@ -40,8 +44,9 @@ cdef class Splitting(Signatures):
             elif (<int32_t*>self.known.data)[-1 - p] == s:
                 (<int32_t*>self.seen.data)[-1 - p] = self.now
                 return False
-            elif not pairs_find(&self.found, p, s, &r):
-                if reserve(&self.part_block, 4 * (self.parts + 1)) or reserve(&self.part_signature, 4 * (self.parts + 1)):
+            elif not pair_map_find(&self.found, p, s, &r):
+                if (reserve(&self.part_block, 4 * (self.parts + 1))
+                        or reserve(&self.part_signature, 4 * (self.parts + 1))):
                     self.fail()
                     return True
                 (<int32_t*>self.part_block.data)[self.parts] = -1 - p
@@ -49,14 +54,14 @@ cdef class Splitting(Signatures):
                 self.keep(&self.found, p, s, <int>self.parts)
                 self.parts += 1
             return True
-        if pairs_find(&self.settled, p, s, &r):
+        if pair_map_find(&self.settled, p, s, &r):
             if reserve(&self.quiet, 4 * (self.quiets + 1)):
                 self.fail()
                 return True
             (<int32_t*>self.quiet.data)[self.quiets] = p
             self.quiets += 1
             return False
-        if pairs_find(&self.surveyed, p, s, &r):
+        if pair_map_find(&self.surveyed, p, s, &r):
             return True
         place = min(self.place_of(p), self.place_of(s))
         self.split(p, place, &p0, &p1)
@@ -76,10 +81,10 @@ cdef class Splitting(Signatures):
             return NOTHING
         if p < 0 and s < 0:
             r = -1
-            if pairs_find(&self.found, p, self.signature(s), &r):
+            if pair_map_find(&self.found, p, self.signature(s), &r):
                 return -1 - (<int32_t*>self.part_number.data)[r]
             return p
-        if pairs_find(&self.settled, p, s, &r) or pairs_find(&self.renamed, p, s, &r):
+        if pair_map_find(&self.settled, p, s, &r) or pair_map_find(&self.renamed, p, s, &r):
             return r
         place = min(self.place_of(p), self.place_of(s))
         self.split(p, place, &p0, &p1)
@@ -87,7 +92,7 @@ cdef class Splitting(Signatures):
         p0 = self.divided(p0, s0)
         p1 = self.divided(p1, s1)
         r = self.keep(&self.renamed, p, s, self.make(place, p0, p1))
-        if r >= 0 and not pairs_find(&self.settled, r, s, &p0):
+        if r >= 0 and not pair_map_find(&self.settled, r, s, &p0):
             self.keep(&self.settled, r, s, r)
         return r
 
@@ -103,7 +108,9 @@ cdef class Splitting(Signatures):
 
     @cython.final
     cdef int look_where_quiet(self) noexcept nogil:
-        """See the blocks of what is settled, if it matters for some part whether its block is there."""
+        """See the blocks of what is settled, if it matters for some part whether its block is
+        there.
+        """
         cdef int64_t i
         cdef bint open = False
         for i in range(self.parts):
@@ -120,11 +127,14 @@ cdef class Splitting(Signatures):
 
     @cython.final
     cdef int number_parts(self) noexcept nogil:
-        """New numbers for parts; where none of a block has the signature that was known of it, the first keeps its number."""
+        """New numbers for parts; where none of a block has the signature that was known of it, the
+        first keeps its number.
+        """
         cdef int64_t i, fresh = self.blocks
         cdef int b
-        if (reserve(&self.part_number, 4 * (self.parts + 1)) or reserve(&self.known, 4 * (self.blocks + self.parts + 2))
-                or reserve(&self.seen, 4 * (self.blocks + self.parts + 2))):
+        if (reserve(&self.part_number, 4 * (self.parts + 1))
+                or reserve(&self.known, 4 * (self.blocks + self.parts + 2))
+            or reserve(&self.seen, 4 * (self.blocks + self.parts + 2))):
             return -1
         cdef int32_t* seen = <int32_t*>self.seen.data
         for i in range(self.parts):
@@ -149,9 +159,9 @@ cdef class Splitting(Signatures):
         self.parts = 0
         self.quiets = 0
         self.now += 1
-        pairs_drop(&self.surveyed)
-        pairs_drop(&self.found)
-        pairs_drop(&self.renamed)
+        pair_map_clear(&self.surveyed)
+        pair_map_clear(&self.found)
+        pair_map_clear(&self.renamed)
         with nogil:
             self.survey(self.root, s)
             if self.stop == GOES_ON and (self.look_where_quiet() < 0 or self.number_parts() < 0):

@@ -1,10 +1,13 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Partition refinement on diagrams: the states of a huge set are never listed, their blocks are the leaves of a diagram.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Partition refinement on diagrams: the states of a huge set are never listed, their blocks are the
+leaves of a diagram.
 
-Nodes are kept once, in arrays of this module's own. A node has a place (the number of a row bit) and two children; a child
-that is negative is the leaf -1 - child. In a partition leaves are blocks, 0 being no state; in a signature they are bags
-(see bags.pyx) from blocks to sums of entries, or sets of these. A signature is a matrix times the successors' blocks, with
-sums in the place of the column bits. What was computed stays known from round to round, as long as blocks keep their numbers.
+Nodes are kept once, in arrays of this module's own. A node has a place (the number of a row bit)
+and two children; a child that is negative is the leaf -1 - child. In a partition leaves are blocks,
+0 being no state; in a signature they are bags (see bags.pyx) from blocks to sums of entries, or
+sets of these. A signature is a matrix times the successors' blocks, with sums in the place of the
+column bits. What was computed stays known from round to round, as long as blocks keep their
+numbers.
 """
 
 from libc.math cimport INFINITY
@@ -17,9 +20,10 @@ from time import process_time
 import cython
 import numpy as np
 
-from symcheck.kernels.tables.hash_mix cimport mix_with
-from symcheck.kernels.tables.pair_map cimport Pairs, pair_key, pairs_drop, pairs_find, pairs_put
-from symcheck.kernels.tables.signature_table cimport Bags
+from symcheck.kernels.tables.hash_mix cimport mix_pair
+from symcheck.kernels.tables.pair_map cimport (PairMap, pair_key, pair_map_clear, pair_map_find,
+                                               pair_map_insert)
+from symcheck.kernels.tables.signature_table cimport SignatureTable
 from symcheck.kernels.memory cimport Buffer, release, reserve
 
 __all__ = ["Partition", "largest_sum"]
@@ -33,7 +37,8 @@ cdef enum:
 cdef enum Stop:
     GOES_ON, NO_MEMORY, SIGNAL, LATE
 
-# Nodes that are kept before those that are no longer needed are dropped; then as many times what is left.
+# Nodes that are kept before those that are no longer needed are dropped; then as many times what is
+# left.
 cdef enum:
     FIRST_COLLECTION = 4000000
     GROWTH = 4
@@ -43,7 +48,8 @@ cdef int pending() except -1:
     return -1
 
 
-def largest_sum(const int[::1] level, const int[::1] low, const int[::1] high, const double[::1] weight, const int[::1] roots):
+def largest_sum(const int[::1] level, const int[::1] low, const int[::1] high,
+                const double[::1] weight, const int[::1] roots):
     """A number that no row of the matrices has a larger sum than (see Partition for the arrays)."""
     bounds = np.zeros(level.shape[0], dtype=np.float64)
     cdef double[::1] bound = bounds
@@ -75,20 +81,24 @@ include "_splitting.pxi"
 cdef class Partition(Splitting):
     """A set of states, split further and further.
 
-    bits: of a state. level, low, high, weight, roots: the matrices as an exported diagram; leaves first, with `weight`; the
-    level of a node is twice the number of its bit, plus one for a column bit; leaves have level 2 bits. choices: whether the
-    matrices are the choices of a state, of which it has a set, or the only one. exponent: the lowest binary digit of weights,
-    negated; sums must stay below 2 ** (126 - exponent). limit: bytes that may be used. deadline: of processor time.
+    bits: of a state. level, low, high, weight, roots: the matrices as an exported diagram; leaves
+    first, with `weight`; the level of a node is twice the number of its bit, plus one for a column
+    bit; leaves have level 2 bits. choices: whether the matrices are the choices of a state, of
+    which it has a set, or the only one. exponent: the lowest binary digit of weights, negated; sums
+    must stay below 2 ** (126 - exponent). limit: bytes that may be used. deadline: of processor
+    time.
 
-    Methods raise MemoryError at the limit and TimeoutError after the deadline, and then the partition is of no use.
+    Methods raise MemoryError at the limit and TimeoutError after the deadline, and then the
+    partition is of no use.
     """
 
     cdef public long long threshold
     cdef readonly long long rounds
     cdef list rewards            # per root: the diagram of what else its rows are told apart by
 
-    def __cinit__(self, int bits, const int[::1] level, const int[::1] low, const int[::1] high, const double[::1] weight,
-                  const int[::1] roots, bint choices, int exponent, long long limit):
+    def __cinit__(self, int bits, const int[::1] level, const int[::1] low, const int[::1] high,
+                  const double[::1] weight, const int[::1] roots, bint choices, int exponent,
+                  long long limit):
         self.bits = bits
         self.level = level
         self.low = low
@@ -100,7 +110,7 @@ cdef class Partition(Splitting):
         self.limit = limit
         self.deadline = INFINITY
         self.threshold = FIRST_COLLECTION
-        self.bags = Bags(exponent)
+        self.signatures = SignatureTable(exponent)
         self.rewards = [NOTHING] * roots.shape[0]
         self.root = NOTHING
         self.mask = 1023
@@ -125,14 +135,14 @@ cdef class Partition(Splitting):
         self.forget()
 
     cdef void forget(self) noexcept nogil:
-        pairs_drop(&self.images)
-        pairs_drop(&self.sums)
-        pairs_drop(&self.unions)
-        pairs_drop(&self.scales)
-        pairs_drop(&self.settled)
-        pairs_drop(&self.surveyed)
-        pairs_drop(&self.found)
-        pairs_drop(&self.renamed)
+        pair_map_clear(&self.images)
+        pair_map_clear(&self.sums)
+        pair_map_clear(&self.unions)
+        pair_map_clear(&self.scales)
+        pair_map_clear(&self.settled)
+        pair_map_clear(&self.surveyed)
+        pair_map_clear(&self.found)
+        pair_map_clear(&self.renamed)
 
     @property
     def memory(self):
@@ -142,17 +152,23 @@ cdef class Partition(Splitting):
     @property
     def size(self):
         """Nodes and bags that are kept."""
-        return self.nodes + self.bags.count
+        return self.nodes + self.signatures.count
 
     cdef int64_t used(self) noexcept nogil:
-        cdef int64_t entries = (self.images.size + self.sums.size + self.unions.size + self.scales.size + self.settled.size
-                                + self.surveyed.size + self.found.size + self.renamed.size)
-        return 16 * entries + self.bags.memory() + Nodes.used(self)
+        cdef int64_t entries = (self.images.capacity + self.sums.capacity + self.unions.capacity
+                                + self.scales.capacity + self.settled.capacity
+                                + self.surveyed.capacity + self.found.capacity
+                                + self.renamed.capacity)
+        return 16 * entries + self.signatures.nbytes() + Nodes.used(self)
 
-    # ---------------------------------------------------------------------------------------- from outside
+    # ---------------------------------------------------------------------------------------- from
+    # outside
 
-    cdef int brought(self, const int[::1] level, const int[::1] low, const int[::1] high, const int[::1] leaves, int root) except? -2:
-        """An exported diagram over row bits, with its nodes' bits as levels, and its leaves' numbers."""
+    cdef int brought(self, const int[::1] level, const int[::1] low, const int[::1] high,
+                     const int[::1] leaves, int root) except? -2:
+        """An exported diagram over row bits, with its nodes' bits as levels, and its leaves'
+        numbers.
+        """
         cdef Py_ssize_t i, n = level.shape[0]
         node = np.empty(n, dtype=np.int32)
         cdef int[::1] view = node
@@ -172,20 +188,23 @@ cdef class Partition(Splitting):
         (<int32_t*>self.known.data)[1] = -1
 
     def colour(self, level, low, high, leaves, int root):
-        """Keep states apart at which a function of the row bits differs (its leaves are numbered from 0 on)."""
+        """Keep states apart at which a function of the row bits differs (its leaves are numbered
+        from 0 on).
+        """
         self.divide(self.brought(level, low, high, leaves, root), False)
         self.unknow()
 
-    def tell_apart(self, int choice, int structure, level, low, high, const double[::1] values, int root):
+    def tell_apart(self, int choice, int structure, level, low, high, const double[::1] values,
+                   int root):
         """Rows of a matrix are alike only where this function (a reward) is the same."""
         cdef Py_ssize_t i
-        bags = np.zeros(values.shape[0], dtype=np.int32)
+        vectors = np.zeros(values.shape[0], dtype=np.int32)
         for i in range(values.shape[0]):
             if values[i] != 0.0:
-                bags[i] = self.bags.one(-1 - structure, values[i])
-                if bags[i] < 0:
+                vectors[i] = self.signatures.singleton(-1 - structure, values[i])
+                if vectors[i] < 0:
                     raise MemoryError
-        cdef int s = self.brought(level, low, high, bags, root), r = self.rewards[choice]
+        cdef int s = self.brought(level, low, high, vectors, root), r = self.rewards[choice]
         r = self.sum(r, s)
         self.ended()
         self.rewards[choice] = r
@@ -214,18 +233,19 @@ cdef class Partition(Splitting):
 
     cdef void unknow(self):
         cdef int64_t b
-        pairs_drop(&self.settled)
+        pair_map_clear(&self.settled)
         for b in range(self.blocks + 1):
             (<int32_t*>self.known.data)[b] = -1
 
-    cdef int copied(self, Bags old, int32_t* places, int32_t* lows, int32_t* highs, int x, bint of_bags) noexcept nogil:
+    cdef int copied(self, SignatureTable old, int32_t* places, int32_t* lows, int32_t* highs,
+                    int x, bint of_bags) noexcept nogil:
         """A node of the arrays that are being left behind, in the new ones."""
         cdef int r, low, high
         if x == NOTHING or self.stop != GOES_ON:
             return NOTHING
         if x < 0:
-            return self.leaf(self.bags.copied(old, -1 - x)) if of_bags else x
-        if pairs_find(&self.renamed, x, 0, &r):
+            return self.leaf(self.signatures.import_vector(old, -1 - x)) if of_bags else x
+        if pair_map_find(&self.renamed, x, 0, &r):
             return r
         low = self.copied(old, places, lows, highs, lows[x], of_bags)
         high = self.copied(old, places, lows, highs, highs[x], of_bags)
@@ -234,7 +254,7 @@ cdef class Partition(Splitting):
     cdef int collect(self) except -1:
         """Drop all but the partition and the rewards, and what is known with it."""
         cdef Buffer places = self.places, lows = self.lows, highs = self.highs
-        cdef Bags old = self.bags
+        cdef SignatureTable old = self.signatures
         cdef int r
         cdef Buffer none
         none.data = NULL
@@ -244,14 +264,16 @@ cdef class Partition(Splitting):
         self.lows = none
         self.highs = none
         self.nodes = 0
-        self.bags = Bags(old.exponent)
+        self.signatures = SignatureTable(old.exponent)
         memset(self.table, 0xFF, (self.mask + 1) * sizeof(int32_t))
-        self.root = self.copied(old, <int32_t*>places.data, <int32_t*>lows.data, <int32_t*>highs.data, self.root, False)
-        pairs_drop(&self.renamed)
+        self.root = self.copied(old, <int32_t*>places.data, <int32_t*>lows.data,
+                                <int32_t*>highs.data, self.root, False)
+        pair_map_clear(&self.renamed)
         for i in range(len(self.rewards)):
             r = self.rewards[i]
-            self.rewards[i] = self.copied(old, <int32_t*>places.data, <int32_t*>lows.data, <int32_t*>highs.data, r, True)
-        pairs_drop(&self.renamed)
+            self.rewards[i] = self.copied(old, <int32_t*>places.data, <int32_t*>lows.data,
+                                          <int32_t*>highs.data, r, True)
+        pair_map_clear(&self.renamed)
         release(&places)
         release(&lows)
         release(&highs)
@@ -265,8 +287,8 @@ cdef class Partition(Splitting):
         cdef int x = self.brought(level, low, high, leaves, root)
         self.rounding = False
         self.parts = 0
-        pairs_drop(&self.surveyed)
-        pairs_drop(&self.found)
+        pair_map_clear(&self.surveyed)
+        pair_map_clear(&self.found)
         self.meet(self.root, x)
         self.ended()
         blocks = [(<int32_t*>self.part_block.data)[i] for i in range(self.parts)]
@@ -275,7 +297,8 @@ cdef class Partition(Splitting):
     cdef void meet(self, int p, int s) noexcept nogil:
         """Blocks with a state in a set, as parts."""
         cdef int r, place, p0, p1, s0, s1
-        if p == NOTHING or s == NOTHING or self.stop != GOES_ON or pairs_find(&self.surveyed, p, s, &r):
+        if (p == NOTHING or s == NOTHING or self.stop != GOES_ON
+                or pair_map_find(&self.surveyed, p, s, &r)):
             return
         self.keep(&self.surveyed, p, s, 0)
         if p < 0 and s < 0:
@@ -291,10 +314,13 @@ cdef class Partition(Splitting):
         self.meet(p0, s0)
         self.meet(p1, s1)
 
-    # ---------------------------------------------------------------------------------------- the blocks
+    # ---------------------------------------------------------------------------------------- the
+    # blocks
 
     def first_members(self):
-        """(order, members): the blocks by their first members, int64[blocks], and the bits of these, uint8[blocks, bits]."""
+        """(order, members): the blocks by their first members, int64[blocks], and the bits of
+        these, uint8[blocks, bits].
+        """
         order = np.zeros(self.blocks, dtype=np.int64)
         members = np.zeros((self.blocks, max(1, self.bits)), dtype=np.uint8)
         visited = np.zeros(self.nodes + 1, dtype=np.uint8)
@@ -304,8 +330,9 @@ cdef class Partition(Splitting):
         self.walk(self.root, visited, seen, path, order, members, &n)
         return order, members[:, : self.bits]
 
-    cdef int walk(self, int x, unsigned char[::1] visited, unsigned char[::1] seen, unsigned char[::1] path, long long[::1] order,
-                  unsigned char[:, ::1] members, int64_t* n) except -1:
+    cdef int walk(self, int x, unsigned char[::1] visited, unsigned char[::1] seen,
+                  unsigned char[::1] path, long long[::1] order, unsigned char[:, ::1] members,
+                  int64_t* n) except -1:
         cdef int place
         if x == NOTHING:
             return 0
@@ -327,7 +354,9 @@ cdef class Partition(Splitting):
         return 0
 
     def diagram(self):
-        """(place, low, high, root) of the partition: ids up to `blocks` are the leaves, then nodes, children first."""
+        """(place, low, high, root) of the partition: ids up to `blocks` are the leaves, then nodes,
+        children first.
+        """
         cdef int64_t count = 0, i, base = self.blocks + 1
         number = np.full(self.nodes + 1, -1, dtype=np.int64)
         cdef long long[::1] view = number
@@ -359,8 +388,8 @@ cdef class Partition(Splitting):
     def rows(self, const long long[::1] order):
         """The signatures of blocks after a step that split nothing, as compressed rows.
 
-        (groups, indptr, keys, values): int64[n+1], int64[rows+1], int32, float64. A key is a block, or -1 - structure for a
-        reward.
+        (groups, indptr, keys, values): int64[n+1], int64[rows+1], int32, float64. A key is a block,
+        or -1 - structure for a reward.
         """
         cdef Py_ssize_t i, j, n = order.shape[0], rows = 0, entries = 0
         cdef int s, row
@@ -369,12 +398,12 @@ cdef class Partition(Splitting):
         cdef long long[::1] group = groups
         for i in range(n):
             s = (<int32_t*>self.known.data)[order[i]]
-            group[i + 1] = group[i] + (self.bags.length(s) if self.choices else 1)
+            group[i + 1] = group[i] + (self.signatures.length(s) if self.choices else 1)
         indptr = np.zeros(group[n] + 1, dtype=np.int64)
         cdef long long[::1] starts = indptr
         for i in range(n):
             for j in range(group[i + 1] - group[i]):
-                starts[rows + 1] = starts[rows] + self.bags.length(self.row(<int>order[i], j))
+                starts[rows + 1] = starts[rows] + self.signatures.length(self.row(<int>order[i], j))
                 rows += 1
         keys = np.empty(starts[rows], dtype=np.int32)
         values = np.empty(starts[rows], dtype=np.float64)
@@ -383,13 +412,13 @@ cdef class Partition(Splitting):
         for i in range(n):
             for j in range(group[i + 1] - group[i]):
                 row = self.row(<int>order[i], j)
-                for k in range(self.bags.length(row)):
-                    key[entries] = self.bags.keys_of(row)[k]
-                    value[entries] = self.bags.value(row, k)
+                for k in range(self.signatures.length(row)):
+                    key[entries] = self.signatures.keys_of(row)[k]
+                    value[entries] = self.signatures.value(row, k)
                     entries += 1
         return groups, indptr, keys, values
 
     cdef int row(self, int block, Py_ssize_t which) noexcept nogil:
         """A row of a block, as it was before it was rounded."""
         cdef int s = (<int32_t*>self.known.data)[block]
-        return self.bags.raw_of(self.bags.keys_of(s)[which] if self.choices else s)
+        return self.signatures.unrounded(self.signatures.keys_of(s)[which] if self.choices else s)

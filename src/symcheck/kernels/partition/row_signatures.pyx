@@ -1,19 +1,21 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Signatures of states for bisimulation: where their rows lead, by blocks of a partition, as hashes of 128 bits."""
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Signatures of states for bisimulation: where their rows lead, by blocks of a partition, as hashes
+of 128 bits.
+"""
 
 from libc.stdint cimport uint64_t
 from libc.stdlib cimport free, malloc
 
-from symcheck.kernels.tables.hash_mix cimport bits_of, mix, shortened
+from symcheck.kernels.tables.hash_mix cimport double_bits, mix, round_to_44_bits
 
 
-def signatures(const long long[::1] indptr, const int[::1] indices, const double[::1] data, const long long[::1] groups,
-               const uint64_t[::1] seeds, const int[::1] block, Py_ssize_t blocks, const long long[::1] states,
-               uint64_t[:, ::1] out):
+def signatures(const long long[::1] indptr, const int[::1] indices, const double[::1] data,
+               const long long[::1] groups, const uint64_t[::1] seeds, const int[::1] block,
+               Py_ssize_t blocks, const long long[::1] states, uint64_t[:, ::1] out):
     """For each of `states`: the hash of its set of rows. out: uint64[len(states), 2].
 
-    A row counts by its seed (uint64[rows]) and, per block, by the sum of its entries that lead there. groups:
-    int64[n+1], the rows of each state. Rows that are equal count once.
+    A row counts by its seed (uint64[rows]) and, per block, by the sum of its entries that lead
+    there. groups: int64[n+1], the rows of each state. Rows that are equal count once.
     """
     cdef Py_ssize_t i, k, j, touched, first
     cdef long long r, rows, most = 1
@@ -50,7 +52,7 @@ def signatures(const long long[::1] indptr, const int[::1] indices, const double
                 for k in range(touched):
                     b = seen[k]
                     t = mix(<uint64_t>b * <uint64_t>0x9E3779B97F4A7C15 + 1)
-                    u = bits_of(shortened(total[b]))
+                    u = double_bits(round_to_44_bits(total[b]))
                     h0 += mix(t ^ u)
                     h1 += mix(t + mix(u + <uint64_t>0x632BE59BD9B4E019))
                     total[b] = -1.0

@@ -1,9 +1,9 @@
-"""Types of the compiled row store."""
+"""Stub of the compiled row builder."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-class RowStore:
+class CsrBuilder:
     opened: int
     closed: int
     groups: int
@@ -11,7 +11,7 @@ class RowStore:
     def __init__(self, structures: int) -> None: ...
     @property
     def nbytes(self) -> int: ...
-    def finish(
+    def build(
         self,
         order: NDArray[np.int32],
         rank: NDArray[np.int32],

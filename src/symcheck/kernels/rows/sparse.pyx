@@ -1,16 +1,22 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Loops over compressed rows: transpose, products, selections."""
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Loops over compressed rows: transposition, products, selection.
+
+A matrix is given by indptr (int64[rows+1]), indices (int32[entries], the columns) and data
+(float64[entries]). Every function raises MemoryError when memory ends.
+"""
 
 import numpy as np
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
 
-def transpose(const int64_t[::1] indptr, const int32_t[::1] indices, int64_t columns):
-    """Row numbers per column, ascending: (int64[columns+1], int32[entries]). A counting sort; no values."""
-    cdef int64_t rows = indptr.shape[0] - 1, entries = indptr[rows], r, k, c
+cdef object _transpose(const int64_t[::1] indptr, const int32_t[::1] indices,
+                       const double[::1] data, int64_t columns, double[::1] values):
+    """Counting sort of the entries by column; `values` is filled if it is not empty."""
+    cdef int64_t rows = indptr.shape[0] - 1, entries = indptr[rows], r, k, c, position
     cdef int64_t[::1] start = np.zeros(columns + 2, dtype=np.int64)
     cdef int32_t[::1] out = np.empty(entries, dtype=np.int32)
+    cdef bint valued = values is not None
     with nogil:
         for k in range(entries):
             start[indices[k] + 2] += 1
@@ -18,33 +24,34 @@ def transpose(const int64_t[::1] indptr, const int32_t[::1] indices, int64_t col
             start[c] += start[c - 1]
         for r in range(rows):
             for k in range(indptr[r], indptr[r + 1]):
-                out[start[indices[k] + 1]] = <int32_t>r
-                start[indices[k] + 1] += 1
+                position = start[indices[k] + 1]
+                out[position] = <int32_t>r
+                if valued:
+                    values[position] = data[k]
+                start[indices[k] + 1] = position + 1
     return np.asarray(start)[: columns + 1], np.asarray(out)
 
 
-def transpose_values(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, int64_t columns):
-    """The transposed matrix with values: (int64[columns+1], int32[entries], float64[entries])."""
-    cdef int64_t rows = indptr.shape[0] - 1, entries = indptr[rows], r, k, c, p
-    cdef int64_t[::1] start = np.zeros(columns + 2, dtype=np.int64)
-    cdef int32_t[::1] out = np.empty(entries, dtype=np.int32)
-    cdef double[::1] values = np.empty(entries)
-    with nogil:
-        for k in range(entries):
-            start[indices[k] + 2] += 1
-        for c in range(2, columns + 2):
-            start[c] += start[c - 1]
-        for r in range(rows):
-            for k in range(indptr[r], indptr[r + 1]):
-                p = start[indices[k] + 1]
-                out[p] = <int32_t>r
-                values[p] = data[k]
-                start[indices[k] + 1] = p + 1
-    return np.asarray(start)[: columns + 1], np.asarray(out), np.asarray(values)
+def transpose(const int64_t[::1] indptr, const int32_t[::1] indices, int64_t columns):
+    """The structure of the transposed matrix, without values.
+
+    Returns:
+        column_ptr: int64[columns+1]; column_rows: int32[entries], the rows with an entry in each
+        column, ascending.
+    """
+    return _transpose(indptr, indices, None, columns, None)
 
 
-def multiply(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, const double[::1] x, double[::1] out):
-    """out = A x."""
+def transpose_values(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+                     int64_t columns):
+    """The transposed matrix: int64[columns+1], int32[entries], float64[entries]."""
+    values = np.empty(indptr[indptr.shape[0] - 1])
+    return *_transpose(indptr, indices, data, columns, values), values
+
+
+def multiply(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+             const double[::1] x, double[::1] out):
+    """out = A x, for x float64[columns] and out float64[rows]."""
     cdef int64_t rows = indptr.shape[0] - 1, r, k
     cdef double total
     with nogil:
@@ -56,7 +63,7 @@ def multiply(const int64_t[::1] indptr, const int32_t[::1] indices, const double
 
 
 def row_sums(const int64_t[::1] indptr, const double[::1] data):
-    """Sum of each row, accurately rounded (long double)."""
+    """Sum of each row, added in long double: float64[rows]."""
     cdef int64_t rows = indptr.shape[0] - 1, r, k
     cdef double[::1] out = np.empty(rows)
     cdef long double total
@@ -70,8 +77,16 @@ def row_sums(const int64_t[::1] indptr, const double[::1] data):
 
 
 def select(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
-           const int64_t[::1] rows, const int32_t[::1] place):
-    """The chosen rows, with only the columns c where place[c] >= 0, renumbered to place[c]. Arrays of the new matrix."""
+           const int64_t[::1] rows, const int32_t[::1] new_column):
+    """The chosen rows, restricted to some columns.
+
+    Args:
+        rows: int64, the rows to copy, in their new order.
+        new_column: int32[columns], the new number of each column; entries of negative ones are
+            dropped.
+    Returns:
+        indptr, indices, data of the new matrix.
+    """
     cdef int64_t n = rows.shape[0], i, r, k, total = 0
     cdef int64_t[::1] start = np.empty(n + 1, dtype=np.int64)
     with nogil:
@@ -79,7 +94,7 @@ def select(const int64_t[::1] indptr, const int32_t[::1] indices, const double[:
         for i in range(n):
             r = rows[i]
             for k in range(indptr[r], indptr[r + 1]):
-                if place[indices[k]] >= 0:
+                if new_column[indices[k]] >= 0:
                     total += 1
             start[i + 1] = total
     cdef int32_t[::1] out = np.empty(total, dtype=np.int32)
@@ -89,60 +104,78 @@ def select(const int64_t[::1] indptr, const int32_t[::1] indices, const double[:
         for i in range(n):
             r = rows[i]
             for k in range(indptr[r], indptr[r + 1]):
-                if place[indices[k]] >= 0:
-                    out[total] = place[indices[k]]
+                if new_column[indices[k]] >= 0:
+                    out[total] = new_column[indices[k]]
                     values[total] = data[k]
                     total += 1
     return np.asarray(start), np.asarray(out), np.asarray(values)
 
 
-def merge(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, const int32_t[::1] place, int64_t columns):
-    """Renumber columns by `place` (many to one; negative: dropped) and add up what falls together, row by row."""
-    cdef int64_t rows = indptr.shape[0] - 1, r, k, first, total = 0
+def merge_columns_in_place(int64_t[::1] indptr, int32_t[::1] indices, double[::1] data,
+                           const int32_t[::1] new_column, int64_t columns):
+    """Renumber the columns and add up the entries of a row that get the same column, in place.
+
+    Args:
+        indptr, indices, data: compressed rows, which are overwritten.
+        new_column: int32, the new number of each column; entries of negative ones are dropped.
+        columns: number of new columns.
+    Returns:
+        The number of entries that are left; the arrays keep their lengths.
+    """
+    cdef int64_t rows = indptr.shape[0] - 1, r, k, begin, end = 0, first, total = 0
     cdef int32_t c
-    cdef int64_t[::1] seen = np.full(columns, -1, dtype=np.int64)
-    cdef int64_t[::1] start = np.empty(rows + 1, dtype=np.int64)
-    cdef int32_t[::1] out = np.empty(indptr[rows], dtype=np.int32)
-    cdef double[::1] values = np.empty(indptr[rows])
+    cdef int64_t[::1] entry_of = np.full(columns, -1, dtype=np.int64)
     with nogil:
-        start[0] = 0
         for r in range(rows):
             first = total
-            for k in range(indptr[r], indptr[r + 1]):
-                c = place[indices[k]]
+            begin, end = end, indptr[r + 1]
+            for k in range(begin, end):
+                c = new_column[indices[k]]
                 if c < 0:
                     continue
-                if seen[c] >= first:
-                    values[seen[c]] += data[k]
+                if entry_of[c] >= first:
+                    data[entry_of[c]] += data[k]
                 else:
-                    seen[c] = total
-                    out[total] = c
-                    values[total] = data[k]
+                    entry_of[c] = total
+                    indices[total] = c
+                    data[total] = data[k]
                     total += 1
-            start[r + 1] = total
-    return np.asarray(start), np.asarray(out)[:total].copy(), np.asarray(values)[:total].copy()
+            indptr[r + 1] = total
+    return total
 
 
-def triangular(const int64_t[::1] edges, const int32_t[::1] indices, const uint8_t[::1] within=None):
-    """1 if every edge s → t has t > s (self-loops allowed), -1 if every edge has t < s, 0 otherwise (2: no edges but loops).
+def merge_columns(indptr, indices, data, const int32_t[::1] new_column, int64_t columns):
+    """The matrix after `merge_columns_in_place`, in new arrays."""
+    start, out, values = np.array(indptr), np.array(indices), np.array(data)
+    total = merge_columns_in_place(start, out, values, new_column, columns)
+    return start, out[:total].copy(), values[:total].copy()
 
-    within: uint8[states], the states whose edges to one another count; None for all.
+
+def triangular_order(const int64_t[::1] state_ptr, const int32_t[::1] indices,
+                     const uint8_t[::1] within=None):
+    """Whether every edge s → t between different states goes up, or every one goes down.
+
+    Args:
+        state_ptr: int64[states+1], the entries of each state in `indices`.
+        within: uint8[states], the states whose mutual edges count; None for all.
+    Returns:
+        1 if t > s for every edge, -1 if t < s for every edge, 2 if there are none, 0 otherwise.
     """
-    cdef int64_t n = edges.shape[0] - 1, s, k
-    cdef bint up = True, down = True, everywhere = within is None
+    cdef int64_t n = state_ptr.shape[0] - 1, s, k
+    cdef bint ascending = True, descending = True, all_states = within is None
     with nogil:
         for s in range(n):
-            if not (everywhere or within[s]):
+            if not (all_states or within[s]):
                 continue
-            for k in range(edges[s], edges[s + 1]):
-                if indices[k] == s or not (everywhere or within[indices[k]]):
+            for k in range(state_ptr[s], state_ptr[s + 1]):
+                if indices[k] == s or not (all_states or within[indices[k]]):
                     continue
                 if indices[k] > s:
-                    down = False
+                    descending = False
                 else:
-                    up = False
-            if not (up or down):
+                    ascending = False
+            if not (ascending or descending):
                 break
-    if up and down:
+    if ascending and descending:
         return 2
-    return 1 if up else -1 if down else 0
+    return 1 if ascending else -1 if descending else 0

@@ -1,4 +1,5 @@
 # cython: language_level=3
+"""The table of signatures: see signature_table.pyx."""
 from libc.stdint cimport int32_t, int64_t, uint64_t
 
 from symcheck.kernels.memory cimport Buffer
@@ -7,25 +8,25 @@ cdef extern from *:
     ctypedef long long int128 "__int128"
 
 
-cdef class Bags:
-    cdef Buffer keys, values, starts, hashes, rounding, raw
+cdef class SignatureTable:
+    cdef Buffer keys, values, starts, hashes, rounded_ids, unrounded_ids
     cdef int32_t* table
     cdef int64_t mask
-    cdef int64_t count, size
+    cdef int64_t count, entries
     cdef int exponent
 
-    cdef int one(self, int key, double value) noexcept nogil
-    cdef double value(self, int a, int64_t which) noexcept nogil
+    cdef int singleton(self, int key, double value) noexcept nogil
+    cdef double value(self, int a, int64_t index) noexcept nogil
     cdef int add(self, int a, int b) noexcept nogil
-    cdef int scaled(self, int a, int doublings) noexcept nogil
-    cdef int rounded(self, int a) noexcept nogil
-    cdef int with_key(self, int a, int key) noexcept nogil
-    cdef int copied(self, Bags other, int a) noexcept nogil
+    cdef int shift_left(self, int a, int shift) noexcept nogil
+    cdef int round_values(self, int a) noexcept nogil
+    cdef int insert_key(self, int a, int key) noexcept nogil
+    cdef int import_vector(self, SignatureTable other, int a) noexcept nogil
     cdef int64_t length(self, int a) noexcept nogil
     cdef int32_t* keys_of(self, int a) noexcept nogil
     cdef int128* values_of(self, int a) noexcept nogil
-    cdef int raw_of(self, int a) noexcept nogil
-    cdef int64_t memory(self) noexcept nogil
-    cdef int64_t room(self, int64_t entries) noexcept nogil
-    cdef int finish(self, int64_t length) noexcept nogil
-    cdef int rehash(self) noexcept nogil
+    cdef int unrounded(self, int a) noexcept nogil
+    cdef int64_t nbytes(self) noexcept nogil
+    cdef int64_t reserve_entries(self, int64_t more) noexcept nogil
+    cdef int intern(self, int64_t length) noexcept nogil
+    cdef int grow(self) noexcept nogil

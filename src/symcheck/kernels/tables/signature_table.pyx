@@ -1,9 +1,14 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Bags: sparse vectors, each kept once. A bag is known by its number; 0 is the empty one, -1 says that memory ended.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The unique table of signatures: sparse vectors, each stored once and known by its number.
 
-The key of an entry is an int32; entries are sorted by key. The value of a key that is not negative is a number of 128 bits, in
-units of 2 ** -exponent, so that sums are exact and do not depend on their order; of a negative key it is a double, as bits, that is
-never added to. A set is a bag whose values are all 0.
+The signature of a state maps the blocks of a partition to sums of probabilities (Derisavi, Hermanns
+& Sanders 2003; Wimmer, Derisavi & Hermanns 2010). Number 0 is the empty vector; -1 says that memory
+ended.
+
+Keys are int32, and entries are sorted by key. The value of a non-negative key is a 128-bit integer
+in units of 2 ** -exponent, so sums are exact and independent of their order. The value of a
+negative key (a reward structure) is the bit pattern of a double, which is never added to. A set is
+a vector whose values are all 0.
 """
 
 from libc.math cimport frexp, ldexp
@@ -12,21 +17,19 @@ from libc.string cimport memcmp, memcpy, memset
 
 import cython
 
-from symcheck.kernels.tables.hash_mix cimport bits_of, mix, shortened
+from symcheck.kernels.tables.hash_mix cimport double_bits, mix, round_to_44_bits
 from symcheck.kernels.memory cimport Buffer, release, reserve
 
-__all__ = ["Bags"]
 
-
-cdef inline int128 shortened_sum(int128 value) noexcept nogil:
-    """The same for an exact sum, which is not negative."""
+cdef inline int128 round_sum_to_44_bits(int128 value) noexcept nogil:
+    """A non-negative exact sum rounded to 44 binary digits."""
     cdef int length = 0, shift
-    cdef int128 rest = value
-    while (rest >> 32) != 0:
-        rest >>= 32
+    cdef int128 remaining = value
+    while (remaining >> 32) != 0:
+        remaining >>= 32
         length += 32
-    while rest != 0:
-        rest >>= 1
+    while remaining != 0:
+        remaining >>= 1
         length += 1
     if length <= 44:
         return value
@@ -35,10 +38,12 @@ cdef inline int128 shortened_sum(int128 value) noexcept nogil:
 
 
 cdef inline int128 as_bits(double value) noexcept nogil:
-    return <int128>bits_of(value)
+    """The bit pattern of a double as a value."""
+    return <int128>double_bits(value)
 
 
 cdef inline double from_bits(int128 value) noexcept nogil:
+    """The double of a bit pattern."""
     cdef uint64_t bits = <uint64_t>value
     cdef double out
     memcpy(&out, &bits, 8)
@@ -46,8 +51,11 @@ cdef inline double from_bits(int128 value) noexcept nogil:
 
 
 @cython.final
-cdef class Bags:
-    """A table of bags that only grows. exponent: the lowest binary digit that a value may have, negated."""
+cdef class SignatureTable:
+    """A table of sparse vectors that only grows.
+
+    exponent: minus the exponent of the lowest binary digit that a value may have.
+    """
 
     def __cinit__(self, int exponent):
         self.exponent = exponent
@@ -57,7 +65,7 @@ cdef class Bags:
             raise MemoryError
         memset(self.table, 0xFF, 1024 * sizeof(int32_t))
         (<int64_t*>self.starts.data)[0] = 0
-        if self.room(0) < 0 or self.finish(0) != 0:
+        if self.reserve_entries(0) < 0 or self.intern(0) != 0:
             raise MemoryError
 
     def __dealloc__(self):
@@ -66,191 +74,208 @@ cdef class Bags:
         release(&self.values)
         release(&self.starts)
         release(&self.hashes)
-        release(&self.rounding)
-        release(&self.raw)
+        release(&self.rounded_ids)
+        release(&self.unrounded_ids)
 
-    def __len__(self):
-        return self.count
-
-    cdef int64_t memory(self) noexcept nogil:
-        return (self.keys.size + self.values.size + self.starts.size + self.hashes.size + self.rounding.size + self.raw.size
-                + 4 * (self.mask + 1))
+    cdef int64_t nbytes(self) noexcept nogil:
+        """Memory held, in bytes."""
+        return (self.keys.size + self.values.size + self.starts.size + self.hashes.size
+                + self.rounded_ids.size + self.unrounded_ids.size + 4 * (self.mask + 1))
 
     cdef int64_t length(self, int a) noexcept nogil:
+        """Number of entries of a vector."""
         return (<int64_t*>self.starts.data)[a + 1] - (<int64_t*>self.starts.data)[a]
 
     cdef int32_t* keys_of(self, int a) noexcept nogil:
+        """The keys of a vector."""
         return <int32_t*>self.keys.data + (<int64_t*>self.starts.data)[a]
 
     cdef int128* values_of(self, int a) noexcept nogil:
+        """The values of a vector."""
         return <int128*>self.values.data + (<int64_t*>self.starts.data)[a]
 
-    cdef double value(self, int a, int64_t which) noexcept nogil:
-        """A value, rounded to the nearest double."""
-        cdef int128 value = self.values_of(a)[which]
-        return from_bits(value) if self.keys_of(a)[which] < 0 else ldexp(<double>value, -self.exponent)
+    cdef double value(self, int a, int64_t index) noexcept nogil:
+        """The value at an index, rounded to the nearest double."""
+        cdef int128 value = self.values_of(a)[index]
+        return (from_bits(value) if self.keys_of(a)[index] < 0 else ldexp(<double>value,
+                                                                          -self.exponent))
 
-    cdef int raw_of(self, int a) noexcept nogil:
-        """The first bag that was rounded to this one."""
-        return (<int32_t*>self.raw.data)[a]
+    cdef int unrounded(self, int a) noexcept nogil:
+        """The first vector that `round_values` mapped to this one."""
+        return (<int32_t*>self.unrounded_ids.data)[a]
 
-    cdef int64_t room(self, int64_t entries) noexcept nogil:
-        """Room for so many entries behind the last bag; -1 when memory ends. Pointers into bags are stale afterwards."""
-        if reserve(&self.keys, 4 * (self.size + entries) + 4) or reserve(&self.values, 16 * (self.size + entries) + 16):
+    cdef int64_t reserve_entries(self, int64_t more) noexcept nogil:
+        """Make room for so many entries behind the last vector; -1 when memory ends.
+
+        Pointers into vectors from before the call become invalid.
+        """
+        if (reserve(&self.keys, 4 * (self.entries + more) + 4)
+                or reserve(&self.values, 16 * (self.entries + more) + 16)):
             return -1
-        return self.size
+        return self.entries
 
-    cdef int finish(self, int64_t length) noexcept nogil:
-        """The number of the bag that was written behind the last one; kept if it is new."""
-        cdef int32_t* keys = <int32_t*>self.keys.data + self.size
-        cdef int128* values = <int128*>self.values.data + self.size
+    cdef int intern(self, int64_t length) noexcept nogil:
+        """The number of the vector that was written behind the last one.
+
+        The entries are kept only if the vector is new. Returns -1 when memory ends.
+        """
+        cdef int32_t* keys = <int32_t*>self.keys.data + self.entries
+        cdef int128* values = <int128*>self.values.data + self.entries
         cdef uint64_t h = <uint64_t>length
-        cdef int64_t i, place
-        cdef int found
+        cdef int64_t i, slot
+        cdef int vector
         for i in range(length):
-            h = mix(h ^ mix(<uint64_t>values[i] + <uint64_t>0x9E3779B97F4A7C15 * <uint64_t>(keys[i] + <int64_t>1)))
+            h = mix(h ^ mix(<uint64_t>values[i]
+                            + <uint64_t>0x9E3779B97F4A7C15 * <uint64_t>(keys[i] + <int64_t>1)))
             h += mix(<uint64_t>(values[i] >> 64))
-        place = <int64_t>h & self.mask
-        while self.table[place] >= 0:
-            found = self.table[place]
-            if ((<uint64_t*>self.hashes.data)[found] == h and self.length(found) == length
-                    and memcmp(self.keys_of(found), keys, 4 * length) == 0
-                    and memcmp(self.values_of(found), values, 16 * length) == 0):
-                return found
-            place = (place + 1) & self.mask
-        found = <int>self.count
-        if (self.count >= 0x7FFFFFF0 or reserve(&self.starts, 8 * (self.count + 2)) or reserve(&self.hashes, 8 * (self.count + 1))
-                or reserve(&self.rounding, 4 * (self.count + 1)) or reserve(&self.raw, 4 * (self.count + 1))):
+        slot = <int64_t>h & self.mask
+        while self.table[slot] >= 0:
+            vector = self.table[slot]
+            if ((<uint64_t*>self.hashes.data)[vector] == h and self.length(vector) == length
+                    and memcmp(self.keys_of(vector), keys, 4 * length) == 0
+                and memcmp(self.values_of(vector), values, 16 * length) == 0):
+                return vector
+            slot = (slot + 1) & self.mask
+        vector = <int>self.count
+        if (self.count >= 0x7FFFFFF0 or reserve(&self.starts, 8 * (self.count + 2))
+                or reserve(&self.hashes, 8 * (self.count + 1))
+            or reserve(&self.rounded_ids, 4 * (self.count + 1))
+            or reserve(&self.unrounded_ids, 4 * (self.count + 1))):
             return -1
-        self.table[place] = found
-        self.size += length
-        (<int64_t*>self.starts.data)[found + 1] = self.size
-        (<uint64_t*>self.hashes.data)[found] = h
-        (<int32_t*>self.rounding.data)[found] = -1
-        (<int32_t*>self.raw.data)[found] = -1
+        self.table[slot] = vector
+        self.entries += length
+        (<int64_t*>self.starts.data)[vector + 1] = self.entries
+        (<uint64_t*>self.hashes.data)[vector] = h
+        (<int32_t*>self.rounded_ids.data)[vector] = -1
+        (<int32_t*>self.unrounded_ids.data)[vector] = -1
         self.count += 1
-        if 2 * self.count > self.mask and self.rehash() < 0:
+        if 2 * self.count > self.mask and self.grow() < 0:
             return -1
-        return found
+        return vector
 
-    cdef int rehash(self) noexcept nogil:
-        cdef int64_t mask = 2 * self.mask + 1, i, place
+    cdef int grow(self) noexcept nogil:
+        """Double the hash table; -1 when memory ends."""
+        cdef int64_t mask = 2 * self.mask + 1, i, slot
         cdef int32_t* table = <int32_t*>malloc((mask + 1) * sizeof(int32_t))
         if table == NULL:
             return -1
         memset(table, 0xFF, (mask + 1) * sizeof(int32_t))
         for i in range(self.count):
-            place = <int64_t>(<uint64_t*>self.hashes.data)[i] & mask
-            while table[place] >= 0:
-                place = (place + 1) & mask
-            table[place] = <int32_t>i
+            slot = <int64_t>(<uint64_t*>self.hashes.data)[i] & mask
+            while table[slot] >= 0:
+                slot = (slot + 1) & mask
+            table[slot] = <int32_t>i
         free(self.table)
         self.table = table
         self.mask = mask
         return 0
 
-    cdef int one(self, int key, double value) noexcept nogil:
-        """The bag of one entry: a weight, or with a negative key any number."""
+    cdef int singleton(self, int key, double value) noexcept nogil:
+        """The vector with one entry: a weight, or any double for a negative key."""
         cdef int exponent
-        cdef double part
-        if self.room(1) < 0:
+        cdef double mantissa
+        if self.reserve_entries(1) < 0:
             return -1
-        (<int32_t*>self.keys.data)[self.size] = key
+        (<int32_t*>self.keys.data)[self.entries] = key
         if key < 0:
-            (<int128*>self.values.data)[self.size] = as_bits(value)
+            (<int128*>self.values.data)[self.entries] = as_bits(value)
         else:
-            part = frexp(value, &exponent)
+            mantissa = frexp(value, &exponent)
             exponent += self.exponent - 53
-            value = ldexp(part, 53)
+            value = ldexp(mantissa, 53)
             # Digits that would be shifted out are 0, by the choice of the exponent.
-            (<int128*>self.values.data)[self.size] = <int128>value << exponent if exponent >= 0 else <int128>value >> -exponent
-        return self.finish(1)
+            if exponent >= 0:
+                (<int128*>self.values.data)[self.entries] = <int128>value << exponent
+            else:
+                (<int128*>self.values.data)[self.entries] = <int128>value >> -exponent
+        return self.intern(1)
 
     cdef int add(self, int a, int b) noexcept nogil:
-        """The sum of two bags."""
-        cdef int64_t la = self.length(a), lb = self.length(b), i = 0, j = 0, n = 0
-        if self.room(la + lb) < 0:
+        """The sum of two vectors."""
+        cdef int64_t length_a = self.length(a), length_b = self.length(b), i = 0, j = 0, n = 0
+        if self.reserve_entries(length_a + length_b) < 0:
             return -1
-        cdef int32_t* ka = self.keys_of(a)
-        cdef int32_t* kb = self.keys_of(b)
-        cdef int32_t* keys = <int32_t*>self.keys.data + self.size
-        cdef int128* va = self.values_of(a)
-        cdef int128* vb = self.values_of(b)
-        cdef int128* values = <int128*>self.values.data + self.size
-        while i < la or j < lb:
-            if j == lb or (i < la and ka[i] < kb[j]):
-                keys[n] = ka[i]
-                values[n] = va[i]
+        cdef int32_t* keys_a = self.keys_of(a)
+        cdef int32_t* keys_b = self.keys_of(b)
+        cdef int32_t* keys = <int32_t*>self.keys.data + self.entries
+        cdef int128* values_a = self.values_of(a)
+        cdef int128* values_b = self.values_of(b)
+        cdef int128* values = <int128*>self.values.data + self.entries
+        while i < length_a or j < length_b:
+            if j == length_b or (i < length_a and keys_a[i] < keys_b[j]):
+                keys[n] = keys_a[i]
+                values[n] = values_a[i]
                 i += 1
-            elif i == la or kb[j] < ka[i]:
-                keys[n] = kb[j]
-                values[n] = vb[j]
+            elif i == length_a or keys_b[j] < keys_a[i]:
+                keys[n] = keys_b[j]
+                values[n] = values_b[j]
                 j += 1
             else:
-                keys[n] = ka[i]
-                values[n] = va[i] + vb[j]
+                keys[n] = keys_a[i]
+                values[n] = values_a[i] + values_b[j]
                 i += 1
                 j += 1
             n += 1
-        return self.finish(n)
+        return self.intern(n)
 
-    cdef int scaled(self, int a, int doublings) noexcept nogil:
-        """The bag times two to the number of doublings."""
+    cdef int shift_left(self, int a, int shift) noexcept nogil:
+        """The vector times 2 ** shift."""
         cdef int64_t n = self.length(a), i
-        if self.room(n) < 0:
+        if self.reserve_entries(n) < 0:
             return -1
         cdef int128* source = self.values_of(a)
-        cdef int128* values = <int128*>self.values.data + self.size
-        memcpy(<int32_t*>self.keys.data + self.size, self.keys_of(a), 4 * n)
+        cdef int128* values = <int128*>self.values.data + self.entries
+        memcpy(<int32_t*>self.keys.data + self.entries, self.keys_of(a), 4 * n)
         for i in range(n):
-            values[i] = source[i] << doublings
-        return self.finish(n)
+            values[i] = source[i] << shift
+        return self.intern(n)
 
-    cdef int rounded(self, int a) noexcept nogil:
-        """The bag with its values rounded to 44 binary digits."""
-        cdef int found = (<int32_t*>self.rounding.data)[a]
+    cdef int round_values(self, int a) noexcept nogil:
+        """The vector with its values rounded to 44 binary digits."""
+        cdef int vector = (<int32_t*>self.rounded_ids.data)[a]
         cdef int64_t length = self.length(a), i
         cdef int128 value
-        if found >= 0:
-            return found
-        if self.room(length) < 0:
+        if vector >= 0:
+            return vector
+        if self.reserve_entries(length) < 0:
             return -1
         for i in range(length):
             value = self.values_of(a)[i]
-            value = as_bits(shortened(from_bits(value))) if self.keys_of(a)[i] < 0 else shortened_sum(value)
-            (<int32_t*>self.keys.data)[self.size + i] = self.keys_of(a)[i]
-            (<int128*>self.values.data)[self.size + i] = value
-        found = self.finish(length)
-        if found >= 0:
-            (<int32_t*>self.rounding.data)[a] = found
-            (<int32_t*>self.rounding.data)[found] = found
-            if (<int32_t*>self.raw.data)[found] < 0:
-                (<int32_t*>self.raw.data)[found] = a
-        return found
+            value = (as_bits(round_to_44_bits(from_bits(value)))
+                     if self.keys_of(a)[i] < 0 else round_sum_to_44_bits(value))
+            (<int32_t*>self.keys.data)[self.entries + i] = self.keys_of(a)[i]
+            (<int128*>self.values.data)[self.entries + i] = value
+        vector = self.intern(length)
+        if vector >= 0:
+            (<int32_t*>self.rounded_ids.data)[a] = vector
+            (<int32_t*>self.rounded_ids.data)[vector] = vector
+            if (<int32_t*>self.unrounded_ids.data)[vector] < 0:
+                (<int32_t*>self.unrounded_ids.data)[vector] = a
+        return vector
 
-    cdef int with_key(self, int a, int key) noexcept nogil:
+    cdef int insert_key(self, int a, int key) noexcept nogil:
         """The set with one more member."""
-        cdef int64_t n = self.length(a), i = 0, place
-        if self.room(n + 1) < 0:
+        cdef int64_t n = self.length(a), i = 0, slot
+        if self.reserve_entries(n + 1) < 0:
             return -1
         cdef int32_t* source = self.keys_of(a)
-        cdef int32_t* keys = <int32_t*>self.keys.data + self.size
+        cdef int32_t* keys = <int32_t*>self.keys.data + self.entries
         while i < n and source[i] < key:
             i += 1
         if i < n and source[i] == key:
             return a
-        place = i
-        memcpy(keys, source, 4 * place)
-        keys[place] = key
-        memcpy(keys + place + 1, source + place, 4 * (n - place))
-        memset(<int128*>self.values.data + self.size, 0, 16 * (n + 1))
-        return self.finish(n + 1)
+        slot = i
+        memcpy(keys, source, 4 * slot)
+        keys[slot] = key
+        memcpy(keys + slot + 1, source + slot, 4 * (n - slot))
+        memset(<int128*>self.values.data + self.entries, 0, 16 * (n + 1))
+        return self.intern(n + 1)
 
-    cdef int copied(self, Bags other, int a) noexcept nogil:
-        """A bag of another table, in this one."""
+    cdef int import_vector(self, SignatureTable other, int a) noexcept nogil:
+        """A vector of another table, in this one."""
         cdef int64_t n = other.length(a)
-        if self.room(n) < 0:
+        if self.reserve_entries(n) < 0:
             return -1
-        memcpy(<int32_t*>self.keys.data + self.size, other.keys_of(a), 4 * n)
-        memcpy(<int128*>self.values.data + self.size, other.values_of(a), 16 * n)
-        return self.finish(n)
+        memcpy(<int32_t*>self.keys.data + self.entries, other.keys_of(a), 4 * n)
+        memcpy(<int128*>self.values.data + self.entries, other.values_of(a), 16 * n)
+        return self.intern(n)

@@ -1,5 +1,5 @@
 # cython: language_level=3
-"""Sets of packed states, numbered in the order of their arrival."""
+"""Sets of packed states: see state_table.pyx."""
 
 from libc.stdint cimport int32_t, uint64_t
 
@@ -14,4 +14,4 @@ cdef class StateSet:
     cdef uint64_t mask
 
     cdef int insert(self, const uint64_t* rows, Py_ssize_t n, int32_t* ids) noexcept nogil
-    cdef int _enlarge(self, uint64_t size) noexcept nogil
+    cdef int _grow_table(self, uint64_t size) noexcept nogil

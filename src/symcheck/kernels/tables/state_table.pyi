@@ -1,4 +1,4 @@
-"""Types of the compiled state set."""
+"""Stub of the compiled set of states."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,9 +1,9 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Sets of packed states (rows of uint64 words), numbered in the order of their arrival.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Sets of packed states (rows of uint64 words), numbered in the order of insertion.
 
-Open addressing; an entry holds 32 bits of the hash and the state's number + 1, so that a probe rarely touches a row in
-vain. Rows are inserted in chunks whose table places, and then rows, are prefetched: on sets beyond the caches this is
-what the speed depends on.
+The hash table uses open addressing. An entry holds 32 bits of the hash and the state's number + 1,
+so a probe rarely reads a row without need. Rows are inserted in chunks: the table slots of a chunk,
+and then the rows, are prefetched, which decides the speed of sets that are larger than the caches.
 """
 
 import numpy as np
@@ -17,12 +17,14 @@ from symcheck.kernels.memory cimport Buffer, prefer_huge_pages, release, reserve
 cdef extern from *:
     void __builtin_prefetch(const void*) nogil
 
+from symcheck.kernels.tuning cimport INSERT_CHUNK
+
 cdef enum:
-    CHUNK = 256
-    LIMIT = 2147483647
+    MAX_STATES = 2147483647
 
 
-cdef inline uint64_t digest(const uint64_t* row, int words) noexcept nogil:
+cdef inline uint64_t hash_row(const uint64_t* row, int words) noexcept nogil:
+    """Hash of a row."""
     cdef uint64_t h = 0x9E3779B97F4A7C15ULL
     cdef int w
     for w in range(words):
@@ -32,7 +34,8 @@ cdef inline uint64_t digest(const uint64_t* row, int words) noexcept nogil:
     return h ^ (h >> 29)
 
 
-cdef inline bint alike(const uint64_t* a, const uint64_t* b, int words) noexcept nogil:
+cdef inline bint rows_equal(const uint64_t* a, const uint64_t* b, int words) noexcept nogil:
+    """Whether two rows are equal."""
     cdef int w
     for w in range(words):
         if a[w] != b[w]:
@@ -41,7 +44,11 @@ cdef inline bint alike(const uint64_t* a, const uint64_t* b, int words) noexcept
 
 
 cdef class StateSet:
-    """An empty set of rows of `words` words."""
+    """A set of packed states, empty at first.
+
+    Args:
+        words: number of uint64 words of a state.
+    """
 
     def __cinit__(self, int words):
         self.words = words
@@ -50,7 +57,7 @@ cdef class StateSet:
         self.rows.size = 0
         self.table = NULL
         self.mask = 0
-        if self._enlarge(1024):
+        if self._grow_table(1024):
             raise MemoryError
 
     def __dealloc__(self):
@@ -66,44 +73,55 @@ cdef class StateSet:
         return self.rows.size + (8 * (self.mask + 1) if self.table != NULL else 0)
 
     def add(self, const uint64_t[:, ::1] rows, int32_t[::1] ids):
-        """Insert rows (uint64[n, words]); their numbers go to `ids` (int32[n])."""
-        cdef int failed
+        """Insert states that may be known already.
+
+        Args:
+            rows: uint64[n, words].
+            ids: int32[n], receives the number of each state.
+        Raises:
+            MemoryError: memory ended; OverflowError: there are more than 2**31 - 1 states.
+        """
+        cdef int status
         if rows.shape[0] == 0:
             return
         if self.table == NULL:
             raise ValueError("the table is dropped")
         with nogil:
-            failed = self.insert(&rows[0, 0], rows.shape[0], &ids[0])
-        if failed == 1:
+            status = self.insert(&rows[0, 0], rows.shape[0], &ids[0])
+        if status == 1:
             raise MemoryError
-        if failed:
+        if status:
             raise OverflowError("more than 2**31 - 1 states")
 
     def copy_rows(self, uint64_t[:, ::1] out):
-        """All rows, in the order of their numbers, into `out` (uint64[count, words])."""
+        """Copy all states, in the order of their numbers, into `out` (uint64[count, words])."""
         if self.count:
             memcpy(&out[0, 0], self.rows.data, <size_t> self.count * self.words * 8)
 
     def drop_table(self):
-        """Give the table's memory back: nothing can be inserted any more."""
+        """Free the hash table; no state can be inserted afterwards."""
         free(self.table)
         self.table = NULL
 
     def view_rows(self):
-        """All rows as they are stored, not copied (uint64[count, words]): valid until the next `add`, or `drop_rows`."""
+        """All states as they are stored, without a copy: uint64[count, words].
+
+        The view is valid until the next `add` or `drop_rows`.
+        """
         if self.count == 0:
             return np.empty((0, self.words), np.uint64)
         return np.asarray(<uint64_t[:self.count, :self.words]> <uint64_t*> self.rows.data)
 
     def drop_rows(self):
-        """Give the rows' memory back, and the table's: the set is at its end, and only its length is still known."""
+        """Free the states and the hash table; only the number of states remains known."""
         self.drop_table()
         release(&self.rows)
 
-    cdef int _enlarge(self, uint64_t size) noexcept nogil:
+    cdef int _grow_table(self, uint64_t size) noexcept nogil:
+        """Rebuild the hash table with `size` entries; 1 when memory ends."""
         cdef uint64_t* table = <uint64_t*> calloc(size, 8)
         cdef const uint64_t* rows = <const uint64_t*> self.rows.data
-        cdef uint64_t mask = size - 1, h, place, ahead
+        cdef uint64_t mask = size - 1, h, slot, next_hash
         cdef long long i
         cdef uint64_t hashes[16]
         if table == NULL:
@@ -112,59 +130,65 @@ cdef class StateSet:
         for i in range(self.count + 16):
             if i >= 16:
                 h = hashes[i & 15]
-                place = h & mask
-                while table[place]:
-                    place = (place + 1) & mask
-                table[place] = (h >> 32 << 32) | <uint64_t> (i - 16 + 1)
+                slot = h & mask
+                while table[slot]:
+                    slot = (slot + 1) & mask
+                table[slot] = (h >> 32 << 32) | <uint64_t> (i - 16 + 1)
             if i < self.count:
-                ahead = digest(rows + i * self.words, self.words)
-                hashes[i & 15] = ahead
-                __builtin_prefetch(table + (ahead & mask))
+                next_hash = hash_row(rows + i * self.words, self.words)
+                hashes[i & 15] = next_hash
+                __builtin_prefetch(table + (next_hash & mask))
         free(self.table)
         self.table = table
         self.mask = mask
         return 0
 
     cdef int insert(self, const uint64_t* rows, Py_ssize_t n, int32_t* ids) noexcept nogil:
-        """Insert n rows that lie one after the other. Gives 0, 1 (no memory) or 2 (too many states)."""
-        cdef uint64_t hashes[CHUNK]
+        """Insert n rows that are stored one after the other.
+
+        Returns 0, 1 (memory ended) or 2 (too many states).
+        """
+        cdef uint64_t hashes[INSERT_CHUNK]
         cdef int words = self.words
         cdef Py_ssize_t begin = 0, size, i
-        cdef uint64_t h, entry, place, mask
-        cdef uint64_t* own
+        cdef uint64_t h, entry, slot, mask
+        cdef uint64_t* stored
         cdef const uint64_t* row
         while begin < n:
-            size = min(n - begin, <Py_ssize_t> CHUNK)
-            if <uint64_t> (self.count + size) * 5 > (self.mask + 1) * 3 and self._enlarge(2 * (self.mask + 1)):
+            size = min(n - begin, <Py_ssize_t> INSERT_CHUNK)
+            if (<uint64_t> (self.count + size) * 5 > (self.mask + 1) * 3
+                    and self._grow_table(2 * (self.mask + 1))):
                 return 1
             if reserve(&self.rows, <size_t> (self.count + size) * words * 8):
                 return 1
-            if self.count + size > LIMIT:
+            if self.count + size > MAX_STATES:
                 return 2
-            own = <uint64_t*> self.rows.data
+            stored = <uint64_t*> self.rows.data
             mask = self.mask
             for i in range(size):
-                hashes[i] = digest(rows + (begin + i) * words, words)
+                hashes[i] = hash_row(rows + (begin + i) * words, words)
                 __builtin_prefetch(self.table + (hashes[i] & mask))
             for i in range(size):
                 entry = self.table[hashes[i] & mask]
                 if entry >> 32 == hashes[i] >> 32 and entry:
-                    __builtin_prefetch(own + ((entry & 0xFFFFFFFFULL) - 1) * words)
+                    __builtin_prefetch(stored + ((entry & 0xFFFFFFFFULL) - 1) * words)
             for i in range(size):
                 row = rows + (begin + i) * words
                 h = hashes[i]
-                place = h & mask
+                slot = h & mask
                 while True:
-                    entry = self.table[place]
+                    entry = self.table[slot]
                     if entry == 0:
-                        memcpy(own + self.count * words, row, words * 8)
+                        memcpy(stored + self.count * words, row, words * 8)
                         ids[begin + i] = <int32_t> self.count
                         self.count += 1
-                        self.table[place] = (h >> 32 << 32) | <uint64_t> self.count
+                        self.table[slot] = (h >> 32 << 32) | <uint64_t> self.count
                         break
-                    if entry >> 32 == h >> 32 and alike(own + ((entry & 0xFFFFFFFFULL) - 1) * words, row, words):
+                    if (entry >> 32 == h >> 32
+                            and rows_equal(stored + ((entry & 0xFFFFFFFFULL) - 1) * words, row,
+                                           words)):
                         ids[begin + i] = <int32_t> ((entry & 0xFFFFFFFFULL) - 1)
                         break
-                    place = (place + 1) & mask
+                    slot = (slot + 1) & mask
             begin += size
         return 0

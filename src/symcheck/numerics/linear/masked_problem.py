@@ -75,15 +75,17 @@ class Embedded:
         m, chosen = self.matrix, self.unknown.view(np.uint8)
         values = self.start()[:, 0].copy()
         outside = (~self.unknown).view(np.uint8)
-        constant = kernel.sum_among(m.indptr, m.indices, m.data, m.groups, chosen, outside, values)
-        leave = kernel.sum_among(m.indptr, m.indices, m.data, m.groups, chosen, outside, None)
+        constant = kernel.sum_columns(
+            m.indptr, m.indices, m.data, m.groups, chosen, outside, values
+        )
+        leave = kernel.sum_columns(m.indptr, m.indices, m.data, m.groups, chosen, outside, None)
         if self.constant is not None:
             constant += (
                 self.constant[self.unknown]
                 if m.groups is None
                 else kernel.take_rows(self.constant, m.groups, chosen)
             )
-        groups = None if m.groups is None else kernel.groups_among(m.groups, chosen)
+        groups = None if m.groups is None else kernel.select_groups(m.groups, chosen)
         matrix = SparseMatrix(
             *kernel.select_states(m.indptr, m.indices, m.data, m.groups, chosen), self.n, groups
         )

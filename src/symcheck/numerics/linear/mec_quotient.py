@@ -115,7 +115,7 @@ def _quotient(problem: LinearProblem, parts: graph.EndComponents, owner: Int32s)
     groups = starts_of(np.bincount(place[owner[rows]], minlength=count))
     everywhere = np.arange(n, dtype=np.int32)
     kept = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, everywhere)
-    indptr, indices, data = sparse.merge(*kept, place, count)
+    indptr, indices, data = sparse.merge_columns(*kept, place, count)
     smaller = LinearProblem(
         constant=problem.constant[rows],
         upper=None if problem.upper is None else problem.upper[rows],

@@ -294,7 +294,7 @@ def ending(matrix: SparseMatrix, gains: Gains, direction: Direction) -> Ending:
     kept = sparse.select(
         matrix.indptr, matrix.indices, matrix.data, rows, np.arange(n, dtype=np.int32)
     )
-    indptr, indices, data = sparse.merge(*kept, place.astype(np.int32), count)
+    indptr, indices, data = sparse.merge_columns(*kept, place.astype(np.int32), count)
     whole = SparseMatrix(
         np.concatenate((indptr, np.full(parts.count, indptr[-1]))).astype(np.int64), indices, data, count
     )  # fmt: skip

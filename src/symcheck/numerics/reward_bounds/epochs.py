@@ -17,6 +17,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import MemoryLimitError
+from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.reward_epochs import Levels
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics import graph
@@ -187,8 +188,6 @@ def _unbounded(problem: Epochs, settings: Settings) -> tuple[Floats, Floats]:
 
 def _among(problem: Epochs, states: Bools) -> tuple[SparseMatrix, Int64s]:
     """The matrix among some states, and the rows that it has."""
-    from symcheck.kernels.rows import sparse
-
     m, groups = problem.matrix, problem.groups
     chosen = np.flatnonzero(states)
     rows = spans(groups[:-1][chosen], groups[1:][chosen])
@@ -200,11 +199,10 @@ def _among(problem: Epochs, states: Bools) -> tuple[SparseMatrix, Int64s]:
 
 
 def _weights(matrix: SparseMatrix, rows: Int64s, target: Bools) -> Floats:
-    from symcheck.kernels.rows.submatrix import sum_into
-
-    out = np.empty(len(rows))
-    sum_into(matrix.indptr, matrix.indices, matrix.data, rows, target.view(np.uint8), out)
-    return out
+    """The mass that each of these rows sends into the target."""
+    columns = np.where(target, 0, -1).astype(np.int32)
+    parts = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, columns)
+    return sparse.row_sums(parts[0], parts[2])
 
 
 def unfold(

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symcheck.kernels.chains import ssor_eisenstat, uniformization
+from symcheck.kernels.chains import ssor_eisenstat
+from symcheck.kernels.graph import components
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.component_bounds import System
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
@@ -113,7 +114,7 @@ def _resolvent(
     # Every loop has been counted in the exit rate; here the equations are used as they are, whatever their rows sum to.
     system = System(*arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0)
     # Along the way that the values spread sweeps take them furthest; but within a component's own order they may settle far sooner.
-    nearest = uniformization.nearest_first(back[0], back[1], (right > 0.0).view(np.uint8))
+    nearest = components.breadth_first_order(back[0], back[1], (right > 0.0).view(np.uint8))
     del back
     trials = [(nearest, SWEEPS)]
     matrix = SparseMatrix(*arrays, rates.columns)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.kernels.diagrams.lookup import lookup
-from symcheck.kernels.rows.sparse import merge
+from symcheck.kernels.rows.sparse import merge_columns
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix, starts_of
 from symcheck.symbolic.model import EncodedEvent, EncodedUpdate, StateSpace
 from symcheck.syntax.ast import ModelType
@@ -58,7 +58,9 @@ def listed_rows(space: StateSpace) -> SparseMatrix | None:
     order = np.argsort(rows, kind="stable")
     indptr = starts_of(np.bincount(rows, minlength=n))
     same = np.arange(n, dtype=np.int32)
-    return SparseMatrix(*merge(indptr, columns[order].astype(np.int32), weights[order], same, n), n)
+    return SparseMatrix(
+        *merge_columns(indptr, columns[order].astype(np.int32), weights[order], same, n), n
+    )
 
 
 def _joint_updates(event: EncodedEvent) -> int:

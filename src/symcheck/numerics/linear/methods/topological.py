@@ -129,7 +129,7 @@ def _solve(
 def _found(run: _Run, source: graph.Incidence, unknown: Bools | None, n: int) -> Solution:
     """Solve the equations of the unknowns (None: all states), component by component unless there are no cycles."""
     indices = source.matrix.indices
-    shape = sparse.triangular(
+    shape = sparse.triangular_order(
         source.edges, indices, None if unknown is None else unknown.view(np.uint8)
     )
     if shape != 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from symcheck.kernels.rows.submatrix import groups_among, select_states, sum_among, take_rows
+from symcheck.kernels.rows.submatrix import select_groups, select_states, sum_columns, take_rows
 from symcheck.matrices.rows import Bools, Floats, Int64s
 
 N = 40
@@ -46,8 +46,8 @@ def test_sums_over_chosen_columns(grouped: bool) -> None:
     dense, groups, chosen, rows = example(grouped, 5)
     values, columns = np.linspace(-1.0, 2.0, N), np.arange(N) % 3 == 0
     matrix = sparse(dense)
-    plain = sum_among(*matrix, groups, chosen.view(np.uint8), columns.view(np.uint8), None)
-    weighted = sum_among(*matrix, groups, chosen.view(np.uint8), columns.view(np.uint8), values)
+    plain = sum_columns(*matrix, groups, chosen.view(np.uint8), columns.view(np.uint8), None)
+    weighted = sum_columns(*matrix, groups, chosen.view(np.uint8), columns.view(np.uint8), values)
     assert np.allclose(plain, dense[rows][:, columns].sum(axis=1), rtol=1e-14, atol=0.0)
     assert np.allclose(weighted, dense[rows][:, columns] @ values[columns], rtol=1e-12, atol=1e-15)
 
@@ -55,7 +55,7 @@ def test_sums_over_chosen_columns(grouped: bool) -> None:
 def test_columns_left_out_may_have_infinite_values() -> None:
     dense = np.array([[0.5, 0.5], [0.0, 1.0]])
     chosen, columns = np.array([1, 0], np.uint8), np.array([1, 0], np.uint8)
-    assert sum_among(*sparse(dense), None, chosen, columns, np.array([3.0, np.inf])).tolist() == [
+    assert sum_columns(*sparse(dense), None, chosen, columns, np.array([3.0, np.inf])).tolist() == [
         1.5
     ]
 
@@ -65,7 +65,7 @@ def test_what_belongs_to_rows_of_chosen_states() -> None:
     assert groups is not None
     values = np.arange(len(rows), dtype=np.float64)
     assert np.array_equal(take_rows(values, groups, chosen.view(np.uint8)), values[rows])
-    own = groups_among(groups, chosen.view(np.uint8))
+    own = select_groups(groups, chosen.view(np.uint8))
     assert np.array_equal(np.diff(own), np.diff(groups)[chosen])
     assert own[0] == 0
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from symcheck.kernels.graph import deterministic_states
+from symcheck.kernels.rows import sparse
 
 N = 12
 places = st.lists(st.integers(-N, 3), min_size=N, max_size=N)
@@ -42,14 +43,14 @@ def end(place: Sequence[int], state: int) -> int:
 @given(places)
 def test_following_forced_states(place: list[int]) -> None:
     found = np.array(place, np.int32)
-    deterministic_states.follow(found, 99)
+    deterministic_states.resolve_representatives(found, 99)
     assert found.tolist() == [end(place, s) for s in range(N)]
 
 
 def test_long_ways_are_followed() -> None:
     place = -2 - np.arange(5000, dtype=np.int32)
     place[-1] = 7
-    deterministic_states.follow(place, 99)
+    deterministic_states.resolve_representatives(place, 99)
     assert set(place.tolist()) == {7}
 
 
@@ -57,7 +58,7 @@ def test_long_ways_are_followed() -> None:
 def test_merging_columns(matrix: list[list[float]], place: list[int]) -> None:
     dense = np.array(matrix)
     indptr, indices, data = rows_of(dense)
-    entries = deterministic_states.merge(indptr, indices, data, np.array(place, np.int32), 3)
+    entries = sparse.merge_columns_in_place(indptr, indices, data, np.array(place, np.int32), 3)
     expected = np.zeros((4, 3))
     for column, to in enumerate(place):
         expected[:, to] += dense[:, column]
@@ -68,7 +69,7 @@ def test_merging_columns(matrix: list[list[float]], place: list[int]) -> None:
 @given(places, st.lists(st.integers(0, 5), min_size=N, max_size=N))
 def test_adding_up_along_forced_ways(place: list[int], earned: list[int]) -> None:
     found, along = np.array(place, np.int32), np.where(np.array(place) < 0, earned, 0).astype(float)
-    deterministic_states.follow(found, 99, along)
+    deterministic_states.resolve_representatives(found, 99, along)
     for start in range(N):
         total, state = 0, start
         while found[start] != 99 and place[state] < 0:
@@ -89,7 +90,7 @@ def test_rows_of_unknowns(matrix: list[list[float]], kinds: list[str], cuts: set
     place = np.where(unknown, np.cumsum(unknown) - 1, -1).astype(np.int32)
     indptr, indices, data = rows_of(dense)
     yes = (kind == "y").astype(np.uint8)
-    new, into, leave, entries = deterministic_states.unknowns(
+    new, into, leave, entries = deterministic_states.restrict_in_place(
         indptr, indices, data, groups, yes, place, int(unknown.sum())
     )
     rows = [r for s in range(5) if unknown[s] for r in range(groups[s], groups[s + 1])]
