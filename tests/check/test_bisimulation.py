@@ -249,7 +249,7 @@ def test_one_formula_with_many_bounds_has_one_quotient():
         for b in [bind_properties(file, engine.model, {"k": str(k)})]
         for p in b.properties
     ]
-    shared = on_quotient.common(engine, asked, Options(bisim=True))
+    shared = on_quotient.shared_quotient(engine, asked, Options(bisim=True))
     assert str(shared).startswith("20 states -> 3, common to all 8 properties")
 
 
@@ -266,7 +266,7 @@ def test_a_shared_quotient_has_the_same_values(seed, kind, name):
     for _ in range(4):
         bound = bind_properties(parse_properties(random_property(rng, model)), engine.model, {})
         asked.append((bound.properties[0].formula, bound.labels))
-    shared = on_quotient.common(engine, asked, Options(bisim=True))
+    shared = on_quotient.shared_quotient(engine, asked, Options(bisim=True))
     for formula, labels in asked if shared is not None else []:
         try:
             want = check(engine, formula, Options(), labels=labels)

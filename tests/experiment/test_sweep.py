@@ -48,12 +48,12 @@ def test_reduction_keeps_the_values():
 def test_properties_of_an_instance_share_a_quotient(monkeypatch):
     asked = []
 
-    def common(engine, formulas, options):
+    def shared_quotient(engine, formulas, options):
         asked.append(len(formulas))
         return made(engine, formulas, options)
 
-    made = on_quotient.common
-    monkeypatch.setattr(on_quotient, "common", common)
+    made = on_quotient.shared_quotient
+    monkeypatch.setattr(on_quotient, "shared_quotient", shared_quotient)
     task = replace(INSTANCE, constants={"N": "2", "p": "0.5"}, varying={"k": ("2", "3")})
     smaller = check_instance(replace(task, options=Options(engine="explicit", bisim=True)))
     assert asked == [4]

@@ -40,7 +40,7 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.declarations import Property
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation.on_quotient import Common
+    from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.check.bisimulation.quotient import Quotient
     from symcheck.check.strategies.strategy import Strategy
 
@@ -57,7 +57,7 @@ def check(
     properties: Mapping[str, Expression] | None = None,
     rebind: Callable[[BoundModel], Expression] | None = None,
     observer: Observer | None = None,
-    shared: Common | None = None,
+    shared: SharedQuotient | None = None,
 ) -> Result:
     """Check a bound formula (names resolved, constants folded) on a built model.
 
@@ -66,7 +66,7 @@ def check(
     `labels` are those of the properties file, `properties` the named ones that the formula may refer to. `rebind` gives
     the formula bound to an exactly bound model, for a comparison that only rational arithmetic decides. `observer` is told
     of each step of a numerical computation, and may raise to end it. `shared`: a quotient for several formulas (see
-    `symcheck.check.bisimulation.on_quotient.common`), used with the option `bisim` where it is good enough for this one.
+    `symcheck.check.bisimulation.on_quotient.shared_quotient`), used with the option `bisim` where it is good enough for this one.
 
     Raises InputError, UnsupportedError, and NumericalError where the accuracy asked for is missed.
     """
@@ -111,7 +111,7 @@ def check(
 
 
 def _lumped(
-    context: Context, formula: Expression, kind: Type, shared: Common | None
+    context: Context, formula: Expression, kind: Type, shared: SharedQuotient | None
 ) -> Result | None:
     """The result of the quotient, lifted to all states; None, with a warning, where it cannot be had.
 

@@ -12,7 +12,7 @@ from symcheck.syntax.ast import Expression
 from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation.on_quotient import Common
+    from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.engines.base import Engine
     from symcheck.options import Options
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
@@ -52,15 +52,17 @@ def reduced(model: BoundModel, questions: Sequence[Question], *, steps: bool = T
     return reduce(model, replace(observed, steps=observed.steps or steps))
 
 
-def lumped(engine: Engine, questions: Sequence[Question], options: Options) -> Common | None:
+def lumped(
+    engine: Engine, questions: Sequence[Question], options: Options
+) -> SharedQuotient | None:
     """With the option `bisim`: one quotient for all of several questions, where that is a gain. Raises ResourceError."""
     if not options.bisim or len(questions) < 2:
         return None
-    from symcheck.check.bisimulation.on_quotient import common
+    from symcheck.check.bisimulation.on_quotient import shared_quotient
 
     bound = [
         (p.formula, labels)
         for p, labels in (q.bind(engine.model) for q in questions)
         if p.fault is None
     ]
-    return common(engine, bound, options)
+    return shared_quotient(engine, bound, options)

@@ -22,7 +22,7 @@ from symcheck.experiment.table import Row
 from symcheck.options import Options
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation.on_quotient import Common
+    from symcheck.check.bisimulation.on_quotient import SharedQuotient
 
 __all__ = ["Stop", "answer", "broken", "conclude", "internal", "unbuilt"]
 
@@ -39,7 +39,7 @@ def answer(
     constants: Values,
     choice: Values,
     varying: Values,
-    shared: Common | None = None,
+    shared: SharedQuotient | None = None,
 ) -> None:
     """Check a property and report what comes out; a fault of one property does not stop the others.
 

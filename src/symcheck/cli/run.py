@@ -27,7 +27,7 @@ from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import parse_model_file
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation.on_quotient import Common
+    from symcheck.check.bisimulation.on_quotient import SharedQuotient
 
 __all__ = ["run"]
 
@@ -303,7 +303,7 @@ def _reduced(job: Job, model: BoundModel, questions: Sequence[Question]) -> Boun
 
 def _shared(
     job: Job, engine: Engine, questions: Sequence[Question], options: Options
-) -> Common | None:
+) -> SharedQuotient | None:
     """One quotient by bisimulation for all questions, where that is asked for and a gain."""
     shared = lumped(engine, questions, options)
     if shared is not None:

@@ -1,4 +1,4 @@
-"""What a formula speaks of: which states it can tell apart before anything is computed."""
+"""Atomic observations: the state expressions and rewards by which a formula distinguishes states."""
 
 from __future__ import annotations
 
@@ -24,22 +24,26 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.printer import pretty
 from symcheck.syntax.traversal import children, names
 
-__all__ = ["Observed", "observed", "together"]
+__all__ = ["AtomicObservations", "atomic_observations", "union"]
 
 
 @dataclass(frozen=True)
-class Observed:
-    """Expressions over the variables by their text, labels looked up; sets by name; and numbers of reward structures.
+class AtomicObservations:
+    """The atomic observations of a formula.
 
-    What a formula combines into one condition is one expression: states that differ in a part only are not told apart.
+    Attributes:
+        expressions: maximal expressions over variables, by their text, with labels expanded. A
+            condition of several parts is one expression, so that the quotient stays small.
+        names: "init" and "deadlock", if the formula refers to them.
+        structures: the indices of reward structures.
     """
 
     expressions: Mapping[str, Expression] = field(default_factory=dict)
     names: frozenset[str] = frozenset()
     structures: frozenset[int] = frozenset()
 
-    def __le__(self, other: Observed) -> bool:
-        """Whether the other tells apart whatever this does."""
+    def __le__(self, other: AtomicObservations) -> bool:
+        """Whether the other observations include these."""
         return (
             self.expressions.keys() <= other.expressions.keys()
             and self.names <= other.names
@@ -47,21 +51,26 @@ class Observed:
         )
 
 
-def together(all: Iterable[Observed]) -> Observed:
-    """What several formulas speak of."""
+def union(all: Iterable[AtomicObservations]) -> AtomicObservations:
+    """The union of the observations of several formulas."""
     every = list(all)
     expressions = {text: part for one in every for text, part in one.expressions.items()}
-    return Observed(
+    return AtomicObservations(
         expressions,
         frozenset().union(*(o.names for o in every)),
         frozenset().union(*(o.structures for o in every)),
     )
 
 
-def observed(context: Context, formula: Expression) -> Observed:
-    """What a formula speaks of; of a filter as the outermost operator, the formula within and what is not plain in its condition.
+def atomic_observations(context: Context, formula: Expression) -> AtomicObservations:
+    """The atomic observations of a formula.
 
-    Raises UnsupportedError for formulas with filters, A, E or multi(...) within, NameFault for an unknown label.
+    For a filter as the outermost operator: those of its formula, and of its condition unless that is
+    an expression over variables.
+
+    Raises:
+        UnsupportedError: the formula contains a filter, A, E or multi(...).
+        NameFault: a label is unknown.
     """
     parts: tuple[Expression | None, ...] = (formula,)
     if isinstance(formula, Filter | StateFilter):
@@ -70,32 +79,32 @@ def observed(context: Context, formula: Expression) -> Observed:
             condition is None or is_plain(condition) or isinstance(condition, LabelReference)
         )
         parts = (formula.formula, None if looked_up else condition)
-    return together(o for part in parts if part is not None for o in _parts(context, part))
+    return union(o for part in parts if part is not None for o in _parts(context, part))
 
 
-def _parts(context: Context, formula: Expression) -> Iterator[Observed]:
-    """The largest expressions over variables only, the initial and deadlock states, and the rewards."""
+def _parts(context: Context, formula: Expression) -> Iterator[AtomicObservations]:
+    """Maximal expressions over variables, initial and deadlock states, and reward structures."""
     condition = _condition(context, formula)
     if condition is not None:
         if names(
             condition
         ):  # what is the same everywhere, such as a threshold, tells nothing apart
-            yield Observed({pretty(condition): condition})
+            yield AtomicObservations({pretty(condition): condition})
         return
     match formula:
         case Filter() | StateFilter() | MultiObjective() | PathQuantifier():
             raise UnsupportedError(
-                "-bisim is not for filters within a formula, A and E, and multi(...)"
+                "-bisim does not support filters within a formula, A and E, and multi(...)"
             )
         case LabelReference("init" | "deadlock"):
-            yield Observed(names=frozenset([formula.name]))
+            yield AtomicObservations(names=frozenset([formula.name]))
             return
         case LabelReference():
             yield from _parts(context.inside(formula), context.referred(formula))
             return
         case RewardOperator() | RewardBound():
             if not (isinstance(formula, RewardBound) and formula.structure is None):
-                yield Observed(
+                yield AtomicObservations(
                     structures=frozenset([reward_index(formula.structure, context.engine.model)])
                 )
         case _:
@@ -105,7 +114,7 @@ def _parts(context: Context, formula: Expression) -> Iterator[Observed]:
 
 
 def _condition(context: Context, formula: Expression) -> Expression | None:
-    """A formula that is about the variables only, with its labels looked up: then only the whole tells states apart."""
+    """The formula with labels expanded if it is over variables only; None otherwise."""
     match formula:
         case LabelReference("init" | "deadlock"):
             return None

@@ -1,4 +1,7 @@
-"""Checking a formula on the quotient by strong bisimulation, which keeps what the formula speaks of."""
+"""Quotients by strong bisimulation for one or several formulas.
+
+Source: Baier & Katoen (2008), 10.4.2; Derisavi, Hermanns & Sanders (2003).
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,17 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from symcheck.check.bisimulation.atomic_observations import Observed, observed, together
+from symcheck.check.bisimulation.atomic_observations import (
+    AtomicObservations,
+    atomic_observations,
+    union,
+)
 from symcheck.check.bisimulation.quotient import (
-    BothQuotient,
+    ArrayQuotient,
     DiagramQuotient,
-    ListedQuotient,
+    ExplicitQuotient,
+    MaterializedQuotient,
     Quotient,
-    WrittenQuotient,
 )
 from symcheck.check.context import Context
 from symcheck.check.filters import Outcome, apply_filter
@@ -29,7 +36,7 @@ if TYPE_CHECKING:
     from symcheck.engines.symbolic.bisimulation import LumpedDiagrams
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
-__all__ = ["Common", "common", "filtered", "quotient"]
+__all__ = ["SharedQuotient", "filtered", "quotient", "shared_quotient"]
 
 _ENTRY_BYTES = 12
 _ROWS_BYTES = 2**30  # of compressed rows that are written out where diagrams do not lump
@@ -42,14 +49,20 @@ _LONG_PATIENCE = 600.0  # where the alternative is none
 
 
 @dataclass(frozen=True, eq=False)
-class Common:
-    """One quotient for several formulas: coarse enough to be a gain, fine enough for whatever one of them speaks of.
+class SharedQuotient:
+    """One quotient for several formulas: it keeps the atomic observations of all of them.
 
-    formulas: how many it was made for, of how many `asked`.
+    Attributes:
+        quotient: the quotient.
+        observed: the observations that it keeps.
+        formulas: the number of formulas that it serves.
+        asked: the number of formulas of the run.
+        states: the number of states of the model.
+        seconds: the time it took.
     """
 
     quotient: Quotient
-    observed: Observed
+    observed: AtomicObservations
     formulas: int
     asked: int
     states: int
@@ -61,42 +74,56 @@ class Common:
         return f"{self.states} states -> {self.quotient.engine.states}, common to {served} {self.asked} properties ({cost})"
 
 
-def common(
+def shared_quotient(
     engine: Engine,
     formulas: Sequence[tuple[Expression, Mapping[str, Expression]]],
     options: Options,
-) -> Common | None:
-    """One quotient for all formulas (bound, each with the labels of its file) that have one: strong bisimulation keeps them all.
+) -> SharedQuotient | None:
+    """One quotient for several formulas.
 
-    None where fewer than two have one, or it would be no gain: then each formula is better off with its own, or with none.
-    Raises ResourceError.
+    Args:
+        engine: the engine of the model.
+        formulas: bound formulas, each with the labels of its file.
+        options: the options of the check.
+
+    Returns:
+        The quotient. None if fewer than two formulas can use one, or if it has more than half as
+        many states as the model: each formula then has a quotient of its own, or none.
+
+    Raises:
+        ResourceError: a limit of time or memory was reached.
     """
     started = perf_counter()
     seen, context = [], Context(engine, options)
     for formula, labels in formulas:
         try:
-            seen.append(observed(replace(context, labels=labels), formula))
+            seen.append(atomic_observations(replace(context, labels=labels), formula))
         except (UnsupportedError, InputError):
-            continue  # it is told of where the formula is checked
+            continue  # the error is reported when the formula is checked
     if len(seen) < 2:
         return None
-    every = together(seen)
+    every = union(seen)
     try:
         smaller = _quotient(context, every)
     except (UnsupportedError, NumericalError, InputError):
         return None
     if smaller.engine.states * _GAIN > engine.states:
         return None
-    return Common(smaller, every, len(seen), len(formulas), engine.states, perf_counter() - started)
+    return SharedQuotient(
+        smaller, every, len(seen), len(formulas), engine.states, perf_counter() - started
+    )
 
 
-def quotient(context: Context, formula: Expression, shared: Common | None = None) -> Quotient:
-    """The quotient that is good enough for a formula: the shared one if it is, else one on diagrams or of listed states.
+def quotient(
+    context: Context, formula: Expression, shared: SharedQuotient | None = None
+) -> Quotient:
+    """The quotient for a formula: the shared one if it keeps the observations of the formula.
 
-    Raises UnsupportedError for formulas with filters, A, E or multi(...) within, and for engines that have neither diagrams
-    nor listed states.
+    Raises:
+        UnsupportedError: the formula contains a filter, A, E or multi(...), or the engine has
+            neither diagrams nor explicit states.
     """
-    seen = observed(context, formula)
+    seen = atomic_observations(context, formula)
     return (
         shared.quotient
         if shared is not None and seen <= shared.observed
@@ -104,27 +131,27 @@ def quotient(context: Context, formula: Expression, shared: Common | None = None
     )
 
 
-def _quotient(context: Context, observed: Observed) -> Quotient:
+def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
     if context.options.fairness:
-        raise UnsupportedError("-bisim is not for fair strategies")
+        raise UnsupportedError("-bisim does not support fair strategies")
     engine: Any = context.engine
     if isinstance(engine, ExplicitEngine):
         source = getattr(engine, "source", None)
         if source is not None and engine.states > _LONG:
             try:
-                return BothQuotient(
+                return ArrayQuotient(
                     source, _lumped(context, source, observed, engine.states // _ALIKE)
                 )
             except UnsupportedError:
                 pass
-        return _listed(context, engine, observed, ListedQuotient)
+        return _listed(context, engine, observed, ExplicitQuotient)
     if getattr(engine, "diagrams", None) is None:
         raise UnsupportedError("-bisim works on listed states (-ex) and on diagrams")
     return _on_diagrams(context, engine, observed)
 
 
 def filtered(context: Context, smaller: Quotient, formula: Filter | StateFilter) -> Outcome:
-    """What a filter says of all states, with the values of the formula within computed on a quotient."""
+    """Apply a filter to all states, with the values of its formula computed on a quotient."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     inner = replace(context, engine=smaller.engine)
     kind = context.type(node.formula)
@@ -156,10 +183,10 @@ def _condition(context: Context, smaller: Quotient, condition: Expression) -> St
 def _listed(
     context: Context,
     engine: ExplicitEngine,
-    observed: Observed,
-    make: Callable[..., ListedQuotient],
+    observed: AtomicObservations,
+    make: Callable[..., ExplicitQuotient],
     **more: Any,
-) -> ListedQuotient:
+) -> ExplicitQuotient:
     sets, values = _apart(context, engine, observed)
     colours: list[Any] = [
         *(s.members for s in sets),
@@ -170,8 +197,10 @@ def _listed(
     return make(engine, lump(engine.matrix, colours, [rows for _, rows in rewards]), **more)
 
 
-def _on_diagrams(context: Context, engine: SymbolicEngine, observed: Observed) -> Quotient:
-    """On diagrams; where few states are alike and their rows fit into memory, these are written out."""
+def _on_diagrams(
+    context: Context, engine: SymbolicEngine, observed: AtomicObservations
+) -> Quotient:
+    """A quotient on diagrams; on materialized rows if few states are bisimilar and the rows fit."""
     from symcheck.engines.symbolic.materialized import written_out
 
     fits = engine.states <= _ROWS_STATES and engine.transitions * _ENTRY_BYTES <= _ROWS_BYTES
@@ -182,11 +211,11 @@ def _on_diagrams(context: Context, engine: SymbolicEngine, observed: Observed) -
     except UnsupportedError:
         if not fits:
             raise
-    return _listed(context, written_out(engine), observed, WrittenQuotient, source=engine)
+    return _listed(context, written_out(engine), observed, MaterializedQuotient, source=engine)
 
 
 def _lumped(
-    context: Context, engine: SymbolicEngine, observed: Observed, most: int | None
+    context: Context, engine: SymbolicEngine, observed: AtomicObservations, most: int | None
 ) -> LumpedDiagrams:
     from symcheck.engines.symbolic.bisimulation import lump_diagrams
 
@@ -203,9 +232,9 @@ def _lumped(
 
 
 def _apart(
-    context: Context, engine: Engine, observed: Observed
+    context: Context, engine: Engine, observed: AtomicObservations
 ) -> tuple[list[Any], list[Expression]]:
-    """What tells states apart: sets of the engine, and expressions for numbers."""
+    """The observations as sets of the engine, and as numeric expressions."""
     sets: list[Any] = [engine.initial] if "init" in observed.names else []
     sets += [engine.deadlocks] if "deadlock" in observed.names else []
     values = []
@@ -218,5 +247,5 @@ def _apart(
 
 
 def _is_set(context: Context, part: Expression) -> bool:
-    # A model that was read has labels that are names of sets of states, which are no variables.
+    # Labels of a model that was read from explicit files are names of sets, not of variables.
     return (isinstance(part, Name) and part.name.startswith('"')) or context.type(part) is Type.BOOL

@@ -1,4 +1,4 @@
-"""Quotients by bisimulation as engines, and the way back from blocks to states."""
+"""Quotients by bisimulation: the engine of the blocks, and lifting from blocks to states."""
 
 from __future__ import annotations
 
@@ -25,41 +25,47 @@ if TYPE_CHECKING:
     from symcheck.engines.symbolic.bisimulation import LumpedDiagrams
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
-__all__ = ["BothQuotient", "DiagramQuotient", "ListedQuotient", "Quotient", "WrittenQuotient"]
+__all__ = [
+    "ArrayQuotient",
+    "DiagramQuotient",
+    "ExplicitQuotient",
+    "MaterializedQuotient",
+    "Quotient",
+]
 
 
 class Quotient(Protocol):
-    """The quotient as an engine, and the way back. `cost`: how it was found, in words."""
+    """A quotient as an engine, with lifting of its values and sets to the model."""
 
     @property
     def engine(self) -> ExplicitEngine:
-        """The blocks as states."""
+        """The engine of the blocks."""
         ...
 
     @property
     def rounds(self) -> int:
-        """Rounds of refinement."""
+        """Number of refinement rounds."""
         ...
 
     @property
     def cost(self) -> str:
-        """How it was found, in words."""
+        """How the quotient was computed, in words."""
         ...
 
     def lift(self, values: OwnValues) -> OwnValues:
-        """Values of blocks as values of states."""
+        """Lift values of blocks to states."""
         ...
 
     def lift_set(self, states: OwnSet) -> OwnSet:
-        """Blocks as states."""
+        """Lift a set of blocks to states."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class LumpedModel:
-    """The blocks as states: what is asked of a block is asked of its first state.
+class QuotientModel:
+    """An explicit model whose states are the blocks, represented by their first states.
 
-    All of them agree in what a formula says of them as a whole; not in each label that it combines.
+    The states of a block agree in the atomic observations, but not in each label within these.
     """
 
     base: ExplicitEngine = field(repr=False)
@@ -67,7 +73,7 @@ class LumpedModel:
 
     @property
     def model(self) -> BoundModel:
-        """The base model, whose variables the blocks have."""
+        """The bound model."""
         return self.base.model
 
     @property
@@ -118,16 +124,16 @@ class LumpedModel:
 
 @dataclass(frozen=True)
 class BlockEngine(ExplicitEngine):
-    """The explicit engine on blocks."""
+    """The explicit engine of the blocks."""
 
     def rational(self) -> Any:
-        """Not to be had: raises UnsupportedError, so that what only rationals decide is decided on the model itself."""
+        """Raises UnsupportedError: rational arithmetic is used on the model, not on a quotient."""
         raise UnsupportedError("a quotient is not computed in rational arithmetic")
 
 
 @dataclass(frozen=True)
-class LumpedEngine(BlockEngine):
-    """The blocks of listed states."""
+class QuotientEngine(BlockEngine):
+    """The engine of the blocks of explicit states."""
 
     base: ExplicitEngine | None = field(default=None, repr=False)
     lumping: Lumping | None = field(default=None, repr=False)
@@ -140,39 +146,39 @@ class LumpedEngine(BlockEngine):
 
 
 @dataclass(frozen=True, eq=False)
-class ListedQuotient:
-    """Of listed states."""
+class ExplicitQuotient:
+    """The quotient of an explicit engine."""
 
     base: ExplicitEngine = field(repr=False)
     lumping: Lumping = field(repr=False)
 
     @cached_property
     def engine(self) -> ExplicitEngine:
-        """The blocks as states."""
-        model: Any = LumpedModel(self.base, self.lumping)
-        return LumpedEngine(model, base=self.base, lumping=self.lumping)
+        """The engine of the blocks."""
+        model: Any = QuotientModel(self.base, self.lumping)
+        return QuotientEngine(model, base=self.base, lumping=self.lumping)
 
     @property
     def rounds(self) -> int:
-        """Rounds of refinement."""
+        """Number of refinement rounds."""
         return self.lumping.rounds
 
     @property
     def cost(self) -> str:
-        """How it was found."""
+        """How the quotient was computed, in words."""
         return f"{self.rounds} rounds on listed states"
 
     def lift(self, values: ArrayValues) -> ArrayValues:
-        """Values of blocks as values of states."""
+        """Lift values of blocks to states."""
         return _spread(values, self.lumping.block)
 
     def lift_set(self, states: ArraySet) -> ArraySet:
-        """Blocks as states."""
+        """Lift a set of blocks to states."""
         return ArraySet(states.members[self.lumping.block])
 
 
 def _spread(values: ArrayValues, block: Int32s | Int64s) -> ArrayValues:
-    """Values of blocks as values of the states that are in them."""
+    """The value of each state: that of its block."""
     lower = values.lower[block]
     upper = lower if values.upper is values.lower else values.upper[block]
     return ArrayValues(
@@ -181,25 +187,25 @@ def _spread(values: ArrayValues, block: Int32s | Int64s) -> ArrayValues:
 
 
 @dataclass(frozen=True, eq=False)
-class WrittenQuotient(ListedQuotient):
-    """Of the states of diagrams, which were listed for it."""
+class MaterializedQuotient(ExplicitQuotient):
+    """The quotient of a symbolic engine, computed on materialized rows."""
 
     source: SymbolicEngine = field(repr=False)
 
     def lift(self, values: ArrayValues) -> Any:
-        """Values of blocks as values of states."""
+        """Lift values of blocks to states."""
         from symcheck.engines.symbolic.sets import Piece, SymbolicValues
 
         d = self.source.diagrams
         return SymbolicValues(d, (Piece(d.states, super().lift(values), d.odd),))
 
     def lift_set(self, states: ArraySet) -> Any:
-        """Blocks as states."""
+        """Lift a set of blocks to states."""
         return self.source.from_bools(super().lift_set(states).members)
 
 
 class _Chosen(list[Floats]):
-    """Rewards of the structures that the partition respects; the others are not to be asked for."""
+    """Rewards of the structures that the partition respects; others are empty."""
 
     def __init__(self, rewards: Mapping[int, Floats]) -> None:
         super().__init__(rewards.get(i, np.empty(0)) for i in range(max(rewards, default=-1) + 1))
@@ -207,14 +213,14 @@ class _Chosen(list[Floats]):
 
 @dataclass(frozen=True, eq=False)
 class DiagramQuotient:
-    """Of states that are held on diagrams, and never listed."""
+    """The quotient of a symbolic engine, computed on diagrams."""
 
     source: SymbolicEngine = field(repr=False)
     lumped: LumpedDiagrams
 
     @cached_property
     def engine(self) -> ExplicitEngine:
-        """The blocks as states, each with the variables of its first state. Rows of an MDP have no actions."""
+        """The engine of the blocks, each with the values of its first state. Choices have no actions."""
         lumped, encoding = self.lumped, self.source.space.symbolic.encoding
         layout = Layout.of(self.source.model.variables)
         codes = encoding.codes(lumped.members)
@@ -234,35 +240,35 @@ class DiagramQuotient:
 
     @property
     def rounds(self) -> int:
-        """Rounds of refinement."""
+        """Number of refinement rounds."""
         return self.lumped.rounds
 
     @property
     def cost(self) -> str:
-        """How it was found."""
+        """How the quotient was computed, in words."""
         return f"{self.rounds} rounds on diagrams, {self.lumped.nodes:,} nodes and signatures, {self.lumped.seconds:.2f} s"
 
     def lift(self, values: ArrayValues) -> Any:
-        """Values of blocks as values of states."""
+        """Lift values of blocks to states."""
         return self.lumped.lift(values)
 
     def lift_set(self, states: ArraySet) -> Any:
-        """Blocks as states."""
+        """Lift a set of blocks to states."""
         return self.lumped.lift_set(states.members)
 
 
 @dataclass(frozen=True, eq=False)
-class BothQuotient(DiagramQuotient):
-    """Of listed states whose diagrams are still there: found on these, and lifted to arrays."""
+class ArrayQuotient(DiagramQuotient):
+    """The quotient of an explicit engine whose diagrams exist: computed on these, lifted to arrays."""
 
     @cached_property
     def _block(self) -> Int64s:
         return self.lumped.block_of_states()
 
     def lift(self, values: ArrayValues) -> ArrayValues:
-        """Values of blocks as values of states."""
+        """Lift values of blocks to states."""
         return _spread(values, self._block)
 
     def lift_set(self, states: ArraySet) -> ArraySet:
-        """Blocks as states."""
+        """Lift a set of blocks to states."""
         return ArraySet(states.members[self._block])
