@@ -11,45 +11,49 @@ from hypothesis import strategies as st
 
 from numerics.oracle import System, brute_force, solve_chain
 from numerics.test_methods import attained, chains, mdps, restrict, split
+from symcheck.direction import Direction
 from symcheck.errors import NumericalError
-from symcheck.matrices.rows import SparseMatrix
+from symcheck.matrices.numbers import rationals
+from symcheck.matrices.rows import SparseMatrix, starts_of
 from symcheck.numerics.linear import rational
-from symcheck.numerics.linear.problem import Solution
+from symcheck.numerics.linear.methods import solve_linear
+from symcheck.numerics.linear.problem import LinearProblem, Solution
+from symcheck.numerics.settings import Accuracy
 
 
-def problem_of(
-    system: System, direction: str | None, probability: bool = True
-) -> rational.ExactProblem:
+def problem_of(system: System, direction: str | None, probability: bool = True) -> LinearProblem:
     flat = [row for choices in system for row in choices]
-    table = sorted({p for r in flat for p in r[0].values()})
-    matrix = rational.ExactMatrix(
-        np.cumsum([0] + [len(r[0]) for r in flat]).astype(np.int64),
+    matrix = SparseMatrix(
+        starts_of([len(r[0]) for r in flat]),
         np.array([t for r in flat for t in r[0]], dtype=np.int32),
-        np.array([table.index(p) for r in flat for p in r[0].values()], dtype=np.int32),
-        table,
+        rationals(p for r in flat for p in r[0].values()),
         len(system),
-        np.cumsum([0] + [len(c) for c in system]).astype(np.int64) if direction else None,
+        starts_of([len(c) for c in system]) if direction else None,
     )
-    return rational.ExactProblem(matrix, [r[1] for r in flat], direction, probability)
+    constant, leave = (rationals(r[i] for r in flat) for i in (1, 2))
+    chosen = None if direction is None else Direction(direction)
+    return LinearProblem(constant, matrix, None, leave, chosen, probability)
+
+
+def solve(problem: LinearProblem) -> Solution:
+    return solve_linear(problem, Accuracy())
 
 
 @settings(max_examples=150, deadline=None)
 @given(chains(reward=True))
 def test_chains(chain: list) -> None:  # type: ignore[type-arg]
-    assert rational.solve_exact(
-        problem_of([[r] for r in chain], None, False)
-    ).values == solve_chain(chain)
+    assert solve(problem_of([[r] for r in chain], None, False)).lower.tolist() == solve_chain(chain)
 
 
 @pytest.mark.parametrize("cheap", [0, 2, 10**6])
 @settings(max_examples=60, deadline=None)
 @given(chain=chains(reward=True))
 def test_elimination_and_lifting_agree(chain: list, cheap: int) -> None:  # type: ignore[type-arg]
-    rows = [{t: rational._number(p) for t, p in r[0].items()} for r in chain]
+    rows = [{t: rational.flint_number(p) for t, p in r[0].items()} for r in chain]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rational, "CHEAP_PIVOT", cheap)
-        found = rational._eliminate_and_lift(rows, [rational._number(r[1]) for r in chain])
-    assert [rational._fraction(v) for v in found] == solve_chain(chain)
+        found = rational._eliminate_and_lift(rows, [rational.flint_number(r[1]) for r in chain])
+    assert rational.from_flint(found).tolist() == solve_chain(chain)
 
 
 @settings(max_examples=150, deadline=None)
@@ -61,9 +65,9 @@ def test_probabilities_of_mdps(system: System, direction: str) -> None:
         return
     values = brute_force(system, direction, proper_only=False)
     part = restrict(system, maybe, one)
-    found = rational.solve_exact(problem_of(part, direction))
+    found = solve(problem_of(part, direction))
     expected = [values[s] for s in sorted(maybe)]
-    assert found.values == expected
+    assert found.lower.tolist() == expected
     attained(
         part,
         Solution(np.zeros(0), np.zeros(0), "exact", strategy=found.strategy),
@@ -83,7 +87,7 @@ def test_rewards_of_mdps(system: System, direction: str) -> None:
     )
     if not sure:
         return
-    assert rational.solve_exact(problem_of(part, direction, False)).values == brute_force(
+    assert solve(problem_of(part, direction, False)).lower.tolist() == brute_force(
         part, direction, direction == "min"
     )
 
@@ -97,7 +101,7 @@ def test_a_long_walk_is_exact() -> None:
         system.append(
             [(entries, half if i == n - 1 else Fraction(0), 1 - sum(entries.values(), Fraction(0)))]
         )
-    assert rational.solve_exact(problem_of(system, None)).values == [
+    assert solve(problem_of(system, None)).lower.tolist() == [
         Fraction(i + 1, n + 1) for i in range(n)
     ]
 
@@ -105,9 +109,9 @@ def test_a_long_walk_is_exact() -> None:
 def test_what_never_leaves_is_an_error() -> None:
     one = Fraction(1)
     with pytest.raises(NumericalError, match="infinite"):
-        rational.solve_exact(problem_of([[({0: one}, one, Fraction(0))]], None, False))
+        solve(problem_of([[({0: one}, one, Fraction(0))]], None, False))
     with pytest.raises(NumericalError, match="no unique solution"):
-        rational.solve_exact(
+        solve(
             problem_of(
                 [[({1: one}, one, Fraction(0))], [({0: one}, Fraction(0), Fraction(0))]],
                 None,
@@ -131,10 +135,10 @@ def test_stationary_distributions(n: int, data: st.DataObject) -> None:
     matrix = SparseMatrix(
         np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64),
         np.nonzero(nonzero)[1].astype(np.int32),
-        rates[nonzero],
+        rationals(rates[nonzero].tolist()),
         n,
     )
-    pi = rational.stationary_exact(rational.ExactMatrix.of(matrix))
+    pi = rational.stationary_distribution(matrix)
     assert sum(pi) == 1
     for j in range(n):
         flow = sum((pi[i] * Fraction(rates[i, j]) for i in range(n) if i != j), Fraction(0))
@@ -152,20 +156,11 @@ def test_a_stationary_distribution_of_many_states() -> None:
                 if 0 <= a < side and 0 <= b < side:
                     row[a * side + b] = Fraction(1 + (7 * i + 3 * j + k) % 5, 10)
             entries[i * side + j] = row
-    matrix = problem_of(
-        [[(row, Fraction(0), Fraction(0))] for row in entries.values()], None
-    ).matrix
-    pi = rational.stationary_exact(matrix)
-    assert sum(pi) == 1
+    matrix = problem_of([[(row, Fraction(0), Fraction(0))] for row in entries.values()], None).rows
+    pi = rational.stationary_distribution(matrix)
+    assert pi.sum() == 1
     flow = [Fraction(0)] * len(pi)
     for s, row in entries.items():
         for t, rate in row.items():
             flow[t] += pi[s] * rate
     assert flow == [p * sum(entries[s].values()) for s, p in enumerate(pi)]
-
-
-def test_bounds_are_neighbouring_doubles() -> None:
-    lower, upper = rational.bounds([Fraction(1, 3), Fraction(1, 2)])
-    assert Fraction(float(lower[0])) < Fraction(1, 3) < Fraction(float(upper[0]))
-    assert upper[0] == np.nextafter(lower[0], 1)
-    assert lower[1] == upper[1] == 0.5

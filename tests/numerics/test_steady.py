@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -10,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from symcheck.kernels.chains.gth_elimination import Elimination
+from symcheck.matrices.numbers import rationals
 from symcheck.matrices.rows import Floats, SparseMatrix
-from symcheck.numerics.linear.rational import ExactMatrix, stationary_exact
+from symcheck.numerics.linear import rational
 from symcheck.numerics.long_run import stationary
 from symcheck.numerics.settings import Accuracy
 
@@ -32,7 +34,7 @@ def test_small_chains(n: int, data: st.DataObject) -> None:
     )
     rates += 1e-6 * np.roll(np.eye(n), 1, axis=1)
     matrix = sparse_of(rates)
-    exact = stationary_exact(ExactMatrix.of(matrix))
+    exact = rational.stationary_distribution(replace(matrix, data=rationals(matrix.data.tolist())))
     found = stationary.stationary_distribution(matrix, Accuracy())
     for s in range(n):
         assert Fraction(float(found.lower[s])) <= exact[s] <= Fraction(float(found.upper[s]))

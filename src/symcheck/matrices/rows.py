@@ -1,13 +1,15 @@
-"""Plain arrays that the numerical layer works on: sparse matrices, with rows grouped into choices for an MDP."""
+"""Sparse matrices in compressed rows, with rows grouped into choices for an MDP. Entries are float64 or rationals."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
+from symcheck.kernels.rows import sparse, submatrix
+from symcheck.matrices.numbers import Numbers, doubles, is_exact, sum_segments
 
 __all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix", "spans", "starts_of"]
 
@@ -16,13 +18,14 @@ __all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix", "spans", "star
 class SparseMatrix:
     """Compressed rows. Row r has columns `indices[indptr[r]:indptr[r+1]]` with `data` alike, no column twice.
 
-    `groups` (int64[states+1]) says which rows are the choices of a state: rows groups[s] to groups[s+1]. None means
-    one row per state (DTMC, CTMC). Indices are int32: more than 2**31-1 states raise OverflowError on building.
+    data: float64[entries], or Fractions as objects. `groups` (int64[states+1]) says which rows are the choices of a state:
+    rows groups[s] to groups[s+1]. None means one row per state (DTMC, CTMC). Indices are int32: more than 2**31-1 states
+    raise OverflowError on building.
     """
 
     indptr: Int64s
     indices: Int32s
-    data: Floats
+    data: Numbers
     columns: int
     groups: Int64s | None = None
 
@@ -46,6 +49,90 @@ class SparseMatrix:
         """Memory of the arrays, in bytes."""
         own = self.indptr.nbytes + self.indices.nbytes + self.data.nbytes
         return own + (0 if self.groups is None else self.groups.nbytes)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the entries are rationals."""
+        return is_exact(self.data)
+
+    def doubles(self) -> SparseMatrix:
+        """The matrix with the nearest doubles as entries."""
+        return replace(self, data=doubles(self.data)) if self.exact else self
+
+    def multiply(self, x: Numbers) -> Numbers:
+        """The product with a vector (one number per column): one number per row."""
+        if self.exact:
+            return sum_segments(self.data * x[self.indices], self.indptr)
+        out = np.empty(self.rows)
+        sparse.multiply(self.indptr, self.indices, self.data, x, out)
+        return out
+
+    def divided(self, divisor: Numbers) -> SparseMatrix:
+        """The matrix with each row divided by a number."""
+        return replace(self, data=self.data / np.repeat(divisor, np.diff(self.indptr)))
+
+    def select(
+        self, rows: Int64s | Int32s, place: Int32s, columns: int, groups: Int64s | None = None
+    ) -> SparseMatrix:
+        """The chosen rows with only the columns c where place[c] >= 0, renumbered to place[c]."""
+        indptr, indices, data = sparse.select(
+            self.indptr, self.indices, self._keys, np.asarray(rows, np.int64), place
+        )
+        return SparseMatrix(indptr, indices, self._entries(data), columns, groups)
+
+    def choose(self, rows: Int64s, groups: Int64s | None = None) -> SparseMatrix:
+        """The chosen rows with all columns."""
+        return self.select(rows, np.arange(self.columns, dtype=np.int32), self.columns, groups)
+
+    def merge(self, place: Int32s, columns: int) -> SparseMatrix:
+        """The matrix with columns renumbered by `place` (many to one): entries that coincide are added up."""
+        if not self.exact:
+            return SparseMatrix(
+                *sparse.merge_columns(self.indptr, self.indices, self.data, place, columns),
+                columns,
+                self.groups,
+            )
+        row = np.repeat(np.arange(self.rows), np.diff(self.indptr))
+        keys, inverse = np.unique(row * columns + place[self.indices], return_inverse=True)
+        order = np.argsort(inverse, kind="stable")
+        starts = starts_of(np.bincount(inverse, minlength=len(keys)))
+        return SparseMatrix(
+            starts_of(np.bincount(keys // columns, minlength=self.rows)),
+            (keys % columns).astype(np.int32),
+            sum_segments(self.data[order], starts),
+            columns,
+            self.groups,
+        )
+
+    def among(self, states: Bools, groups: Int64s | None) -> SparseMatrix:
+        """The matrix among chosen states, renumbered in their order; `groups`: where the rows of each begin."""
+        indptr, indices, data = submatrix.select_states(
+            self.indptr, self.indices, self._keys, self.groups, states.view(np.uint8)
+        )
+        count = int(np.count_nonzero(states))
+        return SparseMatrix(indptr, indices, self._entries(data), count, groups)
+
+    def sums(self, states: Bools, columns: Bools, values: Numbers | None = None) -> Numbers:
+        """Per row of the chosen states: the sum over chosen columns of the entry, or of entry times value."""
+        if not self.exact:
+            chosen, member = states.view(np.uint8), columns.view(np.uint8)
+            return submatrix.sum_columns(
+                self.indptr, self.indices, self.data, self.groups, chosen, member, values
+            )
+        rows = states if self.groups is None else np.repeat(states, np.diff(self.groups))
+        entries = np.repeat(rows, np.diff(self.indptr)) & columns[self.indices]
+        chosen = self.data[entries]
+        terms = chosen if values is None else chosen * values[self.indices[entries]]
+        return sum_segments(terms, starts_of(entries)[self.indptr])[rows]
+
+    @property
+    def _keys(self) -> Floats:
+        """What a compiled loop moves in place of the entries: these, or (rationals) their places."""
+        return np.arange(self.entries, dtype=np.float64) if self.exact else self.data
+
+    def _entries(self, keys: Floats) -> Numbers:
+        """The entries that a compiled loop has moved."""
+        return self.data[keys.astype(np.int64)] if self.exact else keys
 
 
 def starts_of(sizes: ArrayLike) -> Int64s:

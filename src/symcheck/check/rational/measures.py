@@ -25,9 +25,9 @@ from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.rational.engine import ExactEngine
 from symcheck.engines.rational.values import RationalMatrix, Rationals, RationalValues
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.rows import Bools, Int64s
+from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
-from symcheck.numerics.linear.rational import stationary_exact
+from symcheck.numerics.linear.rational import stationary_distribution
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["MEASURES", "ExactMeasures"]
@@ -221,7 +221,8 @@ class ExactMeasures:
             engine.all, ArraySet(_any_row(engine, parts.rows & paying))
         )
         rest = RationalValues(_pick(infinite.members, inf, Fraction(0)))
-        return _solve(context, _probabilities(engine), ~infinite, reward, Direction.MAX, rest)
+        unknown = engine.graph.exists_until(engine.all, rewarding) - infinite
+        return _solve(context, _probabilities(engine), unknown, reward, Direction.MAX, rest)
 
     def steady_probability(
         self, context: Context, states: StateSet, direction: Direction | None
@@ -345,7 +346,7 @@ def _solve(
 ) -> Values:
     """Values on `unknown` as the least solution of x = A x + constant, and those of `rest` elsewhere.
 
-    Rows that lead to where `rest` is infinite are left out. `proper`: begin with a strategy that leaves almost surely.
+    Rows that lead to where `rest` is infinite are left out. `proper`: over strategies that leave almost surely.
     """
     chosen = np.flatnonzero(unknown.members)
     if not len(chosen):
@@ -354,30 +355,21 @@ def _solve(
     number = {int(s): i for i, s in enumerate(chosen)}
     rows: list[Entries] = []
     constants: list[Fraction] = []
-    groups, start = [0], []
-    towards = _towards(matrix, unknown, outside) if proper else None
+    groups = [0]
     for s in chosen.tolist():
         for r in matrix.rows_of(s):
             entries = matrix.row(r)
             if any(t not in number and outside[t] == inf for t, _ in entries):
                 continue
-            if towards is not None and towards[s] == r:
-                start.append(len(rows))
             rows.append([(number[t], p) for t, p in entries if t in number])
             constants.append(constant[r])
         groups.append(len(rows))
-    problem = RationalProblem(rows, constants, groups, direction, start if proper else None)
+    problem = RationalProblem(rows, constants, groups, direction, reward=proper)
     solution, iterations = least_solution(problem)
     context.log.runs.append(SolverRun("exact", "rational elimination", len(chosen), iterations))
     values = outside.copy()
     values[chosen] = solution
     return RationalValues(values)
-
-
-def _towards(matrix: RationalMatrix, unknown: ArraySet, outside: Rationals) -> Int64s:
-    """Per state, a row of a strategy that leaves `unknown` almost surely for where the values are finite."""
-    finite = np.array([v != inf for v in outside], dtype=bool) & ~unknown.members
-    return graph.prob1e_strategy(matrix.shape, unknown.members, finite)[1]
 
 
 def _average(context: Context, reward: Rationals) -> Values:
@@ -388,7 +380,7 @@ def _average(context: Context, reward: Rationals) -> Values:
     for component in graph.bsccs(engine.matrix):
         members = component.tolist()
         place = {s: i for i, s in enumerate(members)}
-        shares = stationary_exact(
+        shares = stationary_distribution(
             exact_matrix([[(place[t], p) for t, p in engine.rationals.row(s)] for s in members])
         )
         averages[component] = sum(

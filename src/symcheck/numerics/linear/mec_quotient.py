@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Solution
@@ -73,12 +72,7 @@ def _only_rows(matrix: SparseMatrix, keep: Bools) -> _Rows:
     """The same states with the rows of `keep` only."""
     assert matrix.groups is not None
     rows = np.flatnonzero(keep).astype(np.int64)
-    everywhere = np.arange(matrix.columns, dtype=np.int32)
-    indptr, indices, data = sparse.select(
-        matrix.indptr, matrix.indices, matrix.data, rows, everywhere
-    )
-    groups = starts_of(keep)[matrix.groups]
-    return _Rows(SparseMatrix(indptr, indices, data, matrix.columns, groups), rows)
+    return _Rows(matrix.choose(rows, starts_of(keep)[matrix.groups]), rows)
 
 
 def collapse(problem: LinearProblem) -> Collapsed | None:
@@ -113,14 +107,11 @@ def _quotient(problem: LinearProblem, parts: graph.EndComponents, owner: Int32s)
     # Rows sorted by the state that they now belong to; the order of rows within a state stays.
     rows = rows[np.argsort(place[owner[rows]], kind="stable")].astype(np.int64)
     groups = starts_of(np.bincount(place[owner[rows]], minlength=count))
-    everywhere = np.arange(n, dtype=np.int32)
-    kept = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, everywhere)
-    indptr, indices, data = sparse.merge_columns(*kept, place, count)
     smaller = LinearProblem(
         constant=problem.constant[rows],
         upper=None if problem.upper is None else problem.upper[rows],
         exit=problem.leaving[rows],
-        matrix=SparseMatrix(indptr, indices, data, count, groups),
+        matrix=matrix.choose(rows, groups).merge(place, count),
         direction=problem.direction,
         probability=problem.probability,
     )

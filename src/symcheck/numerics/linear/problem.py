@@ -12,7 +12,8 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.kernels.rows import sparse
-from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.matrices.numbers import Numbers, is_exact, sum_segments
+from symcheck.matrices.rows import Int64s, SparseMatrix
 
 __all__ = ["LinearProblem", "Observer", "Operator", "Solution", "Step"]
 
@@ -31,8 +32,8 @@ class Step:
     iteration: int
     width: float
     states: int
-    lower: Floats | None = field(default=None, compare=False, repr=False)
-    upper: Floats | None = field(default=None, compare=False, repr=False)
+    lower: Numbers | None = field(default=None, compare=False, repr=False)
+    upper: Numbers | None = field(default=None, compare=False, repr=False)
 
 
 Observer = Callable[[Step], None]
@@ -41,7 +42,7 @@ Observer = Callable[[Step], None]
 class Operator(Protocol):
     """A matrix that can only be multiplied: x (a value per state) → A x (a value per row)."""
 
-    def multiply(self, x: Floats, /) -> Floats:
+    def multiply(self, x: Numbers, /) -> Numbers:
         """A x."""
         ...
 
@@ -50,6 +51,7 @@ class Operator(Protocol):
 class LinearProblem:
     """x_s = opt over the rows r of s of (constant[r] + sum over t of A[r, t] x_t), least non-negative solution.
 
+    Numbers are float64, or all of them rationals (see `symcheck.matrices.numbers`).
     matrix: probabilities among the n unknowns; its groups are the choices (None: one row per state). Either it or
     `operator` (with `groups`) must be given; methods that need rows need `matrix`.
     constant: b, per row; `upper` is its upper bound where it is not known exactly (None: equal to `constant`).
@@ -63,10 +65,10 @@ class LinearProblem:
     are dealt with here. Negative rewards are allowed where all strategies leave almost surely.
     """
 
-    constant: Floats
+    constant: Numbers
     matrix: SparseMatrix | None = None
-    upper: Floats | None = None
-    exit: Floats | None = None
+    upper: Numbers | None = None
+    exit: Numbers | None = None
     direction: Direction | None = None
     probability: bool = True
     operator: Operator | None = None
@@ -101,9 +103,14 @@ class LinearProblem:
         return self.matrix.groups if self.matrix is not None else self.groups
 
     @property
-    def high(self) -> Floats:
+    def high(self) -> Numbers:
         """Upper bounds of the constants."""
         return self.constant if self.upper is None else self.upper
+
+    @property
+    def exact(self) -> bool:
+        """Whether the numbers are rationals."""
+        return is_exact(self.constant)
 
     @property
     def signed(self) -> bool:
@@ -111,10 +118,12 @@ class LinearProblem:
         return bool(len(self.constant)) and bool(self.constant.min() < 0.0)
 
     @cached_property
-    def leaving(self) -> Floats:
+    def leaving(self) -> Numbers:
         """`exit`, or what stands for it: float64[rows]."""
         if self.exit is not None:
-            out = np.asarray(self.exit, dtype=np.float64)
+            out = np.asarray(self.exit)
+        elif self.exact:
+            out = 1 - sum_segments(self.rows.data, self.rows.indptr)
         elif self.matrix is not None:
             out = 1.0 - sparse.row_sums(self.matrix.indptr, self.matrix.data)
             noise = (np.diff(self.matrix.indptr) + 2) * 2.0**-52
@@ -128,7 +137,7 @@ class LinearProblem:
         )
 
     def with_constant(
-        self, constant: Floats, upper: Floats | None = None, probability: bool | None = None
+        self, constant: Numbers, upper: Numbers | None = None, probability: bool | None = None
     ) -> LinearProblem:
         """The same equations with other constants."""
         kind = self.probability if probability is None else probability
@@ -137,15 +146,15 @@ class LinearProblem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Bounds on the solution, float64[n] each.
+    """Bounds on the solution, float64[n] each (the same rationals twice where the problem has rationals).
 
     exact: they differ, from each other and from the truth, by rounding only: by less than ROUNDING. certified: proved to be
     bounds; else both are the same estimate. strategy: a row per state (-1: any) that attains `lower` ('max') or `upper`
     ('min'). explanation: a line on how it was found.
     """
 
-    lower: Floats
-    upper: Floats
+    lower: Numbers
+    upper: Numbers
     method: str
     exact: bool = False
     certified: bool = True
@@ -155,8 +164,10 @@ class Solution:
     strategy: Int64s | None = None
 
     @property
-    def middle(self) -> Floats:
+    def middle(self) -> Numbers:
         """The point between the bounds."""
+        if self.lower is self.upper:
+            return self.lower
         out = np.empty(len(self.lower))
         with np.errstate(invalid="ignore"):
             for part in self._parts():
@@ -166,6 +177,8 @@ class Solution:
 
     def width(self, relative: bool = True) -> float:
         """The greatest width, relative to the upper bound unless that is below 1e-300 (0 for no states)."""
+        if self.lower is self.upper:
+            return 0.0
         return max(
             (_width(self.lower[part], self.upper[part], relative) for part in self._parts()),
             default=0.0,
@@ -176,7 +189,7 @@ class Solution:
         return (slice(begin, begin + _SLICE) for begin in range(0, len(self.lower), _SLICE))
 
 
-def _width(lower: Floats, upper: Floats, relative: bool) -> float:
+def _width(lower: Numbers, upper: Numbers, relative: bool) -> float:
     with np.errstate(invalid="ignore"):
         width = np.where(lower == upper, 0.0, upper - lower)
         if relative:

@@ -12,16 +12,19 @@ so the value is that of the best way to end in them (Chatterjee & Henzinger 2011
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.kernels.rows import sparse
+from symcheck.errors import NumericalError
+from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Step
-from symcheck.numerics.settings import Settings
+from symcheck.numerics.linear.rational import solve_chain
+from symcheck.numerics.settings import Accuracy, Settings
 
 __all__ = ["Gain", "Gains", "component_gains", "ending"]
 
@@ -36,20 +39,20 @@ _STAY = 0.5
 
 @dataclass(frozen=True)
 class Gain:
-    """Bounds on the best average of an end component; `iterations` of any kind."""
+    """Bounds on the best average of an end component (floats, or the same Fraction twice); `iterations` of any kind."""
 
-    lower: float
-    upper: float
+    lower: Any
+    upper: Any
     iterations: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Maximal end components (`parts`) and bounds on the best average of each: float64[parts.count]."""
+    """Maximal end components (`parts`) and bounds on the best average of each: float64[parts.count], or rationals."""
 
     parts: graph.EndComponents
-    lower: Floats
-    upper: Floats
+    lower: Numbers
+    upper: Numbers
     iterations: int
     largest: int
 
@@ -59,7 +62,7 @@ class _Part:
     """An end component alone, with the rows that stay inside: rewards float64[rows], more is better."""
 
     matrix: SparseMatrix
-    rewards: Floats = field(repr=False)
+    rewards: Numbers = field(repr=False)
 
     @property
     def groups(self) -> Int64s:
@@ -67,18 +70,18 @@ class _Part:
         assert self.matrix.groups is not None
         return self.matrix.groups
 
-    def rows(self, h: Floats) -> Floats:
+    def rows(self, h: Numbers) -> Numbers:
         """R + P h per row."""
-        out = np.empty(self.matrix.rows)
-        sparse.multiply(self.matrix.indptr, self.matrix.indices, self.matrix.data, h, out)
-        return np.asarray(out + self.rewards)
+        return np.asarray(self.matrix.multiply(h) + self.rewards)
 
-    def best(self, rows: Floats) -> Floats:
+    def best(self, rows: Numbers) -> Numbers:
         """The best row of each state."""
         return np.asarray(np.maximum.reduceat(rows, self.groups[:-1]))
 
-    def slip(self, h: Floats) -> float:
-        """What rounding may have done to T h - h."""
+    def slip(self, h: Numbers) -> float:
+        """What rounding may have done to T h - h: nothing in rational arithmetic."""
+        if self.matrix.exact:
+            return 0
         longest = int(np.diff(self.matrix.indptr).max())
         return float(
             (longest + 6) * 2.0**-52 * (np.abs(self.rewards).max() + 2.0 * np.abs(h).max())
@@ -87,7 +90,7 @@ class _Part:
 
 def component_gains(
     matrix: SparseMatrix,
-    rewards: Floats,
+    rewards: Numbers,
     direction: Direction,
     settings: Settings,
     observer: Observer | None = None,
@@ -96,16 +99,16 @@ def component_gains(
 
     rewards: per row, float64[rows]. Certified; relative to the average, but of the greatest reward where it is near 0.
     """
-    sign = -1.0 if direction == Direction.MIN else 1.0
+    sign = -1 if direction is Direction.MIN else 1
     parts = graph.maximal_end_components(matrix, np.ones(matrix.states, np.bool_))
-    lower, upper = np.empty(parts.count), np.empty(parts.count)
+    lower, upper = (full(parts.count, 0, exact=matrix.exact) for _ in range(2))
     iterations = largest = 0
     sizes = np.bincount(parts.of[parts.of >= 0], minlength=parts.count)
     owner = graph.Incidence(matrix).owner_of_rows
     alone = sizes == 1
     if alone.any():
         # States that only stay where they are: the best of their loops.
-        best = np.full(parts.count, -np.inf)
+        best = full(parts.count, -np.inf, exact=matrix.exact)
         np.maximum.at(best, parts.of[owner[parts.rows]], sign * rewards[parts.rows])
         lower[alone] = upper[alone] = best[alone]
     for c, part in _larger(matrix, sign * rewards, parts, sizes, owner):
@@ -119,7 +122,7 @@ def component_gains(
 
 
 def _larger(
-    matrix: SparseMatrix, rewards: Floats, parts: graph.EndComponents, sizes: Int64s, owner: Int32s
+    matrix: SparseMatrix, rewards: Numbers, parts: graph.EndComponents, sizes: Int64s, owner: Int32s
 ) -> Iterator[tuple[int, _Part]]:
     """The components of more than one state, each alone."""
     inside = np.flatnonzero(parts.rows)
@@ -130,20 +133,22 @@ def _larger(
         rows = inside[starts[c] : starts[c + 1]]
         states, counts = np.unique(owner[rows], return_counts=True)
         place[states] = np.arange(len(states), dtype=np.int32)
-        chosen = sparse.select(
-            matrix.indptr, matrix.indices, matrix.data, rows.astype(np.int64), place
-        )
+        own = matrix.select(rows, place, len(states), starts_of(counts))
         place[states] = -1
-        groups = starts_of(counts)
-        yield c, _Part(SparseMatrix(*chosen, len(states), groups), rewards[rows])
+        yield c, _Part(own, rewards[rows])
 
 
 def _gain(part: _Part, settings: Settings, observer: Observer | None) -> Gain:
     """Bounds on the greatest average of an end component."""
-    top, n = float(part.rewards.max()), part.matrix.states
+    top, n = part.rewards.max(), part.matrix.states
     everywhere = np.ones(n, np.bool_)
     if graph.maximal_end_components(part.matrix, everywhere, part.rewards == top).count:
         return Gain(top, top)  # nothing is better than the greatest reward at each step
+    if part.matrix.exact:
+        low, high, _ = _policies(part, full(n, 0, exact=True), Accuracy(epsilon=0.0))
+        if low < high:
+            raise NumericalError("policy iteration for a long-run average did not end")
+        return Gain(low, high)
     low, high, h, count = -np.inf, np.inf, np.zeros(n), 0
     for count in range(1, settings.max_iterations + 1):
         following = part.best(part.rows(h))
@@ -164,10 +169,10 @@ def _gain(part: _Part, settings: Settings, observer: Observer | None) -> Gain:
 
 
 def _narrowed(
-    part: _Part, h: Floats, following: Floats, low: float, high: float
+    part: _Part, h: Numbers, following: Numbers, low: float, high: float
 ) -> tuple[float, float]:
     change, slip = following - h, part.slip(h)
-    return max(low, float(change.min()) - slip), min(high, float(change.max()) + slip)
+    return max(low, change.min() - slip), min(high, change.max() + slip)
 
 
 def _near(low: float, high: float, slip: float, settings: Settings) -> bool:
@@ -176,7 +181,7 @@ def _near(low: float, high: float, slip: float, settings: Settings) -> bool:
     return high - low <= max(0.25 * settings.epsilon * scale, 4.0 * slip)
 
 
-def _policies(part: _Part, h: Floats, settings: Settings) -> tuple[float, float, Floats]:
+def _policies(part: _Part, h: Numbers, settings: Settings) -> tuple[float, float, Numbers]:
     """Policy iteration from the policy that is greedy for h: bounds, and the h of the last policy."""
     low, high = -np.inf, np.inf
     values = part.rows(h)
@@ -184,7 +189,7 @@ def _policies(part: _Part, h: Floats, settings: Settings) -> tuple[float, float,
     for _ in range(_POLICIES):
         policy = _unichain(part, policy, settings)
         bias = _bias(part, policy)
-        if not np.isfinite(bias).all():
+        if bias is None:
             break
         h = bias
         values = part.rows(h)
@@ -197,7 +202,7 @@ def _policies(part: _Part, h: Floats, settings: Settings) -> tuple[float, float,
     return low, high, h - h[0]
 
 
-def _first_best(values: Floats, part: _Part, best: Floats) -> Int64s:
+def _first_best(values: Numbers, part: _Part, best: Numbers) -> Int64s:
     """Per state, the first row with the best value."""
     rows = np.flatnonzero(values == np.repeat(best, np.diff(part.groups)))
     owner = np.repeat(np.arange(part.matrix.states), np.diff(part.groups))[rows]
@@ -207,11 +212,7 @@ def _first_best(values: Floats, part: _Part, best: Floats) -> Int64s:
 
 
 def _chain(part: _Part, policy: Int64s) -> SparseMatrix:
-    m = part.matrix
-    chosen = sparse.select(
-        m.indptr, m.indices, m.data, policy, np.arange(m.columns, dtype=np.int32)
-    )
-    return SparseMatrix(*chosen, m.columns)
+    return part.matrix.choose(policy)
 
 
 def _unichain(part: _Part, policy: Int64s, settings: Settings) -> Int64s:
@@ -228,10 +229,8 @@ def _unichain(part: _Part, policy: Int64s, settings: Settings) -> Int64s:
         averages = []
         for states in bottoms:
             place[states] = np.arange(len(states), dtype=np.int32)
-            own = sparse.select(
-                chain.indptr, chain.indices, chain.data, states.astype(np.int64), place
-            )
-            found = long_run_average(SparseMatrix(*own, len(states)), rewards[states], settings)
+            own = chain.select(states, place, len(states))
+            found = long_run_average(own, rewards[states], settings)
             averages.append(found.lower)
             place[states] = -1
         target = bottoms[int(np.argmax(averages))]
@@ -244,14 +243,29 @@ def _unichain(part: _Part, policy: Int64s, settings: Settings) -> Int64s:
     return np.where(sure, policy, rows)
 
 
-def _bias(part: _Part, policy: Int64s) -> Floats:
-    """H with h + g = r + P h for the policy's chain, and 0 at a state of its bottom component."""
+def _bias(part: _Part, policy: Int64s) -> Numbers | None:
+    """H with h + g = r + P h for the policy's chain, and 0 at a state of its bottom component; None where that fails."""
+    chain = _chain(part, policy)
+    anchor = int(graph.bsccs(chain)[0][0])
+    solve = _rational_bias if chain.exact else _floating_bias
+    return solve(chain, part.rewards[policy], anchor)
+
+
+def _rational_bias(chain: SparseMatrix, rewards: Numbers, anchor: int) -> Numbers:
+    """The average is the reward of a cycle through the anchor by the length of the cycle (renewal reward theorem)."""
+    n = chain.states
+    place = np.arange(n, dtype=np.int32)
+    place[anchor] = -1
+    cycle = chain.select(np.arange(n), place, n)
+    reward, length = (solve_chain(cycle, v) for v in (rewards, full(n, 1, exact=True)))
+    return np.asarray(reward - reward[anchor] / length[anchor] * length)
+
+
+def _floating_bias(chain: SparseMatrix, rewards: Floats, anchor: int) -> Floats | None:
     from scipy.sparse import csc_array, csr_array
     from scipy.sparse.linalg import splu
 
-    chain = _chain(part, policy)
     n = chain.states
-    anchor = int(graph.bsccs(chain)[0][0])
     p = csr_array((chain.data, chain.indices, chain.indptr), shape=(n, n)).tocoo()
     keep = p.col != anchor
     diagonal = np.flatnonzero(np.arange(n) != anchor)
@@ -260,11 +274,11 @@ def _bias(part: _Part, policy: Int64s) -> Floats:
     columns = np.concatenate((p.col[keep], diagonal, np.full(n, anchor)))
     matrix = csc_array((data, (rows, columns)), shape=(n, n))
     try:
-        solution = np.asarray(splu(matrix).solve(part.rewards[policy]))
+        solution = np.asarray(splu(matrix).solve(rewards))
     except RuntimeError:  # singular in floating point
-        return np.full(n, np.nan)
+        return None
     solution[anchor] = 0.0
-    return solution
+    return solution if np.isfinite(solution).all() else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,25 +305,15 @@ def ending(matrix: SparseMatrix, gains: Gains, direction: Direction) -> Ending:
     count = int(leads.sum())
     owner = graph.Incidence(matrix).owner_of_rows
     rows = np.flatnonzero(~parts.rows)
-    kept = sparse.select(
-        matrix.indptr, matrix.indices, matrix.data, rows, np.arange(n, dtype=np.int32)
-    )
-    indptr, indices, data = sparse.merge_columns(*kept, place.astype(np.int32), count)
-    whole = SparseMatrix(
-        np.concatenate((indptr, np.full(parts.count, indptr[-1]))).astype(np.int64), indices, data, count
-    )  # fmt: skip
+    kept = matrix.choose(rows).merge(place.astype(np.int32), count)
+    whole = replace(kept, indptr=np.concatenate((kept.indptr, np.full(parts.count, kept.entries))))
     of = np.concatenate((place[owner[rows]], place[leader]))
     order = np.argsort(of, kind="stable").astype(np.int64)
-    sorted_rows = sparse.select(
-        whole.indptr, whole.indices, whole.data, order, np.arange(count, dtype=np.int32)
-    )
     groups = starts_of(np.bincount(of, minlength=count))
-    none = np.zeros(len(rows))
+    none, one = full(len(rows), 0, exact=matrix.exact), full(parts.count, 1, exact=matrix.exact)
     low, high = (np.concatenate((none, g))[order] for g in (gains.lower, gains.upper))
-    leave = np.concatenate((none, np.ones(parts.count)))[order]
+    leave = np.concatenate((none, one))[order]
     return Ending(
-        LinearProblem(
-            low, SparseMatrix(*sorted_rows, count, groups), high, leave, direction, False
-        ),
+        LinearProblem(low, whole.choose(order, groups), high, leave, direction, False),
         place,
     )

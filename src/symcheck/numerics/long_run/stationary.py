@@ -20,6 +20,7 @@ from symcheck.kernels.chains import gauss_seidel
 from symcheck.kernels.chains.gth_elimination import Elimination
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics.linear import rational
 from symcheck.numerics.linear.preconditioned_bicgstab import Split
 from symcheck.numerics.linear.problem import Observer, Step
 from symcheck.numerics.settings import Settings
@@ -120,8 +121,12 @@ def long_run_average(
     """Long-run average of a reward (float64[n]) of an irreducible chain: per unit of time, given its rates; per step, given
     its probabilities.
 
-    For rewards of transitions, give their rate-(probability-)weighted sum per state. The bounds are certified.
+    For rewards of transitions, give their rate-(probability-)weighted sum per state. The bounds are certified, and equal
+    where the rates are rationals.
     """
+    if rates.exact:
+        average = (rational.stationary_distribution(rates) * rewards).sum()
+        return Average(average, average, True, 1, f"{rates.states} states: rational elimination")
     n = rates.states
     limit = OPERATIONS if n <= ALWAYS else QUICK * rates.entries if n <= SPARSE else 0
     known = _eliminated(rates, limit) if limit else None

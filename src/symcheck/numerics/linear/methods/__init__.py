@@ -12,6 +12,7 @@ from symcheck.numerics.linear.methods import (
     interval,
     optimistic,
     policy,
+    rational,
     topological,
     value_iteration,
 )
@@ -26,7 +27,8 @@ class Method:
     """A way to solve linear problems.
 
     requires: 'rows' (a SparseMatrix) or 'product' (an operator is enough). sound: its bounds are proved.
-    kinds: some of 'chain' and 'mdp', 'probability' and 'reward'. about: a line for people.
+    kinds: some of 'chain' and 'mdp', 'probability' and 'reward'. about: a line for people. exact: whether the numbers
+    that it takes are rationals; else they are doubles.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Method:
     sound: bool
     kinds: frozenset[str]
     about: str
+    exact: bool = False
 
 
 _by_policies = partial(policy.solve, chains=topological.solve)
@@ -99,6 +102,15 @@ METHODS: Mapping[str, Method] = {
             _ALL,
             "products until the change is small: an estimate",
         ),
+        Method(
+            "rational",
+            partial(rational.solve, chooser=topological.solve),
+            "rows",
+            True,
+            _ALL,
+            "elimination and policy iteration over the rationals",
+            exact=True,
+        ),
     )
 }
 
@@ -106,7 +118,7 @@ METHODS: Mapping[str, Method] = {
 def solve_linear(
     problem: LinearProblem | Embedded, settings: Settings, observer: Observer | None = None
 ) -> Solution:
-    """Solve by `settings.method`; 'auto' takes 'topological', or without rows 'interval' (probabilities) or 'optimistic'.
+    """Solve by `settings.method`; over the rationals there is one method, 'rational'. 'auto' takes 'topological', or without rows 'interval' (probabilities) or 'optimistic'.
 
     Values are those of the unknowns, in their order. Of an embedded problem 'topological' gives no strategy.
 
@@ -117,6 +129,8 @@ def solve_linear(
         if name in ("auto", "topological") and problem.n:
             return topological.solve_embedded(problem, settings, observer)
         problem = problem.alone()
+    if problem.exact:
+        name = "rational"
     if name == "auto":
         plain_chain = problem.mode == 0 and problem.probability
         name = (
@@ -129,6 +143,8 @@ def solve_linear(
     method = METHODS.get(name)
     if method is None:
         raise UnsupportedError(f"there is no method '{name}'; there are {', '.join(METHODS)}")
+    if method.exact and not problem.exact:
+        raise UnsupportedError(f"method '{name}' takes rationals, which only -exact gives")
     if method.requires == "rows" and problem.matrix is None:
         others = ", ".join(m.name for m in METHODS.values() if m.requires == "product")
         raise UnsupportedError(

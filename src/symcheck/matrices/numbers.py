@@ -1,0 +1,75 @@
+"""Vectors of numbers: float64, or exact rationals as arrays of Fraction objects (infinities and NaN stay floats)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.kernels.arrays import Bools, Floats, Int64s
+
+__all__ = [
+    "Numbers",
+    "Rationals",
+    "doubles",
+    "full",
+    "is_exact",
+    "is_infinite",
+    "rationals",
+    "sum_segments",
+]
+
+Numbers = NDArray[Any]
+"""float64, or Fractions as objects."""
+Rationals = NDArray[np.object_]
+
+
+def is_exact(values: Numbers) -> bool:
+    """Whether the numbers are rationals."""
+    return values.dtype == object
+
+
+def rationals(values: Iterable[Any]) -> Rationals:
+    """Numbers of any kind as rationals; a finite float is taken for the binary fraction that it is."""
+    found = [_rational(v) for v in values]
+    out = np.empty(len(found), dtype=object)
+    out[:] = found
+    return out
+
+
+def _rational(value: Any) -> Fraction | float:
+    if isinstance(value, Fraction):
+        return value
+    return value if isinstance(value, float) and not isfinite(value) else Fraction(value)
+
+
+def full(n: int, value: float | Fraction, *, exact: bool) -> Numbers:
+    """A vector with one value everywhere, of either type."""
+    if not exact:
+        return np.full(n, float(value))
+    out = np.empty(n, dtype=object)
+    out[:] = _rational(value)
+    return out
+
+
+def is_infinite(values: Numbers) -> Bools:
+    """Which of the numbers are infinite (either sign)."""
+    return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
+
+
+def sum_segments(values: Numbers, starts: Int64s) -> Numbers:
+    """The sum of each segment `values[starts[i]:starts[i+1]]` of rationals; 0 where it is empty."""
+    out = full(len(starts) - 1, 0, exact=True)
+    some = starts[1:] > starts[:-1]
+    if some.any():
+        out[some] = np.add.reduceat(values, starts[:-1][some])
+    return out
+
+
+def doubles(values: Numbers) -> Floats:
+    """The nearest doubles."""
+    return np.asarray(values, dtype=np.float64)

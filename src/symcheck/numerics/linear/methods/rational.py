@@ -1,0 +1,138 @@
+"""Rational arithmetic: elimination for chains, policy iteration for MDPs, started from the policy found in floating point.
+
+Policy iteration ends after finitely many steps, and its comparisons are exact, so that nothing in floating point is relied
+on; a good start only saves steps. Sources: Howard (1960); Bertsekas & Tsitsiklis (1991) for least expected rewards.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.errors import NumericalError
+from symcheck.matrices.numbers import doubles
+from symcheck.matrices.rows import Floats, Int64s
+from symcheck.numerics import graph
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution, Step
+from symcheck.numerics.linear.rational import (
+    Number,
+    Row,
+    flint_number,
+    flint_rows,
+    from_flint,
+    least_solution,
+)
+from symcheck.numerics.settings import Accuracy, Settings
+
+__all__ = ["solve"]
+
+_POLICIES = 10_000
+
+Chooser = Callable[[LinearProblem, Settings], Solution]
+"""A method in floating point that gives a strategy."""
+
+
+def solve(
+    problem: LinearProblem,
+    settings: Settings,  # noqa: ARG001 (nothing to choose: the solution is exact)
+    observer: Observer | None,
+    *,
+    chooser: Chooser,
+) -> Solution:
+    """The exact least solution. Raises NumericalError where it is not unique or not finite."""
+    rows = flint_rows(problem.rows)
+    constant = [flint_number(c) for c in problem.constant]
+    if problem.mode == 0:
+        x, policy, rounds = least_solution(rows, constant, problem.rows), None, 1
+        note = f"{problem.n} states: rational elimination"
+    else:
+        x, policy, rounds = _policy_iteration(
+            problem, rows, constant, _first_policy(problem, chooser), observer
+        )
+        note = f"{problem.n} states: rational policy iteration, {rounds} policies"
+    values = from_flint(x)
+    return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
+
+
+def _policy_iteration(
+    problem: LinearProblem,
+    rows: Sequence[Row],
+    constant: Sequence[Number],
+    policy: Int64s,
+    observer: Observer | None,
+) -> tuple[list[Number], Int64s, int]:
+    """Evaluate a policy exactly and take better rows, until no row is better."""
+    groups = problem.choices
+    assert groups is not None
+    starts = groups.tolist()
+    sign = 1 if problem.direction is Direction.MAX else -1
+    for rounds in range(1, _POLICIES):
+        x = least_solution(
+            [rows[r] for r in policy], [constant[r] for r in policy], problem.rows.choose(policy)
+        )
+        if observer is not None:
+            observer(Step("policy iteration", rounds, 0.0, problem.n))
+        changed = False
+        for s, best in enumerate(x):
+            for r in range(starts[s], starts[s + 1]):
+                value = sum((a * x[t] for t, a in rows[r].items()), constant[r])
+                if sign * (value - best) > 0:
+                    best, policy[s], changed = value, r, True
+        if not changed:
+            return x, policy, rounds
+    raise NumericalError("policy iteration in rational arithmetic did not end")
+
+
+def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
+    """The policy that is best in floating point; for least rewards one that leaves the unknowns almost surely."""
+    groups = problem.choices
+    assert groups is not None
+    rounded = replace(
+        problem,
+        matrix=problem.rows.doubles(),
+        constant=doubles(problem.constant),
+        upper=None,
+        exit=_rounded_exits(problem),
+    )
+    try:
+        found = chooser(rounded, Accuracy(epsilon=1e-9)).strategy
+    except NumericalError:
+        found = None
+    policy = groups[:-1].copy() if found is None else np.where(found >= 0, found, groups[:-1])
+    if problem.probability or problem.direction is not Direction.MIN:
+        return policy
+    chain = problem.rows.choose(policy)
+    leaving = np.asarray(problem.leaving[policy] > 0, dtype=np.bool_)
+    return policy if graph.backward_reachable(chain, leaving).all() else _proper_policy(problem)
+
+
+def _rounded_exits(problem: LinearProblem) -> Floats:
+    """The probabilities of leaving as doubles, which are positive where the rationals are."""
+    rounded = doubles(problem.leaving)
+    return np.where((rounded == 0.0) & (problem.leaving > 0), 1e-300, rounded)
+
+
+def _proper_policy(problem: LinearProblem) -> Int64s:
+    """A policy under which the unknowns are left from every state, and so almost surely: shortest paths."""
+    source = graph.Incidence(problem.rows)
+    owner = source.owner_of_rows
+    policy = np.full(problem.n, -1, dtype=np.int64)
+    queue: deque[int] = deque()
+
+    def take(rows: Int64s) -> None:
+        for r in rows.tolist():
+            if policy[owner[r]] < 0:
+                policy[owner[r]] = r
+                queue.append(int(owner[r]))
+
+    take(np.flatnonzero(problem.leaving > 0))
+    while queue:
+        s = queue.popleft()
+        take(source.rows_in[source.pre[s] : source.pre[s + 1]].astype(np.int64))
+    if (policy < 0).any():
+        raise NumericalError("the expected reward is infinite")
+    return policy
