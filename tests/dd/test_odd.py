@@ -34,13 +34,13 @@ def test_numbers_arrays_and_diagrams(seed: int, share: float) -> None:
     states, member = random_set(m, rng, share)
     odd = Odd(m, states, ROWS)
     assert odd.count == len(odd) == member.sum()
-    assert odd.words()[:, 0].tolist() == np.flatnonzero(member).tolist()
+    assert odd.packed()[:, 0].tolist() == np.flatnonzero(member).tolist()
     bits = odd.unrank(np.arange(odd.count))
     assert odd.rank(bits).tolist() == list(range(odd.count))
 
     other, flags = random_set(m, rng, 0.5)
-    np.testing.assert_array_equal(odd.expand(other), flags[member])
-    assert odd.collapse(odd.expand(other)) == states & other
+    np.testing.assert_array_equal(odd.to_mask(other), flags[member])
+    assert odd.from_mask(odd.to_mask(other)) == states & other
 
     values = rng.integers(0, 5, 2**K) / 3
     function = m.table(ROWS, values)
@@ -48,7 +48,7 @@ def test_numbers_arrays_and_diagrams(seed: int, share: float) -> None:
     assert odd.from_vector(values[member]) == function * states.to_mtbdd()
 
     sub = Odd(m, states & other, ROWS)
-    np.testing.assert_array_equal(sub.places(odd), np.flatnonzero(flags[member]))
+    np.testing.assert_array_equal(sub.indices_in(odd), np.flatnonzero(flags[member]))
 
 
 def test_more_than_64_bits_are_packed_in_words() -> None:
@@ -57,7 +57,7 @@ def test_more_than_64_bits_are_packed_in_words() -> None:
     literals = m.add_variables(names)
     states = m.conjunction([x if i in (0, 69) else ~x for i, x in enumerate(literals)])
     states = states | m.conjunction([~x if i else x for i, x in enumerate(literals)])
-    assert Odd(m, states, names).words().tolist() == [[1 << 5, 0], [1 << 5, 1]]
+    assert Odd(m, states, names).packed().tolist() == [[1 << 5, 0], [1 << 5, 1]]
 
 
 def test_it_survives_a_reordering_that_keeps_the_rows_in_order() -> None:
@@ -67,24 +67,24 @@ def test_it_survives_a_reordering_that_keeps_the_rows_in_order() -> None:
     assert odd.count == member.sum()
     m.reorder(ROWS + COLUMNS)
     other, flags = random_set(m, np.random.default_rng(2), 0.5)
-    np.testing.assert_array_equal(odd.expand(other), flags[member])
+    np.testing.assert_array_equal(odd.to_mask(other), flags[member])
     m.reorder(ROWS[::-1] + COLUMNS)
     with pytest.raises(ValueError, match="reordered"):
-        odd.expand(other)
+        odd.to_mask(other)
 
 
 def test_places_need_a_superset() -> None:
     m = manager()
     a, _ = random_set(m, np.random.default_rng(1), 0.5)
     with pytest.raises(ValueError, match="superset"):
-        Odd(m, m.true, ROWS).places(Odd(m, a, ROWS))
+        Odd(m, m.true, ROWS).indices_in(Odd(m, a, ROWS))
 
 
 def test_arrays_of_another_length_are_refused() -> None:
     m = manager()
     odd = Odd(m, m.true, ROWS)
     with pytest.raises(ValueError, match="64"):
-        odd.collapse(np.ones(63, bool))
+        odd.from_mask(np.ones(63, bool))
     with pytest.raises(ValueError, match="64"):
         odd.from_vector(np.ones(65))
 

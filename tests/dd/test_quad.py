@@ -104,7 +104,7 @@ def test_sweeps_keep_bounds_and_close_in(
             for d in diagrams
         ]
     present = [np.ones(row.count, bool)] + [rng.random(row.count) < 0.5 for _ in range(slots - 1)]
-    guards = [row.collapse(p) for p in present]
+    guards = [row.from_mask(p) for p in present]
     diagrams = [d.times_bdd(g) * (0.9 / N) for d, g in zip(diagrams, guards, strict=True)]
     dag = quad.quad_dag(diagrams, row, row, COLUMNS)
     layout = quad.RowLayout.of(present, row.count) if slots > 1 else None

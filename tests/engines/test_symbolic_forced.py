@@ -101,10 +101,10 @@ def compare(
     arrays = ArraySet(left), ArraySet(right)
     zero, one = parts.states(parts.prob0(direction)), parts.states(parts.prob1(direction))
     assert np.array_equal(
-        symbolic.diagrams.odd.expand(zero), explicit.graph.prob0(*arrays, direction).members
+        symbolic.diagrams.odd.to_mask(zero), explicit.graph.prob0(*arrays, direction).members
     )
     assert np.array_equal(
-        symbolic.diagrams.odd.expand(one), explicit.graph.prob1(*arrays, direction).members
+        symbolic.diagrams.odd.to_mask(one), explicit.graph.prob1(*arrays, direction).members
     )
     equations = ShorterUntil.of(parts, direction)
     found = solve_linear(equations.problem(), Accuracy(epsilon=1e-9)) if equations.n else None

@@ -7,7 +7,7 @@ from symcheck.options import Options
 from symcheck.symbolic.build import build
 from symcheck.symbolic.model import SymbolicModel
 from symcheck.symbolic.reachability.clock_search import Front, advance, begin, clocks, turns
-from symcheck.symbolic.reachability.search import choose_schedule, closure, reach
+from symcheck.symbolic.reachability.search import choose_schedule, prepare_saturation, reach
 
 _STATION = """
 module station1
@@ -75,7 +75,7 @@ def test_turns_go_on_where_they_stopped_and_say_which_ended() -> None:
         (((10**9, 1),), {"saturation"}),
     ]:
         model = _timed()
-        found = list(turns(model, closure(model), budgets))
+        found = list(turns(model, prepare_saturation(model), budgets))
         assert model.manager.count(found[-1].states, model.encoding.rows) == count
         assert found[-1].complete
         assert not any(t.complete for t in found[:-1])

@@ -1,1 +1,3 @@
-"""Decision diagrams: BDDs and MTBDDs in one manager, and the numbering of states by them."""
+"""Decision diagrams: one CUDD manager with BDDs (sets) and MTBDDs (functions to numbers),
+saturation, and the numbering of states by offset-labelled diagrams.
+"""

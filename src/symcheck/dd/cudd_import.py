@@ -1,9 +1,10 @@
 """dd's CUDD module, imported without networkx.
 
-`dd` imports networkx at import time if it can, which more than triples the start-up time of a small run, and needs it
-only for `to_nx`. While dd is imported, an entry None in `sys.modules` makes that one import fail (as dd expects where
-networkx is missing); the entry is taken away at once, so that a later `import networkx` of the user works. dd then gets
-a stand-in that imports networkx on first use. Nothing of this happens where networkx or dd is loaded already.
+dd imports networkx at import time if it is installed, which more than triples the start-up time of
+a small run, and uses it for `to_nx` only. While dd is imported, an entry None in `sys.modules`
+makes the import of networkx fail, which dd allows. The entry is removed at once, so that a later
+`import networkx` works, and dd gets a stand-in that imports networkx on first use. Where networkx
+or dd is loaded already, nothing of this is done.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ REQUIRED_VERSION = "0.6.0"
 
 
 class _OnDemand(ModuleType):
-    """A module that is imported when an attribute of it is first asked for."""
+    """A module that is imported on first access to an attribute."""
 
     def __getattr__(self, attribute: str) -> Any:
         return getattr(importlib.import_module(self.__name__), attribute)
@@ -33,8 +34,9 @@ def _import_cudd() -> ModuleType:
         module = importlib.import_module("dd.cudd")
     except ImportError as error:
         raise ImportError(
-            f"symcheck needs dd {REQUIRED_VERSION} with its compiled module dd.cudd (Linux wheels of CPython 3.11 to 3.13 "
-            f"have it): pip install dd=={REQUIRED_VERSION}"
+            f"symcheck needs dd {REQUIRED_VERSION} with its compiled module dd.cudd "
+            "(Linux wheels of CPython 3.11 to 3.13 have it): "
+            f"pip install dd=={REQUIRED_VERSION}"
         ) from error
     finally:
         if skip:
@@ -42,7 +44,7 @@ def _import_cudd() -> ModuleType:
     if skip:
         names = vars(importlib.import_module("dd._utils"))
         names["_nx"] = _OnDemand("networkx")
-        # dd keeps the error, and its traceback every frame that was active: with them the model that made us import dd.
+        # dd keeps the error, whose traceback would keep all active frames and their models alive.
         names["_nx_error"] = None
     return module
 

@@ -1,6 +1,6 @@
-"""Diagrams as plain arrays, for kernels that know nothing of CUDD.
+"""Diagrams as plain arrays, for kernels that do not know CUDD.
 
-The arrays are a snapshot: `level` is the level at the time of export, so a table is stale after a reordering.
+Levels are those at the time of the export: a table is outdated after a reordering.
 """
 
 from __future__ import annotations
@@ -15,10 +15,13 @@ __all__ = ["BddTable", "NodeTable"]
 
 @dataclass(frozen=True, eq=False)
 class BddTable:
-    """Sets as nodes without complement edges. Ids 0 and 1 are false and true; children come before their parents.
+    """BDDs as nodes without complement edges; children come before their parents, 0 and 1 are the
+    terminals.
 
-    level, low, high: int32[N]; the terminals have level `levels` (the number of variables) and are their own children.
-    roots: int32[sets].
+    Attributes:
+        levels: number of variables, which is also the level of the terminals.
+        level, low, high: int32[N]; terminals are their own children.
+        roots: int32[sets].
     """
 
     levels: int
@@ -38,10 +41,13 @@ class BddTable:
 
 @dataclass(frozen=True, eq=False)
 class NodeTable:
-    """MTBDDs as nodes. Ids below `leaves` are leaves with `values`; then inner nodes, children before their parents.
+    """MTBDDs as nodes: first the leaves, then inner nodes, children before their parents.
 
-    level, low, high: int32[N]; leaves have level `levels` (the number of variables) and are their own children.
-    values: float64[leaves], in no order. roots: int32[diagrams].
+    Attributes:
+        levels: number of variables, which is also the level of the leaves.
+        level, low, high: int32[N]; leaves are their own children.
+        values: float64[leaves], unordered.
+        roots: int32[diagrams].
     """
 
     levels: int

@@ -1,35 +1,51 @@
 """The diagram manager: BDDs and MTBDDs side by side in the CUDD manager of a `dd.cudd.BDD`.
 
-Sets are `Bdd` handles and functions to numbers are `Mtbdd` handles (see `extension.pyi`). `Bdd.to_dd()` gives a set as dd's
-`Function` without copying, and wherever a set is expected a `Function` of `manager.bdd` is taken, so all of dd stays usable.
+Sets are `Bdd` handles and functions to numbers are `Mtbdd` handles. `Bdd.to_dd()` returns a set as
+dd's `Function` without copying, and a `Function` of `manager.bdd` is accepted wherever a set is, so
+that all of dd can be used.
 
-Names of variables are looked up here, once: what runs often takes a prepared `Cube`, `Renaming` or `Transition`.
-Automatic reordering is off; reorder on purpose with `sift` or `reorder`. Arrays exported earlier are stale afterwards.
+Names of variables are looked up here, once: operations that run often take a prepared `Cube`,
+`Renaming` or `Transition`. Automatic reordering is off; `sift` and `reorder` change the order.
+Exported arrays are outdated afterwards.
+
+Sources: Bryant (1986), Graph-based algorithms for Boolean function manipulation; Clarke, Fujita,
+McMillan, Yang and Zhao (1993), Spectral transforms for large Boolean functions; Bahar et al.
+(1997), Algebraic decision diagrams.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from operator import add, and_, or_
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symcheck.dd import _layout
+from symcheck.dd import tuning
 from symcheck.dd.cudd import extension
-from symcheck.dd.cudd.extension import Bdd, Closure, Core, Cube, Mtbdd, Renaming, Transition
+from symcheck.dd.cudd.extension import (
+    Bdd,
+    Core,
+    Cube,
+    Mtbdd,
+    Renaming,
+    Saturation,
+    Transition,
+)
 from symcheck.dd.cudd_import import cudd
 from symcheck.dd.export import BddTable, NodeTable
+from symcheck.dd.level_order import rows_in_level_order, table_in_level_order
 from symcheck.machine import memory
 
 __all__ = [
     "Bdd",
-    "Closure",
     "Cube",
     "DiagramManager",
     "Mtbdd",
     "Renaming",
+    "Saturation",
     "Statistics",
     "Transition",
     "Variables",
@@ -38,23 +54,29 @@ __all__ = [
 Variables = Sequence[str] | Cube
 """Variables by name, or prepared."""
 
-# Entries of 32 bytes; CUDD doubles its cache while that pays. dd's own 2**18 cost 3 ms per manager.
-INITIAL_CACHE = 2**15
-# CUDD touches a 64th of this in advance: 4 ms per GiB. It limits nothing; what CUDD derives from it is set below.
-ESTIMATE = 2**26
-# Share of lookups (in per cent) that must find something for the cache to grow. CUDD's own 30 is seldom reached by searches
-# of timed models, which then forget what they have done: twice the work in firewire_impl_dl.
-MINIMAL_HITS = 5
+D = TypeVar("D", Bdd, Mtbdd)
 
 
 def default_memory() -> int:
-    """Three quarters of the memory that this process may have, in bytes: ending with advice is better than being killed."""
+    """Three quarters of the memory available to this process, in bytes: an error with advice is
+    better than being killed.
+    """
     return memory() * 3 // 4
+
+
+def _balanced(operation: Callable[[D, D], D], diagrams: list[D]) -> D:
+    """Combine at least one diagram pairwise, as a balanced tree, which keeps intermediate results
+    small.
+    """
+    while len(diagrams) > 1:
+        pairs = zip(diagrams[::2], diagrams[1::2], strict=False)
+        diagrams = [operation(a, b) for a, b in pairs] + diagrams[len(diagrams) & ~1 :]
+    return diagrams[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """What a manager holds and did. Memory in bytes, times in seconds; nodes are of 32 bytes each."""
+    """Counters of a manager. Memory in bytes, times in seconds; a node takes 32 bytes."""
 
     variables: int
     live_nodes: int
@@ -74,16 +96,33 @@ class Statistics:
 class DiagramManager:
     """A CUDD manager with named variables.
 
-    `max_memory` in bytes (None: three quarters of the machine's; CUDD may pass it by up to half), `time_limit` in seconds
-    from now. Passing either raises MemoryLimitError or TimeLimitError, Ctrl-C raises Interrupted; the manager and all
-    handles stay usable.
+    At a limit an operation raises MemoryLimitError or TimeLimitError, and Ctrl-C raises
+    Interrupted. The manager and all handles stay usable.
+
+    Args:
+        max_memory: in bytes; None: three quarters of the machine's. CUDD may exceed it by up to
+            half.
+        time_limit: seconds from now; None: no limit.
+
+    Example:
+        >>> manager = DiagramManager()
+        >>> x, y = manager.add_variables(["x", "y"])
+        >>> manager.count(x | y, ["x", "y"])
+        3
+        >>> function = x.ite(0.25, 0.75)
+        >>> float(function.sum_over(manager.cube(["x"])))
+        1.0
     """
 
     def __init__(self, max_memory: int | None = None, time_limit: float | None = None) -> None:
         limit = default_memory() if max_memory is None else max_memory
-        self.bdd: Any = cudd.BDD(memory_estimate=ESTIMATE, initial_cache_size=INITIAL_CACHE)
-        # Up to so many slots (a fifth of the memory's nodes) the unique table grows fast; there collecting does not pay.
-        self.bdd.configure(loose_up_to=min(limit // 160, 2**31), min_hit=MINIMAL_HITS)
+        self.bdd: Any = cudd.BDD(
+            memory_estimate=tuning.MEMORY_ESTIMATE, initial_cache_size=tuning.INITIAL_CACHE_ENTRIES
+        )
+        self.bdd.configure(
+            loose_up_to=min(limit // tuning.BYTES_PER_FAST_GROWTH_SLOT, 2**31),
+            min_hit=tuning.MIN_CACHE_HIT_PERCENT,
+        )
         self.core = Core(self.bdd, limit)
         self.core.limit_time(time_limit)
         self._index: dict[str, int] = {}
@@ -99,7 +138,9 @@ class DiagramManager:
     # Variables
 
     def add_variables(self, names: Iterable[str]) -> tuple[Bdd, ...]:
-        """Declare variables below all others, in this order; returns their literals."""
+        """Declare variables below all others, in this order. Returns their literals; ValueError for
+        a known name.
+        """
         added = []
         for name in names:
             if name in self.bdd.vars:
@@ -109,7 +150,9 @@ class DiagramManager:
         return tuple(added)
 
     def index_of(self, name: str) -> int:
-        """CUDD's index of a variable, which never changes (its level does, on reordering)."""
+        """CUDD's index of a variable, which reordering does not change. Raises KeyError for an
+        unknown name.
+        """
         index = self._index.get(name)
         if index is None:
             if name not in self.bdd.vars:
@@ -118,7 +161,7 @@ class DiagramManager:
         return index
 
     def variable(self, name: str) -> Bdd:
-        """The set where the variable is true."""
+        """The set of assignments in which the variable is true."""
         return self.core.literal(self.index_of(name))
 
     def level_of(self, name: str) -> int:
@@ -147,27 +190,37 @@ class DiagramManager:
         )
 
     def renaming(self, changes: Mapping[str, str]) -> Renaming:
-        """Prepare f[a := b] for all items (a, b) at once; variables not mentioned stay."""
+        """Prepare the simultaneous substitution f[a := b] of all items (a, b); other variables
+        stay.
+        """
         return Renaming(
             self.core, [(self.index_of(a), self.index_of(b)) for a, b in changes.items()]
         )
 
     def transition(self, rows: Sequence[str], columns: Sequence[str]) -> Transition:
-        """Prepare `image` and `preimage` of relations over these row and column variables (pairwise)."""
+        """Prepare images and preimages of relations that touch these variables.
+
+        Args:
+            rows, columns: current-state and next-state variables, pairwise.
+        """
         return Transition(
             self.core, list(zip(map(self.index_of, rows), map(self.index_of, columns), strict=True))
         )
 
-    def closure(
+    def saturation(
         self, relations: Iterable[tuple[Bdd, Transition]], *, forward: bool = True
-    ) -> Closure:
-        """Prepare closing sets under relations, by images or (`forward` off) by preimages."""
-        return Closure(self.core, relations, forward)
+    ) -> Saturation:
+        """Prepare least fixpoints of sets under relations, by images or (`forward` False) by
+        preimages.
+
+        Raises ValueError where a column variable is not directly below its row variable.
+        """
+        return Saturation(self.core, relations, forward)
 
     # Making diagrams
 
     def constant(self, value: float) -> Mtbdd:
-        """The function with one value. NaN is refused (NumericalError); -0.0 becomes 0."""
+        """The constant function. -0.0 becomes 0; NaN raises NumericalError."""
         return self.core.constant(value)
 
     def from_dd(self, function: Any) -> Bdd:
@@ -175,75 +228,99 @@ class DiagramManager:
         return self.core.from_dd(function)
 
     def table(self, variables: Variables, values: ArrayLike) -> Mtbdd:
-        """The function with these 2**k values; the first variable is the most significant bit of the position."""
-        order, dense = _layout.dense(
+        """The function with these values.
+
+        Args:
+            variables: k variables; the first one is the most significant bit of a position.
+            values: float64[2**k].
+        """
+        order, table = table_in_level_order(
             self.core, self._indices(variables), np.asarray(values, dtype=np.float64)
         )
-        return extension.from_table(self.core, order, dense)
+        return extension.from_table(self.core, order, table)
 
     def bdd_table(self, variables: Variables, values: ArrayLike) -> Bdd:
-        """The set with these 2**k truth values, placed as in `table`."""
-        order, dense = _layout.dense(
+        """The set with these truth values, bool[2**k], ordered as in `table`."""
+        order, table = table_in_level_order(
             self.core, self._indices(variables), np.asarray(values).astype(np.bool_)
         )
-        return extension.from_bits(self.core, order, dense.view(np.uint8))
+        return extension.from_bits(self.core, order, table.view(np.uint8))
 
     def bdd_from_rows(self, variables: Variables, rows: NDArray[Any]) -> Bdd:
-        """The set of some rows, unique and in ascending order.
+        """The set of the given rows, in time O(n k).
 
-        rows: uint64[n], the first of the k <= 64 variables the most significant bit; or 0/1 as uint8[n, k], compared
-        from the first variable on. O(n k). ValueError if rows repeat or are out of order.
+        Args:
+            variables: k variables.
+            rows: distinct and ascending: uint64[n] with the first of at most 64 variables as the
+                most significant bit, or uint8[n, k] of 0 and 1, compared from the first variable
+                on.
+
+        Raises:
+            ValueError: rows repeat or are out of order.
         """
-        order, sorted_rows, _ = _layout.rows(self.core, self._indices(variables), rows)
+        order, sorted_rows, _ = rows_in_level_order(self.core, self._indices(variables), rows)
         return extension.from_rows(self.core, order, sorted_rows)
 
     def mtbdd_from_rows(self, variables: Variables, rows: NDArray[Any], values: ArrayLike) -> Mtbdd:
-        """The function with `values` (float64[n]) at the rows, as in `bdd_from_rows`, and 0 elsewhere."""
-        order, sorted_rows, places = _layout.rows(self.core, self._indices(variables), rows)
+        """The function with these values (float64[n]) at the rows (as in `bdd_from_rows`), and 0
+        elsewhere.
+        """
+        order, sorted_rows, sorting = rows_in_level_order(self.core, self._indices(variables), rows)
         numbers = np.ascontiguousarray(values, dtype=np.float64)
         return extension.from_rows(
-            self.core, order, sorted_rows, numbers if places is None else numbers[places]
+            self.core, order, sorted_rows, numbers if sorting is None else numbers[sorting]
         )
 
-    # Working with diagrams; what is not here is a method of the handles.
+    # Operations on several diagrams; others are methods of the handles.
 
     def conjunction(self, sets: Iterable[Bdd]) -> Bdd:
-        """Intersection of many sets, as a balanced tree; all assignments if there is none."""
-        return extension.unite(self.core, sets, True)
+        """Intersection of many sets; all assignments if there is none."""
+        diagrams = list(map(self.core.from_any, sets))
+        return _balanced(and_, diagrams) if diagrams else self.true
 
     def disjunction(self, sets: Iterable[Bdd]) -> Bdd:
-        """Union of many sets, as a balanced tree; empty if there is none."""
-        return extension.unite(self.core, sets, False)
+        """Union of many sets; empty if there is none."""
+        diagrams = list(map(self.core.from_any, sets))
+        return _balanced(or_, diagrams) if diagrams else self.false
 
     def sum(self, diagrams: Iterable[Mtbdd]) -> Mtbdd:
-        """Sum of many functions, as a balanced tree; 0 if there is none."""
-        return extension.total(self.core, diagrams)
+        """Sum of many functions; 0 if there is none."""
+        summands = list(diagrams)
+        return _balanced(add, summands) if summands else self.zero
 
     def multiply_sum(self, left: Mtbdd, right: Mtbdd, variables: Variables) -> Mtbdd:
-        """Sum of left × right over the variables: matrix times vector, or matrix times matrix."""
+        """Sum of left * right over the variables: the product of a matrix with a vector or a
+        matrix.
+        """
         return left.multiply_sum(right, self.cube(variables))
 
     def count(self, states: Bdd, variables: Variables) -> int:
-        """Exact number of assignments of the variables in the set. ValueError if it depends on others."""
+        """Exact number of assignments of the variables in the set. Raises ValueError if it depends
+        on others.
+        """
         return extension.count(self.core.from_any(states), self.cube(variables))
 
     def pick(self, states: Bdd, variables: Variables) -> NDArray[np.uint8] | None:
-        """The lexicographically smallest assignment of the variables (first variable first) in the set; None if empty.
+        """The lexicographically smallest assignment of the variables in the set.
 
-        uint8[k] of 0/1. ValueError if the set depends on others.
+        Returns:
+            uint8[k] of 0 and 1, in the order of `variables`; None if the set is empty.
+
+        Raises:
+            ValueError: the set depends on other variables.
         """
         states = self.core.from_any(states)
         indices = self._indices(variables)
         if not set(states.support) <= set(indices):
-            raise ValueError("the set depends on variables that are not asked for")
+            raise ValueError("the set depends on variables that are not among the given ones")
         levels = list(map(self.core.level, indices))
         if levels == sorted(levels):
             return extension.pick(states, np.array(indices, dtype=np.int32))
         row = np.zeros(len(indices), dtype=np.uint8)
-        for place, index in enumerate(indices):
+        for position, index in enumerate(indices):
             literal = self.core.literal(index)
             low = states - literal
-            row[place] = not low
+            row[position] = not low
             states = low or states & literal
         return row if states else None
 
@@ -258,26 +335,33 @@ class DiagramManager:
         return BddTable(self.core.size(), *extension.export_sets(self.core, sets))
 
     def import_bdd(self, table: BddTable) -> list[Bdd]:
-        """The inverse of `export_bdd`. ValueError if the table is malformed."""
+        """The inverse of `export_bdd`. Raises ValueError if the table is malformed."""
         return extension.import_sets(self.core, table.level, table.low, table.high, table.roots)
 
     def export_mtbdd(self, diagrams: Mtbdd | Sequence[Mtbdd]) -> NodeTable:
-        """Functions as arrays of nodes, shared nodes once."""
-        chosen = [diagrams] if isinstance(diagrams, Mtbdd) else diagrams
-        return NodeTable(self.core.size(), *extension.export_nodes(self.core, chosen))
+        """Functions as arrays of nodes; shared nodes occur once."""
+        roots = [diagrams] if isinstance(diagrams, Mtbdd) else diagrams
+        return NodeTable(self.core.size(), *extension.export_nodes(self.core, roots))
 
     def import_mtbdd(self, table: NodeTable) -> list[Mtbdd]:
-        """The inverse of `export_mtbdd`. ValueError if the table is malformed."""
+        """The inverse of `export_mtbdd`. Raises ValueError if the table is malformed."""
         return extension.import_nodes(
             self.core, table.level, table.low, table.high, table.values, table.roots
         )
 
-    # The order, limits and statistics
+    # Variable order, limits and statistics
 
     def sift(self, groups: Iterable[Sequence[str]] = (), growth: float = 1.2) -> None:
-        """Look for a better order by sifting. Each group of neighbouring variables moves as a block, its inner order kept.
+        """Reduce the diagrams by sifting (Rudell 1993, Dynamic variable ordering for OBDDs).
 
-        `growth`: how much the diagrams may grow on the way. A limit or Ctrl-C stops it in some valid order.
+        A limit or Ctrl-C stops it, and leaves a valid order.
+
+        Args:
+            groups: neighbouring variables that move as a block and keep their relative order.
+            growth: factor by which the diagrams may grow while a block moves.
+
+        Raises:
+            ValueError: the variables of a group are not neighbours.
         """
         blocks = []
         for group in groups:
@@ -290,11 +374,11 @@ class DiagramManager:
         self.core.sift(blocks, growth)
 
     def reorder(self, order: Sequence[str]) -> None:
-        """Put the variables (each once) in this order, topmost first."""
+        """Set the order of the variables (each of them once), topmost first."""
         self.core.shuffle(np.array([self.index_of(name) for name in order], dtype=np.int32))
 
     def limit_time(self, seconds: float | None) -> None:
-        """Stop with TimeLimitError after so many seconds from now; None lifts the limit."""
+        """Raise TimeLimitError this many seconds from now; None removes the limit."""
         self.core.limit_time(seconds)
 
     def limit_memory(self, limit: int) -> None:
@@ -302,9 +386,9 @@ class DiagramManager:
         self.core.limit_memory(limit)
 
     def statistics(self) -> Statistics:
-        """Counters, read at once."""
+        """The current counters."""
         return Statistics(**self.core.statistics())
 
     def collect(self) -> int:
-        """Free dead nodes now; returns how many there were."""
+        """Free dead nodes now; returns their number."""
         return self.core.collect()

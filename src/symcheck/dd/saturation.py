@@ -1,33 +1,46 @@
-"""Closing a set under relations by whichever of two ways is faster, told by letting them take turns."""
+"""Least fixpoints by saturation, in whichever of two modes is faster."""
 
 from __future__ import annotations
 
 import time
 
-from symcheck.dd.cudd.extension import Bdd, Closure
+from symcheck.dd import tuning
+from symcheck.dd.cudd.extension import Bdd, Saturation
 
-__all__ = ["close"]
-
-FIRST = {True: 30_000_000, False: 300_000}
-"""Steps of the first turn, forward and backward: forward the second way gains little, and loses much where it loses."""
+__all__ = ["saturate"]
 
 
-def close(
-    closure: Closure, states: Bdd, within: Bdd | None = None, deadline: float | None = None
+def saturate(
+    saturation: Saturation,
+    states: Bdd,
+    within: Bdd | None = None,
+    deadline: float | None = None,
 ) -> Bdd | None:
-    """As `Closure.close`; None past the `deadline` (of time.monotonic), or where too many families of relations would be needed.
+    """The least set that contains `states` and is closed under the relations, as
+    `Saturation.saturate` computes it.
 
-    Moving everything found on, or only what is new: the first is up to 50 times as fast where counters meet (mapk, zeroconf),
-    the second where a clock drives everything (wlan backwards). Turns double, and each finds what the other remembered,
-    so that the loser costs little. They are counted in steps: the same run does the same on any machine.
+    A relation is applied either to all states found or only to the new ones. The first mode is up
+    to 50 times as fast where counters meet (mapk, zeroconf), the second where a clock drives the
+    model (wlan, backward). The modes take turns of doubling length, and each profits from the
+    results that the other left in the cache. Turns are counted in cache look-ups, so that a run
+    does the same on every machine.
+
+    Args:
+        within: states that the relations may lead to; None: all.
+        deadline: time (time.monotonic) at which to stop; None: none.
+
+    Returns:
+        The set, or None at the deadline or when too many event partitions are needed.
     """
-    steps, fresh = FIRST[closure.forward], False
+    lookups, new_only = tuning.FIRST_LOOKUPS[saturation.forward], False
     while True:
-        result = closure.close(states, within, deadline=deadline, steps=steps, fresh=fresh)
+        result = saturation.saturate(
+            states, within, max_lookups=lookups, deadline=deadline, new_only=new_only
+        )
         if (
             result is not None
-            or closure.exhausted
+            or saturation.exhausted
             or (deadline is not None and time.monotonic() > deadline)
         ):
             return result
-        steps, fresh = 2 * steps if fresh else steps, not fresh
+        lookups, new_only = 2 * lookups if new_only else lookups, not new_only

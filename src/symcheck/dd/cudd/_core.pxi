@@ -1,4 +1,4 @@
-# The core: one CUDD manager, its limits and its errors.
+# One CUDD manager: its limits, its errors and its statistics.
 
 cdef extern from "Python.h":
     int PyErr_CheckSignals() noexcept nogil
@@ -12,10 +12,16 @@ cdef extern from "<time.h>" nogil:
     int CLOCK_MONOTONIC
 
 cdef enum:
-    CONSTANT = 0x7FFFFFFF        # index (and level) of a terminal node
-    TICKS = 0x3FFFF              # own recursions look at the clock and at signals once in so many steps
-    CALLS = 0x3FF                # handles look at the clock once in so many calls
-    KEPT = 8_000_000             # nodes up to which dead ones are kept: they come back to life, and so do results about them
+    CONSTANT = 0x7FFFFFFF            # index and level of a terminal node
+    # Steps of our recursions between checks of the clock and of signals (a mask): 0.1 s at most.
+    STEPS_PER_CHECK = 0x3FFFF
+    # Calls of handles between checks of the clock (a mask): each may be long.
+    CALLS_PER_CHECK = 0x3FF
+    # Nodes up to which dead nodes are not collected. They are often used again, and so are the
+    # cached results about them: on timed models, half of the work was to find these again.
+    UNCOLLECTED_NODES = 8_000_000
+    # Steps of a saturation between checks of its own limits (a mask): a check reads two counters.
+    STEPS_PER_LIMIT_CHECK = 0x3F
 
 cdef enum Reason:
     NONE = 0
@@ -26,20 +32,20 @@ cdef enum Reason:
 
 cdef struct Env:
     DdManager* dd
-    int* perm                    # level by variable index
+    int* perm                    # level of each variable index
     int size
-    bint stale                   # perm must be read again
-    unsigned long readings       # how often it was
-    DdNode* one                  # BDD true, and the number 1
-    DdNode* no                   # BDD false
-    DdNode* zero                 # the number 0
-    bint hold                    # no stop now
+    bint order_changed           # perm must be read again
+    unsigned long order_version  # number of times that perm was read
+    DdNode* one                  # BDD true and MTBDD leaf 1
+    DdNode* logic_zero           # BDD false
+    DdNode* zero                 # MTBDD leaf 0
+    bint uninterruptible         # CUDD must not be stopped now
     Reason reason
     unsigned long steps
     unsigned long calls
-    unsigned int kept            # nodes up to which none are collected
+    unsigned int uncollected_nodes  # nodes up to which dead ones are not collected
     bint collecting
-    double deadline              # on the monotonic clock; 0 is none
+    double deadline              # of the time limit, on the monotonic clock; 0: none
 
 
 cdef double now() noexcept nogil:
@@ -48,22 +54,26 @@ cdef double now() noexcept nogil:
     return t.tv_sec + 1e-9 * t.tv_nsec
 
 
-cdef void choose_collecting(Env* e) noexcept nogil:
-    """Collect dead nodes when there are many, and not before: on timed models half the work was to find results again."""
+cdef void switch_collection(Env* e) noexcept nogil:
+    """Switch garbage collection on above the threshold, off below half of it."""
     cdef unsigned int nodes = Cudd_ReadKeys(e.dd)
-    if not e.collecting and nodes > e.kept:
+    if not e.collecting and nodes > e.uncollected_nodes:
         Cudd_EnableGarbageCollection(e.dd)
         e.collecting = True
-    elif e.collecting and nodes < e.kept // 2:
+    elif e.collecting and nodes < e.uncollected_nodes // 2:
         Cudd_DisableGarbageCollection(e.dd)
         e.collecting = False
 
 
-cdef bint interrupted(Env* e) noexcept nogil:
-    # All of symcheck calls CUDD with the interpreter lock held, so signals may be looked at here. A signal handler in
-    # Python therefore runs in the middle of an operation: it may raise, but must not work on diagrams itself.
-    choose_collecting(e)
-    if e.hold:
+cdef bint should_stop(Env* e) noexcept nogil:
+    """Whether a signal arrived or the time limit is reached.
+
+    CUDD is always called with the interpreter lock held, so signals may be checked here. A Python
+    signal handler therefore runs in the middle of an operation: it may raise, but must not use
+    diagrams.
+    """
+    switch_collection(e)
+    if e.uninterruptible:
         return False
     if PyErr_CheckSignals() != 0:
         e.reason = SIGNAL
@@ -75,14 +85,14 @@ cdef bint interrupted(Env* e) noexcept nogil:
 
 
 cdef int _on_check(const void* env) noexcept nogil:
-    return interrupted(<Env*>env)
+    return should_stop(<Env*>env)
 
 
 cdef int _on_collection(DdManager* dd, const char* kind, void* data) noexcept nogil:
-    # CUDD collects garbage before each kind of reordering, also of one that a user starts through dd.
+    # CUDD collects garbage before every reordering, also before one that a user starts through dd.
     cdef Env* e = <Env*>Cudd_ReadApplicationHook(dd)
     if e is not NULL:
-        e.stale = True
+        e.order_changed = True
     return 1
 
 
@@ -91,7 +101,7 @@ cdef int _raise_pending() except -1:
 
 
 cdef DdManager* _find_manager(object bdd) except NULL:
-    """The `DdManager*` that both a dd.cudd.BDD object and its `true` Function hold: found, then validated."""
+    """The `DdManager*` that a dd.cudd.BDD object and its `true` Function both hold, validated."""
     true = bdd.true
     cdef uintptr_t* a = <uintptr_t*><void*>bdd
     cdef uintptr_t* b = <uintptr_t*><void*>true
@@ -109,21 +119,21 @@ cdef DdManager* _find_manager(object bdd) except NULL:
         for j in range(2, m):
             if b[j] == word and word != candidate:
                 if candidate:
-                    raise RuntimeError(_layout("two words could be the manager"))
+                    raise RuntimeError(_layout_message("two words could be the manager"))
                 candidate = word
     if not (owner and holder and candidate):
-        raise RuntimeError(_layout("the manager was not found"))
+        raise RuntimeError(_layout_message("the manager was not found"))
     if Cudd_ReadOne(<DdManager*>candidate) is not <DdNode*>node or Cudd_ReadSize(<DdManager*>candidate) < len(bdd.vars):
-        raise RuntimeError(_layout("what was found is not the manager"))
+        raise RuntimeError(_layout_message("the word found is not the manager"))
     return <DdManager*>candidate
 
 
-cdef str _layout(what):
+cdef str _layout_message(what):
     return f"dd.cudd's objects are not laid out as in dd {REQUIRED_VERSION} ({what}): pip install dd=={REQUIRED_VERSION}"
 
 
 cdef int _validate_layout() except -1:
-    """Compare our picture of a node with what CUDD's own functions say, in a small manager made for it."""
+    """Compare our declaration of a node with CUDD's functions, in a small manager made for this."""
     bdd = cudd.BDD(memory_estimate=2**20, initial_cache_size=64)
     bdd.declare("x")
     cdef DdManager* dd = _find_manager(bdd)
@@ -132,15 +142,15 @@ cdef int _validate_layout() except -1:
     cdef DdNode* half = cuddUniqueConst(dd, 0.5)
     cdef DdNode* x = Cudd_bddIthVar(dd, 0)
     if Cudd_ReadLogicZero(dd) is not negate(one) or Cudd_ReadErrorCode(dd) != 0:
-        raise ImportError(_layout("the constants are others"))
+        raise ImportError(_layout_message("the constants differ"))
     if half is NULL or x is NULL or <uintptr_t>half % sizeof(DdNode) or <uintptr_t>x % sizeof(DdNode):
-        raise ImportError(_layout("nodes are aligned otherwise"))
+        raise ImportError(_layout_message("nodes are aligned differently"))
     if Cudd_T(x) is not x.type.kids.T or Cudd_E(x) is not x.type.kids.E or Cudd_T(x) is not one or Cudd_E(x) is not negate(one):
-        raise ImportError(_layout("the children of a node are elsewhere"))
+        raise ImportError(_layout_message("the children of a node are at another offset"))
     if x.index != 0 or x.ref < 1 or half.ref != 0 or one.index != CONSTANT or zero.index != CONSTANT:
-        raise ImportError(_layout("the index of a node is elsewhere"))
+        raise ImportError(_layout_message("the index of a node is at another offset"))
     if Cudd_V(half) != 0.5 or half.type.value != 0.5 or one.type.value != 1.0 or zero.type.value != 0.0:
-        raise ImportError(_layout("the value of a node is elsewhere"))
+        raise ImportError(_layout_message("the value of a node is at another offset"))
     half.ref += 1
     Cudd_RecursiveDeref(dd, half)
     return 0
@@ -151,8 +161,9 @@ cdef int _validate_layout() except -1:
 cdef class Core:
     """One CUDD manager, kept alive by every handle of a node in it.
 
-    Handles and cores are exempt from cyclic garbage collection: it clears the objects of a dead cycle in any order, and
-    a handle that lost its manager could not give its node back. They refer to nothing but the core, so they are in no cycle.
+    Handles and cores are exempt from cyclic garbage collection. The collector clears the objects of
+    a dead cycle in any order, and a handle without its manager could not dereference its node.
+    Handles refer to the core only, so they are never part of a cycle.
     """
 
     cdef Env e
@@ -168,58 +179,61 @@ cdef class Core:
         cdef DdManager* dd = _find_manager(bdd)
         self.e.dd = dd
         self.e.one = Cudd_ReadOne(dd)
-        self.e.no = negate(self.e.one)
+        self.e.logic_zero = negate(self.e.one)
         self.e.zero = Cudd_ReadZero(dd)
-        self.e.stale = True
+        self.e.order_changed = True
         self.e.collecting = True
         Cudd_AutodynDisable(dd)
-        # CUDD's epsilon of 1e-12 merges leaves that differ by less; this one keeps every two numbers apart.
+        # CUDD's default of 1e-12 merges leaves that differ by less; this value keeps all numbers
+        # distinct.
         Cudd_SetEpsilon(dd, 5e-324)
         Cudd_RegisterOutOfMemoryCallback(dd, Cudd_OutOfMemSilent)
         Cudd_RegisterTerminationCallback(dd, _on_check, &self.e)
         Cudd_SetApplicationHook(dd, &self.e)
         if not Cudd_AddHook(dd, _on_collection, 0):
             raise MemoryError
-        self.e.kept = KEPT
+        self.e.uncollected_nodes = UNCOLLECTED_NODES
         if max_memory is not None:
             self.limit_memory(max_memory)
 
     def __dealloc__(self):
         if self.e.dd is not NULL:
-            # The dd.cudd.BDD may outlive us.
+            # The dd.cudd.BDD may outlive the core.
             Cudd_UnregisterTerminationCallback(self.e.dd)
             Cudd_RemoveHook(self.e.dd, _on_collection, 0)
             Cudd_SetApplicationHook(self.e.dd, NULL)
         free(self.e.perm)
 
     cdef inline Env* begin(self) except NULL:
-        """Called before each operation: levels read again where they may have changed; the clock looked at now and then."""
+        """Call this before each operation: it reads the levels again if they changed, and checks
+        the time limit.
+        """
         cdef Env* e = &self.e
         e.calls += 1
-        if e.stale or Cudd_ReadSize(e.dd) != e.size or (e.calls & CALLS) == 0:
+        if e.order_changed or Cudd_ReadSize(e.dd) != e.size or (e.calls & CALLS_PER_CHECK) == 0:
             self._refresh()
         return e
 
     cdef int _refresh(self) except -1:
         cdef Env* e = &self.e
         cdef int i, size = Cudd_ReadSize(e.dd)
-        choose_collecting(e)
+        switch_collection(e)
         if e.deadline > 0 and now() > e.deadline:
             raise TimeLimitError(_TIME)
-        if e.stale or size != e.size:
+        if e.order_changed or size != e.size:
             perm = <int*>realloc(e.perm, (size + 1) * sizeof(int))
             if perm is NULL:
                 raise MemoryError
             e.perm = perm
             e.size = size
-            e.readings += 1
+            e.order_version += 1
             for i in range(size):
                 perm[i] = Cudd_ReadPerm(e.dd, i)
-            e.stale = False
+            e.order_changed = False
         return 0
 
     cdef int fail(self) except -1:
-        """Raise what stopped an operation; the manager is in order again afterwards."""
+        """Raise the error that stopped an operation; the manager is usable afterwards."""
         cdef Env* e = &self.e
         cdef int code = Cudd_ReadErrorCode(e.dd)
         cdef Reason reason = e.reason
@@ -244,9 +258,11 @@ cdef class Core:
         raise RuntimeError(f"CUDD stopped with error code {code}")
 
     def limit_memory(self, limit):
-        """Set the memory limit in bytes. CUDD looks at it when it needs fresh memory, so it may be passed by up to half."""
+        """Set the memory limit in bytes. CUDD checks it when it allocates, so it may be exceeded by
+        up to half.
+        """
         Cudd_SetMaxMemory(self.e.dd, limit)
-        self.e.kept = <unsigned int>min(KEPT, limit // (8 * sizeof(DdNode)))
+        self.e.uncollected_nodes = <unsigned int>min(UNCOLLECTED_NODES, limit // (8 * sizeof(DdNode)))
         self.max_memory = limit
 
     def limit_time(self, seconds):
@@ -260,7 +276,9 @@ cdef class Core:
         return wrap_bdd(self, <DdNode*><uintptr_t>(int(function) - 2))
 
     def from_any(self, states):
-        """A Bdd as it is, a dd Function as a Bdd; TypeError or ValueError for what is not of this manager."""
+        """The Bdd of a Bdd or dd Function. Raises TypeError or ValueError for one of another
+        manager.
+        """
         return as_bdd(self, states)
 
     def true(self):
@@ -275,7 +293,7 @@ cdef class Core:
 
     def constant(self, double value):
         """The MTBDD with one leaf."""
-        return wrap_mtbdd(self, number(self.begin(), value))
+        return wrap_mtbdd(self, leaf(self.begin(), value))
 
     def size(self):
         """Number of variables."""
@@ -309,20 +327,22 @@ cdef class Core:
         }
 
     def collect(self):
-        """Free dead nodes now; returns how many."""
+        """Free dead nodes now; returns their number."""
         return cuddGarbageCollect(self.e.dd, 1)
 
     def check(self):
-        """CUDD's own consistency check of all nodes and the cache; raises AssertionError. For tests.
+        """CUDD's consistency check of all nodes and of the cache, for tests; raises AssertionError.
 
-        Of no use after a memory limit that was met while a leaf was made: CUDD counts that leaf although it is not there
-        (harmless, but seen here).
+        It also fails after a memory limit was reached while a leaf was created: CUDD then counts a
+        leaf that does not exist, which is harmless.
         """
         if Cudd_DebugCheck(self.e.dd) != 0:
             raise AssertionError("CUDD's tables are inconsistent")
 
     def sift(self, groups, double growth=1.2):
-        """Sift; `groups`: pairs (index of the topmost variable, number of adjacent variables), moved as blocks."""
+        """Sift blocks of variables: pairs (index of the topmost variable, number of adjacent
+        variables).
+        """
         cdef unsigned int low, size
         self.begin()
         Cudd_FreeTree(self.e.dd)
@@ -343,8 +363,8 @@ cdef class Core:
         self._reordered(Cudd_ShuffleHeap(self.e.dd, <int*>&order[0]))
 
     cdef int _reordered(self, int done) except -1:
-        # A stop in the middle of a reordering leaves a valid order, and is not an error for CUDD.
-        self.e.stale = True
+        # CUDD does not report a reordering that was stopped as an error; its order is valid.
+        self.e.order_changed = True
         if not done or self.e.reason != NONE:
             self.fail()
         return 0

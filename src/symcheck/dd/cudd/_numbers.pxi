@@ -1,15 +1,32 @@
-# Mtbdd: a number per assignment; and operations on many diagrams at once.
+# Mtbdd: a function from assignments to numbers; the size of several diagrams together.
 
 @cython.final
 @cython.no_gc
 @cython.freelist(256)
 cdef class Mtbdd:
-    """A number (float64) per assignment. Immutable; equal functions of one manager are the same node."""
+    """A function from assignments of the variables to float64, as a multi-terminal BDD (Clarke et
+    al. 1993).
+
+    Functions are immutable and hashable, and equal functions of one manager are the same node. `+ -
+    * / ** %` and unary minus act pointwise on functions and numbers. 0 * x and 0 / x are 0 for
+    every x, also for infinity and 0, as in sparse matrices; x / 0 is infinite for other x. Values
+    are neither merged nor rounded, and -0.0 is stored as 0. Functions are made by a DiagramManager.
+
+    Raises:
+        NumericalError: a value is undefined, such as infinity - infinity.
+        MemoryLimitError, TimeLimitError, Interrupted: in any operation; all handles stay usable.
+    Example:
+        >>> from symcheck.dd.manager import DiagramManager
+        >>> x, y = DiagramManager().add_variables(["x", "y"])
+        >>> f = x.to_mtbdd(0.5) + y.to_mtbdd(0.25)
+        >>> f.maximum_leaf, f.compare(">", 0.25) == x
+        (0.75, True)
+    """
 
     cdef readonly Core core
     cdef DdNode* node
 
-    __array_ufunc__ = None       # numpy scalars leave arithmetic with a diagram to the diagram
+    __array_ufunc__ = None       # numpy scalars then leave arithmetic with a diagram to this class
 
     def __init__(self):
         raise TypeError("an Mtbdd is made by a DiagramManager")
@@ -68,15 +85,20 @@ cdef class Mtbdd:
         return self._rapply(MODULO, other)
 
     def minimum(self, other):
-        """The smaller value, leaf by leaf."""
+        """The pointwise minimum."""
         return self._apply(MINIMUM, other)
 
     def maximum(self, other):
-        """The larger value, leaf by leaf."""
+        """The pointwise maximum."""
         return self._apply(MAXIMUM, other)
 
     def compare(self, str operator, other):
-        """The set where `self operator other`; operators: < <= > >= = == !=. `other`: an Mtbdd or a number."""
+        """The set where `self operator other` holds.
+
+        Args:
+            operator: one of < <= > >= = == !=.
+            other: an Mtbdd or a number.
+        """
         cdef Mtbdd o = as_mtbdd(self.core, other)
         cdef Env* e = self.core.begin()
         cdef DdNode* r
@@ -102,7 +124,7 @@ cdef class Mtbdd:
         return self.compare("==", other)
 
     def times_bdd(self, states):
-        """This on the set `states`, 0 elsewhere."""
+        """This function on the set `states`, 0 elsewhere."""
         cdef Bdd f = as_bdd(self.core, states)
         return wrap_mtbdd(self.core, masked(self.core.begin(), self.node, f.node))
 
@@ -123,22 +145,24 @@ cdef class Mtbdd:
         return wrap_mtbdd(self.core, abstract(self.core.begin(), MIN_OVER, self.node, cube_of(self.core, cube)))
 
     def multiply_sum(self, other, Cube cube not None):
-        """(self * other).sum_over(cube), without the product in between: a matrix times a vector or a matrix."""
+        """`(self * other).sum_over(cube)`, without building the product: a matrix times a vector or
+        a matrix.
+        """
         cdef Mtbdd o = as_mtbdd(self.core, other)
         return wrap_mtbdd(self.core, sum_product(self.core.begin(), self.node, o.node, cube_of(self.core, cube)))
 
     def rename(self, Renaming renaming not None):
-        """The same numbers with the variables changed."""
+        """The function with its variables renamed."""
         if renaming.core is not self.core:
             raise ValueError("the renaming belongs to another manager")
         return wrap_mtbdd(self.core, permute(self.core.begin(), False, self.node, &renaming.map))
 
     def map(self, function):
-        """The diagram with `function` (float64[n] -> float64[n]) applied to its array of leaves, e.g. numpy.floor."""
+        """Apply a function (float64[n] to float64[n], such as numpy.floor) to the leaves."""
         table = export_nodes(self.core, [self])
         values = np.ascontiguousarray(function(table[3]), dtype=np.float64)
         if values.shape != table[3].shape:
-            raise ValueError("the function must give one number per leaf")
+            raise ValueError("the function must return one number per leaf")
         return import_nodes(self.core, *table[:3], values, table[4])[0]
 
     def __hash__(self):
@@ -180,7 +204,13 @@ cdef class Mtbdd:
         return float(leaf_values(self.node).max())
 
     def evaluate(self, bits):
-        """The value at assignments; `bits`: uint8 by variable index, [variables] or [n, variables]."""
+        """The values at assignments.
+
+        Args:
+            bits: uint8[variables] or uint8[n, variables], by variable index.
+        Returns:
+            A float, or float64[n].
+        """
         rows = _assignments(self.core, bits)
         out = np.empty(len(rows), dtype=np.float64)
         evaluate_rows(self.core.begin(), self.node, rows, out, None)
@@ -202,46 +232,6 @@ def _assignments(Core core, bits):
     if rows.ndim != 2 or rows.shape[1] != core.size():
         raise ValueError(f"an assignment needs a bit for each of the {core.size()} variables")
     return rows
-
-
-def unite(Core core not None, sets, bint conjunction=False):
-    """Union (or intersection) of many sets, as a balanced tree."""
-    cdef list layer = [as_bdd(core, f) for f in sets]
-    cdef Bdd f, g
-    cdef Env* e = core.begin()
-    cdef Py_ssize_t i
-    if not layer:
-        return wrap_bdd(core, e.one if conjunction else e.no)
-    while len(layer) > 1:
-        following = []
-        for i in range(0, len(layer) - 1, 2):
-            f = layer[i]
-            g = layer[i + 1]
-            following.append(wrap_bdd(core, (Cudd_bddAnd if conjunction else Cudd_bddOr)(e.dd, f.node, g.node)))
-        if len(layer) % 2:
-            following.append(layer[len(layer) - 1])
-        layer = following
-    return layer[0]
-
-
-def total(Core core not None, diagrams):
-    """Sum of many MTBDDs, as a balanced tree."""
-    cdef list layer = [as_mtbdd(core, m) for m in diagrams]
-    cdef Mtbdd f, g
-    cdef Env* e = core.begin()
-    cdef Py_ssize_t i
-    if not layer:
-        return wrap_mtbdd(core, e.zero)
-    while len(layer) > 1:
-        following = []
-        for i in range(0, len(layer) - 1, 2):
-            f = layer[i]
-            g = layer[i + 1]
-            following.append(wrap_mtbdd(core, apply(e, PLUS, f.node, g.node)))
-        if len(layer) % 2:
-            following.append(layer[len(layer) - 1])
-        layer = following
-    return layer[0]
 
 
 def shared_size(Core core not None, handles):

@@ -1,9 +1,9 @@
-# Handles, and what is prepared once for many operations: Cube, Renaming, Transition.
+# Handles, and arguments that are prepared once for many operations: Cube, Renaming, Transition.
 
 cdef inline Bdd wrap_bdd(Core core, DdNode* n):
     if n is NULL:
         core.fail()
-    take(n)
+    reference(n)
     cdef Bdd f = Bdd.__new__(Bdd)
     f.core = core
     f.node = n
@@ -13,7 +13,7 @@ cdef inline Bdd wrap_bdd(Core core, DdNode* n):
 cdef inline Mtbdd wrap_mtbdd(Core core, DdNode* n):
     if n is NULL:
         core.fail()
-    take(n)
+    reference(n)
     cdef Mtbdd m = Mtbdd.__new__(Mtbdd)
     m.core = core
     m.node = n
@@ -62,7 +62,9 @@ cdef tuple support_of(Core core, DdNode* f):
 @cython.final
 @cython.no_gc
 cdef class Cube:
-    """A set of variables to quantify, sum or count over. `indices`: their indices, in the order given."""
+    """A set of variables to quantify, sum or count over. `indices`: their indices, in the order
+    given.
+    """
 
     cdef readonly Core core
     cdef readonly tuple indices
@@ -77,14 +79,14 @@ cdef class Cube:
             raise ValueError("a variable occurs twice")
         cdef Env* e = core.begin()
         c = e.one
-        take(c)
+        reference(c)
         for i in sorted(self.indices, key=core.level, reverse=True):
             if not 0 <= i < e.size:
                 Cudd_IterDerefBdd(e.dd, c)
                 raise IndexError(i)
             r = Cudd_bddAnd(e.dd, Cudd_bddIthVar(e.dd, i), c)
             if r is not NULL:
-                take(r)
+                reference(r)
             Cudd_IterDerefBdd(e.dd, c)
             if r is NULL:
                 core.fail()
@@ -110,7 +112,7 @@ cdef class Cube:
 @cython.final
 @cython.no_gc
 cdef class Renaming:
-    """A change of variables, f[a := b] for all pairs of indices (a, b) at once; prepared once, used often."""
+    """A simultaneous substitution of variables, f[a := b] for all pairs of indices (a, b)."""
 
     cdef readonly Core core
     cdef readonly tuple pairs
@@ -133,12 +135,12 @@ cdef class Renaming:
             if not (0 <= a < e.size and 0 <= b < e.size):
                 raise IndexError((a, b))
             self.map.to[a] = b
-        # Numbers are never used again for this, so what CUDD's cache says of a key stays true.
+        # Each key is used once, so that cached results about it stay valid.
         core.renamings += 1
         self.map.key = cuddUniqueConst(e.dd, 2.0 + <double>core.renamings)
         if self.map.key is NULL:
             core.fail()
-        take(self.map.key)
+        reference(self.map.key)
 
     def __dealloc__(self):
         free(self.map.to)
@@ -152,9 +154,12 @@ cdef class Renaming:
 @cython.final
 @cython.no_gc
 cdef class Transition:
-    """The touched variables of a relation: pairs (row index, column index), prepared for `image` and `preimage`.
+    """The touched variables of a relation, pairs (row index, column index), prepared for `image`
+    and `preimage`.
 
-    Where each column variable is right below its row variable, quantification and renaming are done on the way.
+    Where each column variable is directly below its row variable, quantification and renaming are
+    done in one recursion. Variables that are not touched keep their values: the relation needs no
+    identity for them.
     """
 
     cdef readonly Core core
@@ -175,7 +180,9 @@ cdef class Transition:
         self.to_columns = Renaming(core, self.pairs)
 
     cdef bint adjacent(self, Env* e) noexcept:
-        """Looked at anew each time (it is cheap beside the step): the order may have changed."""
+        """Whether each column is directly below its row now; checked before each step, as the order
+        may change.
+        """
         cdef DdNode* c = self.all.node
         cdef DdNode* d
         while c is not e.one:
@@ -195,23 +202,23 @@ cdef class Transition:
             s = permute(e, True, s, &self.to_columns.map)
             if s is NULL:
                 return NULL
-            take(s)
+            reference(s)
             t = Cudd_bddAndAbstract(e.dd, s, r, self.columns.node)
             if t is not NULL:
-                take(t)
+                reference(t)
             Cudd_IterDerefBdd(e.dd, s)
             if t is not NULL:
-                give(t)
+                dereference(t)
             return t
         if t is NULL:
             return NULL
-        take(t)
+        reference(t)
         u = permute(e, True, t, &self.to_rows.map)
         if u is not NULL:
-            take(u)
+            reference(u)
         Cudd_IterDerefBdd(e.dd, t)
         if u is not NULL:
-            give(u)
+            dereference(u)
         return u
 
     def image(self, Bdd states not None, Bdd relation not None):

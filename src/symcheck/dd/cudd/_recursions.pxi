@@ -1,16 +1,19 @@
-# Recursions that the wheel's CUDD lacks, in CUDD's conventions: a result is not referenced for the caller, every
-# intermediate one is before the next allocation, NULL means stopped. Their depth is at most the number of levels.
+# Recursions that the wheel's CUDD lacks, in CUDD's conventions: the result is not referenced for
+# the caller, intermediate results are referenced before the next allocation, and NULL means
+# stopped. The depth is at most the number of levels. `_owned`: the references of the arguments are
+# consumed. `_referenced`: the result is referenced.
 
 cdef enum Op:
     PLUS, TIMES, MINUS, DIVIDE, MINIMUM, MAXIMUM, POWER, MODULO
     LESS, LESS_EQUAL, EQUAL
-    RESTRICT, TO_BDD, PERMUTE_BDD, PERMUTE_ADD
+    MASKED, TO_BDD, PERMUTE_BDD, PERMUTE_ADD
     SUM_OVER, MAX_OVER, MIN_OVER
 
-# A two-operand operation is known to CUDD's cache by an address of its own.
+# The address of an operation is its key in CUDD's cache.
 cdef char[32] _ops
 
-# A renaming: the new index by index; `key`, a constant of its own, stands for it in CUDD's cache.
+# A renaming: the new index of each index. `key`, a constant of its own, stands for it in CUDD's
+# cache.
 cdef struct Mapping:
     int* to
     int size
@@ -22,7 +25,7 @@ cdef enum:
     TAG_SUM_PRODUCT = 0xAA
     TAG_IMAGE = 0xAE
     TAG_PREIMAGE = 0xC2
-    TAG_CLOSED = 0xC6
+    TAG_SATURATE = 0xC6
 
 
 cdef inline DdNode* regular(DdNode* n) noexcept nogil:
@@ -37,61 +40,62 @@ cdef inline uintptr_t sign(DdNode* n) noexcept nogil:
 cdef inline DdNode* signed(DdNode* n, uintptr_t s) noexcept nogil:
     return <DdNode*>(<uintptr_t>n ^ s)
 
-cdef inline void take(DdNode* n) noexcept nogil:
+cdef inline void reference(DdNode* n) noexcept nogil:
     regular(n).ref += 1
 
-cdef inline void give(DdNode* n) noexcept nogil:
+cdef inline void dereference(DdNode* n) noexcept nogil:
     regular(n).ref -= 1
 
 cdef inline int level_of(Env* e, DdNode* n) noexcept nogil:
     cdef unsigned int index = regular(n).index
     return CONSTANT if index == CONSTANT else e.perm[index]
 
-cdef inline bint tick(Env* e) noexcept nogil:
+cdef inline bint stop_requested(Env* e) noexcept nogil:
     e.steps += 1
-    return (e.steps & TICKS) == 0 and interrupted(e)
+    return (e.steps & STEPS_PER_CHECK) == 0 and should_stop(e)
 
 
-cdef inline DdNode* node(Env* e, int index, DdNode* t, DdNode* u) noexcept nogil:
+cdef inline DdNode* mtbdd_node(Env* e, int index, DdNode* t, DdNode* u) noexcept nogil:
     """The MTBDD node with these children, whose references are consumed."""
     cdef DdNode* r
     if t is u:
-        give(t)
-        give(u)
+        dereference(t)
+        dereference(u)
         return t
     r = cuddUniqueInter(e.dd, index, t, u)
     if r is NULL:
         Cudd_RecursiveDeref(e.dd, t)
         Cudd_RecursiveDeref(e.dd, u)
         return NULL
-    give(t)
-    give(u)
+    dereference(t)
+    dereference(u)
     return r
 
 
 cdef inline DdNode* bdd_node(Env* e, int index, DdNode* t, DdNode* u) noexcept nogil:
-    """The same for BDDs: the then-edge of a node is regular."""
+    """The BDD node with these children, whose references are consumed; its then-edge is regular."""
     cdef uintptr_t s = sign(t)
-    cdef DdNode* r = node(e, index, signed(t, s), signed(u, s))
+    cdef DdNode* r = mtbdd_node(e, index, signed(t, s), signed(u, s))
     return NULL if r is NULL else signed(r, s)
 
 
-cdef inline DdNode* number(Env* e, double value) noexcept nogil:
+cdef inline DdNode* leaf(Env* e, double value) noexcept nogil:
+    """The leaf with this value; NULL for NaN."""
     cdef DdNode* r
     if value == 0:
-        return e.zero            # -0.0 too: it would be a second zero
+        return e.zero            # also for -0.0, which would be a second zero
     if value != value:
         e.reason = UNDEFINED
         return NULL
-    # CUDD counts a leaf before it has room for it: a stop in between would leave the count wrong.
-    e.hold = True
+    # CUDD counts a leaf before it allocates it: a stop in between would leave a wrong count.
+    e.uninterruptible = True
     r = cuddUniqueConst(e.dd, value)
-    e.hold = False
+    e.uninterruptible = False
     return r
 
 
-cdef inline void split(Env* e, DdNode* f, int level, DdNode** t, DdNode** u) noexcept nogil:
-    """Cofactors of an MTBDD for the variable at `level`, which is not below f's."""
+cdef inline void mtbdd_cofactors(Env* e, DdNode* f, int level, DdNode** t, DdNode** u) noexcept nogil:
+    """The cofactors of an MTBDD by the variable at `level`, which is not below its top variable."""
     if f.index != CONSTANT and e.perm[f.index] == level:
         t[0] = f.type.kids.T
         u[0] = f.type.kids.E
@@ -100,7 +104,8 @@ cdef inline void split(Env* e, DdNode* f, int level, DdNode** t, DdNode** u) noe
         u[0] = f
 
 
-cdef inline void split_bdd(Env* e, DdNode* f, int level, DdNode** t, DdNode** u) noexcept nogil:
+cdef inline void bdd_cofactors(Env* e, DdNode* f, int level, DdNode** t, DdNode** u) noexcept nogil:
+    """The cofactors of a BDD by the variable at `level`, which is not below its top variable."""
     cdef DdNode* n = regular(f)
     if n.index != CONSTANT and e.perm[n.index] == level:
         t[0] = signed(n.type.kids.T, sign(f))
@@ -116,7 +121,7 @@ cdef inline double modulo(double a, double b) noexcept nogil:
 
 
 cdef DdNode* apply_terminal(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
-    """The result where it is known at once, else NULL; may also set e.reason and return NULL."""
+    """The result of a terminal case, else NULL; NULL with e.reason set for an undefined result."""
     cdef double a, b
     if op == PLUS:
         if f is e.zero: return g
@@ -126,7 +131,7 @@ cdef DdNode* apply_terminal(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
         if f is e.one: return g
         if g is e.one: return f
     elif op == MINUS:
-        if g is e.zero: return f     # f - f has no short cut: infinity - infinity must be found
+        if g is e.zero: return f     # f - f is no terminal case: infinity - infinity is undefined
     elif op == DIVIDE:
         if f is e.zero: return f
         if g is e.one: return f
@@ -139,18 +144,18 @@ cdef DdNode* apply_terminal(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
         return NULL
     a = f.type.value
     b = g.type.value
-    if op == PLUS: return number(e, a + b)
-    if op == TIMES: return number(e, a * b)
-    if op == MINUS: return number(e, a - b)
-    if op == DIVIDE: return number(e, a / b)
+    if op == PLUS: return leaf(e, a + b)
+    if op == TIMES: return leaf(e, a * b)
+    if op == MINUS: return leaf(e, a - b)
+    if op == DIVIDE: return leaf(e, a / b)
     if op == MINIMUM: return f if a <= b else g
     if op == MAXIMUM: return f if a >= b else g
-    if op == POWER: return number(e, pow(a, b))
-    return number(e, modulo(a, b))
+    if op == POWER: return leaf(e, pow(a, b))
+    return leaf(e, modulo(a, b))
 
 
 cdef DdNode* apply(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
-    """f op g, leaf by leaf. 0 times and 0 over anything is 0, as sparse matrices need."""
+    """f op g, pointwise. 0 times and 0 divided by anything is 0, as in sparse matrices."""
     cdef Ref r, t, u, ft, fu, gt, gu
     cdef int lf, lg, index
     r = apply_terminal(e, op, f, g)
@@ -163,23 +168,23 @@ cdef DdNode* apply(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
     r = cuddCacheLookup2(e.dd, &_ops[<int>op], f, g)
     if r is not NULL:
         return r
-    if tick(e):
+    if stop_requested(e):
         return NULL
     lf = level_of(e, f)
     lg = level_of(e, g)
     index = f.index if lf <= lg else g.index
-    split(e, f, min(lf, lg), &ft, &fu)
-    split(e, g, min(lf, lg), &gt, &gu)
+    mtbdd_cofactors(e, f, min(lf, lg), &ft, &fu)
+    mtbdd_cofactors(e, g, min(lf, lg), &gt, &gu)
     t = apply(e, op, ft, gt)
     if t is NULL:
         return NULL
-    take(t)
+    reference(t)
     u = apply(e, op, fu, gu)
     if u is NULL:
         Cudd_RecursiveDeref(e.dd, t)
         return NULL
-    take(u)
-    r = node(e, index, t, u)
+    reference(u)
+    r = mtbdd_node(e, index, t, u)
     if r is not NULL:
         cuddCacheInsert2(e.dd, &_ops[<int>op], f, g, r)
     return r
@@ -191,32 +196,32 @@ cdef DdNode* compare(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
     cdef int lf, lg, index
     cdef double a, b
     if f is g:
-        return e.no if op == LESS else e.one
+        return e.logic_zero if op == LESS else e.one
     if f.index == CONSTANT and g.index == CONSTANT:
         a = f.type.value
         b = g.type.value
-        return e.one if (a < b if op == LESS else a <= b if op == LESS_EQUAL else a == b) else e.no
+        return e.one if (a < b if op == LESS else a <= b if op == LESS_EQUAL else a == b) else e.logic_zero
     if op == EQUAL and f > g:
         f, g = g, f
     r = cuddCacheLookup2(e.dd, &_ops[<int>op], f, g)
     if r is not NULL:
         return r
-    if tick(e):
+    if stop_requested(e):
         return NULL
     lf = level_of(e, f)
     lg = level_of(e, g)
     index = f.index if lf <= lg else g.index
-    split(e, f, min(lf, lg), &ft, &fu)
-    split(e, g, min(lf, lg), &gt, &gu)
+    mtbdd_cofactors(e, f, min(lf, lg), &ft, &fu)
+    mtbdd_cofactors(e, g, min(lf, lg), &gt, &gu)
     t = compare(e, op, ft, gt)
     if t is NULL:
         return NULL
-    take(t)
+    reference(t)
     u = compare(e, op, fu, gu)
     if u is NULL:
         Cudd_IterDerefBdd(e.dd, t)
         return NULL
-    take(u)
+    reference(u)
     r = bdd_node(e, index, t, u)
     if r is not NULL:
         cuddCacheInsert2(e.dd, &_ops[<int>op], f, g, r)
@@ -227,21 +232,21 @@ cdef DdNode* to_bdd(Env* e, DdNode* f) noexcept nogil:
     """The BDD of the assignments with f != 0."""
     cdef Ref r, t, u
     if f.index == CONSTANT:
-        return e.no if f is e.zero else e.one
+        return e.logic_zero if f is e.zero else e.one
     r = cuddCacheLookup1(e.dd, &_ops[<int>TO_BDD], f)
     if r is not NULL:
         return r
-    if tick(e):
+    if stop_requested(e):
         return NULL
     t = to_bdd(e, f.type.kids.T)
     if t is NULL:
         return NULL
-    take(t)
+    reference(t)
     u = to_bdd(e, f.type.kids.E)
     if u is NULL:
         Cudd_IterDerefBdd(e.dd, t)
         return NULL
-    take(u)
+    reference(u)
     r = bdd_node(e, f.index, t, u)
     if r is not NULL:
         cuddCacheInsert1(e.dd, &_ops[<int>TO_BDD], f, r)
@@ -254,30 +259,30 @@ cdef DdNode* masked(Env* e, DdNode* m, DdNode* f) noexcept nogil:
     cdef int lm, lf, index
     if f is e.one or m is e.zero:
         return m
-    if f is e.no:
+    if f is e.logic_zero:
         return e.zero
-    r = cuddCacheLookup2(e.dd, &_ops[<int>RESTRICT], m, f)
+    r = cuddCacheLookup2(e.dd, &_ops[<int>MASKED], m, f)
     if r is not NULL:
         return r
-    if tick(e):
+    if stop_requested(e):
         return NULL
     lm = level_of(e, m)
     lf = level_of(e, f)
     index = m.index if lm <= lf else regular(f).index
-    split(e, m, min(lm, lf), &mt, &mu)
-    split_bdd(e, f, min(lm, lf), &ft, &fu)
+    mtbdd_cofactors(e, m, min(lm, lf), &mt, &mu)
+    bdd_cofactors(e, f, min(lm, lf), &ft, &fu)
     t = masked(e, mt, ft)
     if t is NULL:
         return NULL
-    take(t)
+    reference(t)
     u = masked(e, mu, fu)
     if u is NULL:
         Cudd_RecursiveDeref(e.dd, t)
         return NULL
-    take(u)
-    r = node(e, index, t, u)
+    reference(u)
+    r = mtbdd_node(e, index, t, u)
     if r is not NULL:
-        cuddCacheInsert2(e.dd, &_ops[<int>RESTRICT], m, f, r)
+        cuddCacheInsert2(e.dd, &_ops[<int>MASKED], m, f, r)
     return r
 
 
@@ -287,7 +292,7 @@ cdef DdNode* ite(Env* e, DdNode* f, DdNode* g, DdNode* h) noexcept nogil:
     cdef int lf, l, index
     if f is e.one or g is h:
         return g
-    if f is e.no:
+    if f is e.logic_zero:
         return h
     if h is e.zero:
         return masked(e, g, f)
@@ -299,49 +304,49 @@ cdef DdNode* ite(Env* e, DdNode* f, DdNode* g, DdNode* h) noexcept nogil:
     r = cuddCacheLookup(e.dd, TAG_ITE, f, g, h)
     if r is not NULL:
         return r
-    if tick(e):
+    if stop_requested(e):
         return NULL
     lf = level_of(e, f)
     l = min(level_of(e, g), level_of(e, h))
     index = f.index if lf <= l else (g.index if level_of(e, g) == l else h.index)
     l = min(l, lf)
-    split_bdd(e, f, l, &ft, &fu)
-    split(e, g, l, &gt, &gu)
-    split(e, h, l, &ht, &hu)
+    bdd_cofactors(e, f, l, &ft, &fu)
+    mtbdd_cofactors(e, g, l, &gt, &gu)
+    mtbdd_cofactors(e, h, l, &ht, &hu)
     t = ite(e, ft, gt, ht)
     if t is NULL:
         return NULL
-    take(t)
+    reference(t)
     u = ite(e, fu, gu, hu)
     if u is NULL:
         Cudd_RecursiveDeref(e.dd, t)
         return NULL
-    take(u)
-    r = node(e, index, t, u)
+    reference(u)
+    r = mtbdd_node(e, index, t, u)
     if r is not NULL:
         cuddCacheInsert(e.dd, TAG_ITE, f, g, h, r)
     return r
 
 
-cdef DdNode* joined(Env* e, Op op, DdNode* t, DdNode* u) noexcept nogil:
-    """t op u, whose references are consumed."""
+cdef DdNode* apply_owned(Env* e, Op op, DdNode* t, DdNode* u) noexcept nogil:
+    """t op u; the references of t and u are consumed."""
     cdef DdNode* r = apply(e, op, t, u)
     if r is not NULL:
-        take(r)
+        reference(r)
     Cudd_RecursiveDeref(e.dd, t)
     Cudd_RecursiveDeref(e.dd, u)
     if r is not NULL:
-        give(r)
+        dereference(r)
     return r
 
 
 cdef DdNode* scaled(Env* e, DdNode* f, DdNode* cube) noexcept nogil:
-    """The leaf f times two to the number of variables in the cube."""
+    """The leaf f times 2**k, for k variables in the cube."""
     cdef int k = 0
     while cube is not e.one:
         k += 1
         cube = cube.type.kids.T
-    return number(e, ldexp(f.type.value, k))
+    return leaf(e, ldexp(f.type.value, k))
 
 
 cdef DdNode* abstract(Env* e, Op over, DdNode* f, DdNode* cube) noexcept nogil:
@@ -362,7 +367,7 @@ cdef DdNode* abstract(Env* e, Op over, DdNode* f, DdNode* cube) noexcept nogil:
     r = cuddCacheLookup2(e.dd, &_ops[<int>over], f, cube)
     if r is not NULL:
         return r
-    if tick(e):
+    if stop_requested(e):
         return NULL
     lf = level_of(e, f)
     lc = level_of(e, cube)
@@ -370,28 +375,28 @@ cdef DdNode* abstract(Env* e, Op over, DdNode* f, DdNode* cube) noexcept nogil:
         t = abstract(e, over, f, cube.type.kids.T)
         if t is NULL:
             return NULL
-        take(t)
-        take(t)
-        r = joined(e, op, t, t)
+        reference(t)
+        reference(t)
+        r = apply_owned(e, op, t, t)
     else:
         rest = cube.type.kids.T if lc == lf else cube
         t = abstract(e, over, f.type.kids.T, rest)
         if t is NULL:
             return NULL
-        take(t)
+        reference(t)
         u = abstract(e, over, f.type.kids.E, rest)
         if u is NULL:
             Cudd_RecursiveDeref(e.dd, t)
             return NULL
-        take(u)
-        r = joined(e, op, t, u) if lc == lf else node(e, f.index, t, u)
+        reference(u)
+        r = apply_owned(e, op, t, u) if lc == lf else mtbdd_node(e, f.index, t, u)
     if r is not NULL:
         cuddCacheInsert2(e.dd, &_ops[<int>over], f, cube, r)
     return r
 
 
 cdef DdNode* sum_product(Env* e, DdNode* f, DdNode* g, DdNode* cube) noexcept nogil:
-    """Sum over the cube's variables of f times g, without the product in between."""
+    """Sum over the cube's variables of f times g, without building the product."""
     cdef Ref r, t, u, ft, fu, gt, gu, rest = cube
     cdef int l, lf, lg, lc, index
     if f is e.zero or g is e.zero:
@@ -403,23 +408,23 @@ cdef DdNode* sum_product(Env* e, DdNode* f, DdNode* g, DdNode* cube) noexcept no
     if g is e.one:
         return abstract(e, SUM_OVER, f, cube)
     if f.index == CONSTANT and g.index == CONSTANT:
-        t = number(e, f.type.value * g.type.value)
+        t = leaf(e, f.type.value * g.type.value)
         if t is NULL:
             return NULL
-        take(t)
+        reference(t)
         r = scaled(e, t, cube)
         if r is not NULL:
-            take(r)
+            reference(r)
         Cudd_RecursiveDeref(e.dd, t)
         if r is not NULL:
-            give(r)
+            dereference(r)
         return r
     if f > g:
         f, g = g, f
     r = cuddCacheLookup(e.dd, TAG_SUM_PRODUCT, f, g, cube)
     if r is not NULL:
         return r
-    if tick(e):
+    if stop_requested(e):
         return NULL
     lf = level_of(e, f)
     lg = level_of(e, g)
@@ -430,24 +435,24 @@ cdef DdNode* sum_product(Env* e, DdNode* f, DdNode* g, DdNode* cube) noexcept no
         t = sum_product(e, f, g, cube.type.kids.T)
         if t is NULL:
             return NULL
-        take(t)
-        take(t)
-        r = joined(e, PLUS, t, t)
+        reference(t)
+        reference(t)
+        r = apply_owned(e, PLUS, t, t)
     else:
         if lc == l:
             rest = cube.type.kids.T
-        split(e, f, l, &ft, &fu)
-        split(e, g, l, &gt, &gu)
+        mtbdd_cofactors(e, f, l, &ft, &fu)
+        mtbdd_cofactors(e, g, l, &gt, &gu)
         t = sum_product(e, ft, gt, rest)
         if t is NULL:
             return NULL
-        take(t)
+        reference(t)
         u = sum_product(e, fu, gu, rest)
         if u is NULL:
             Cudd_RecursiveDeref(e.dd, t)
             return NULL
-        take(u)
-        r = joined(e, PLUS, t, u) if lc == l else node(e, index, t, u)
+        reference(u)
+        r = apply_owned(e, PLUS, t, u) if lc == l else mtbdd_node(e, index, t, u)
     if r is not NULL:
         cuddCacheInsert(e.dd, TAG_SUM_PRODUCT, f, g, cube, r)
     return r

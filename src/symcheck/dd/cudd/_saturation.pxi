@@ -1,60 +1,61 @@
-# Closing a set under relations, node by node (saturation); in the conventions of _cudd_recursions.pxi.
+# Saturation: the least fixpoint of a set under relations, computed node by node; in the conventions
+# of _recursions.pxi.
 #
-# The set under a node is closed under what does not change the variables above it, before anything above is applied again.
-# What a relation does to the variable at hand has four parts: the two that keep its value are relations of the variables
-# below, and are left to the two children (so adding one to a counter, which mostly changes low bits, works mostly down
-# there); the two that change it are applied here. A variable that a relation only reads is kept. After Ciardo, Luettgen
-# & Siminiscalco (2001), with the constraint of Zhao & Ciardo (2009): a family of relations is what saturation calls the
-# events below a level, here as they are for the values above that led there.
+# The set below a node is saturated with the events that keep the variables above it before any
+# event above is applied. At the variable of a node, an event has four cofactors. The two that keep
+# the variable's value are events of the levels below and are applied in the children (adding one to
+# a counter mostly changes low bits, so it mostly works there). The two that change it are applied
+# here. Variables that an event only reads are kept.
+#
+# Sources: Ciardo, Luettgen and Siminiceanu (2001), Saturation: an efficient iteration strategy for
+# symbolic state-space generation; Zhao and Ciardo (2009), Symbolic CTL model checking of
+# asynchronous systems using constrained saturation (the set `within`). An event partition is what
+# Ciardo et al. call the events below a level, here as their cofactors by the values of the
+# variables above.
 
-cdef struct Part:
+cdef struct Event:
     DdNode* relation             # referenced
-    DdNode* pairs                # referenced: the cube of the variables touched, as relation_step takes it
+    DdNode* touched              # referenced: the cube of the touched variables, as relation_step takes it
 
-cdef struct Family:
-    Part* parts                  # ordered by their pairs, which are different
+cdef struct EventPartition:
+    Event* events                # ordered by their touched variables, which are distinct
     int count
-    int level                    # of the topmost variable that a part touches or reads
-    DdNode* key                  # a constant that stands for the family in CUDD's cache
-    Family* low                  # where that variable is and stays 0 or 1; both NULL until asked for
-    Family* high
-    Part* moves                  # first those from 0 to 1, then those from 1 to 0, in the direction of the search
-    int ups
-    int downs
-    Family* next                 # in the same slot of the table
+    int level                    # of the topmost variable that an event touches or reads
+    DdNode* key                  # a constant that stands for the partition in CUDD's cache
+    EventPartition* low          # the events below, where that variable is and stays 0
+    EventPartition* high         # the same for 1; both are NULL until `split_partition`
+    Event* level_events          # events that change that variable: first from 0 to 1, then from 1 to 0
+    int rising
+    int falling
+    EventPartition* next         # in the same bucket of the table
     uint64_t hash
 
-cdef struct Families:
+cdef struct PartitionTable:
     Env* e
-    Family** slots
+    EventPartition** buckets
     long size
     long count
-    long limit                   # of families
-    long nodes                   # live nodes at which to give up
-    double deadline              # time at which to give up
-    double last                  # look-up in CUDD's cache at which to give up: what all work comes down to
+    long max_partitions
+    double deadline              # time at which to stop
+    double max_lookups           # count of look-ups in CUDD's cache at which to stop: a measure of all work
     bint forward
-    bint fresh                   # move only what is new, and close it by itself
-    bint gave_up
+    bint new_only                # apply events to new states only, and saturate their results separately
+    bint stopped
     unsigned long steps
     unsigned long* keys
 
 
-cdef enum:
-    GLANCES = 0x3F               # the limits of one search are looked at once in so many steps
+cdef bint limit_reached(PartitionTable* table) noexcept nogil:
+    """Whether a limit of this saturation is reached; checked once in a number of steps."""
+    table.steps += 1
+    if (table.steps & STEPS_PER_LIMIT_CHECK) == 0:
+        table.stopped |= Cudd_ReadCacheLookUps(table.e.dd) > table.max_lookups or now() > table.deadline
+    return table.stopped
 
 
-cdef bint too_much(Families* all) noexcept nogil:
-    """Whether to give up, looked at now and then."""
-    all.steps += 1
-    if (all.steps & GLANCES) == 0:
-        all.gave_up |= <long>(Cudd_ReadKeys(all.e.dd) - Cudd_ReadDead(all.e.dd)) > all.nodes or now() > all.deadline
-        all.gave_up |= Cudd_ReadCacheLookUps(all.e.dd) > all.last
-    return all.gave_up
-
-
-cdef int compare_pairs(Env* e, DdNode* p, DdNode* q) noexcept nogil:
-    """An order of cubes that does not depend on addresses: by their levels, topmost first."""
+cdef int compare_touched(Env* e, DdNode* p, DdNode* q) noexcept nogil:
+    """Compare two cubes by their levels, topmost first: an order that does not depend on addresses.
+    """
     while p is not q:
         if level_of(e, p) != level_of(e, q):
             return -1 if level_of(e, p) < level_of(e, q) else 1
@@ -63,386 +64,410 @@ cdef int compare_pairs(Env* e, DdNode* p, DdNode* q) noexcept nogil:
     return 0
 
 
-cdef bint add_part(Env* e, Part* parts, int* count, DdNode* relation, DdNode* pairs, bint moves=False) noexcept nogil:
-    """Unite the relation with the part of the same pairs, or insert it as a part. False: stopped.
+cdef bint add_event(Env* e, Event* events, int* count, DdNode* relation, DdNode* touched, bint changes_level=False) noexcept nogil:
+    """Add a relation to the event with the same touched variables, or insert an event. False:
+    stopped.
 
-    What changes no variable is left out, unless it `moves` by the variable above.
+    A relation that changes no variable is left out, unless it changes the variable of the level
+    above.
     """
     cdef int a = 0, b = count[0], middle, order
     cdef Ref r
-    if relation is e.no or (pairs is e.one and not moves):
+    if relation is e.logic_zero or (touched is e.one and not changes_level):
         return True
     while a < b:
         middle = (a + b) >> 1
-        order = compare_pairs(e, parts[middle].pairs, pairs)
+        order = compare_touched(e, events[middle].touched, touched)
         if order == 0:
-            r = cuddBddAndRecur(e.dd, negate(parts[middle].relation), negate(relation))
+            r = cuddBddAndRecur(e.dd, negate(events[middle].relation), negate(relation))
             if r is NULL:
                 return False
-            take(r)
-            Cudd_IterDerefBdd(e.dd, parts[middle].relation)
-            parts[middle].relation = negate(r)
+            reference(r)
+            Cudd_IterDerefBdd(e.dd, events[middle].relation)
+            events[middle].relation = negate(r)
             return True
         if order < 0:
             a = middle + 1
         else:
             b = middle
     for middle in range(count[0], a, -1):
-        parts[middle] = parts[middle - 1]
-    parts[a].relation = relation
-    parts[a].pairs = pairs
-    take(relation)
-    take(pairs)
+        events[middle] = events[middle - 1]
+    events[a].relation = relation
+    events[a].touched = touched
+    reference(relation)
+    reference(touched)
     count[0] += 1
     return True
 
 
-cdef void drop_parts(Env* e, Part* parts, int count) noexcept nogil:
+cdef void drop_events(Env* e, Event* events, int count) noexcept nogil:
     cdef int i
     for i in range(count):
-        Cudd_IterDerefBdd(e.dd, parts[i].relation)
-        Cudd_IterDerefBdd(e.dd, parts[i].pairs)
-    free(parts)
+        Cudd_IterDerefBdd(e.dd, events[i].relation)
+        Cudd_IterDerefBdd(e.dd, events[i].touched)
+    free(events)
 
 
-cdef bint enlarge(Families* all) noexcept nogil:
-    cdef long i, size = 2 * all.size
-    cdef Family* f
-    cdef Family* following
-    cdef Family** slots = <Family**>calloc(size, sizeof(Family*))
-    if slots is NULL:
+cdef bint grow_buckets(PartitionTable* table) noexcept nogil:
+    cdef long i, size = 2 * table.size
+    cdef EventPartition* f
+    cdef EventPartition* following
+    cdef EventPartition** buckets = <EventPartition**>calloc(size, sizeof(EventPartition*))
+    if buckets is NULL:
         return False
-    for i in range(all.size):
-        f = all.slots[i]
+    for i in range(table.size):
+        f = table.buckets[i]
         while f is not NULL:
             following = f.next
-            f.next = slots[f.hash & (size - 1)]
-            slots[f.hash & (size - 1)] = f
+            f.next = buckets[f.hash & (size - 1)]
+            buckets[f.hash & (size - 1)] = f
             f = following
-    free(all.slots)
-    all.slots = slots
-    all.size = size
+    free(table.buckets)
+    table.buckets = buckets
+    table.size = size
     return True
 
 
-cdef Family* family_of(Families* all, Part* parts, int count) noexcept nogil:
-    """The family of these parts, which are consumed; NULL: stopped, or too many families."""
-    cdef Env* e = all.e
+cdef EventPartition* partition_of(PartitionTable* table, Event* events, int count) noexcept nogil:
+    """The partition of these events, which are consumed; NULL: stopped, or too many partitions."""
+    cdef Env* e = table.e
     cdef uint64_t hash = 1469598103, factor = 1099511627
     factor = factor << 8 | 0xB3
     cdef int i
-    cdef Family* f
+    cdef EventPartition* f
     for i in range(count):
-        hash = (hash ^ <uint64_t><uintptr_t>parts[i].relation) * factor
-        hash = (hash ^ <uint64_t><uintptr_t>parts[i].pairs) * factor
+        hash = (hash ^ <uint64_t><uintptr_t>events[i].relation) * factor
+        hash = (hash ^ <uint64_t><uintptr_t>events[i].touched) * factor
     hash ^= hash >> 29
-    f = all.slots[hash & (all.size - 1)]
+    f = table.buckets[hash & (table.size - 1)]
     while f is not NULL:
-        if f.hash == hash and f.count == count and memcmp(f.parts, parts, count * sizeof(Part)) == 0:
-            drop_parts(e, parts, count)
+        if f.hash == hash and f.count == count and memcmp(f.events, events, count * sizeof(Event)) == 0:
+            drop_events(e, events, count)
             return f
         f = f.next
-    if all.count >= all.limit:
-        all.gave_up = True
-    elif all.count < all.size or enlarge(all):
-        f = <Family*>calloc(1, sizeof(Family))
+    if table.count >= table.max_partitions:
+        table.stopped = True
+    elif table.count < table.size or grow_buckets(table):
+        f = <EventPartition*>calloc(1, sizeof(EventPartition))
     if f is not NULL:
-        all.keys[0] += 1
-        f.key = cuddUniqueConst(e.dd, 2.0 + <double>all.keys[0])
+        table.keys[0] += 1
+        f.key = cuddUniqueConst(e.dd, 2.0 + <double>table.keys[0])
     if f is NULL or f.key is NULL:
-        if f is NULL and not all.gave_up:
+        if f is NULL and not table.stopped:
             e.reason = NO_MEMORY
         free(f)
-        drop_parts(e, parts, count)
+        drop_events(e, events, count)
         return NULL
-    take(f.key)
-    f.parts = parts
+    reference(f.key)
+    f.events = events
     f.count = count
     f.level = CONSTANT
     for i in range(count):
-        f.level = min(f.level, min(level_of(e, parts[i].relation), level_of(e, parts[i].pairs)))
+        f.level = min(f.level, min(level_of(e, events[i].relation), level_of(e, events[i].touched)))
     f.hash = hash
-    f.next = all.slots[hash & (all.size - 1)]
-    all.slots[hash & (all.size - 1)] = f
-    all.count += 1
+    f.next = table.buckets[hash & (table.size - 1)]
+    table.buckets[hash & (table.size - 1)] = f
+    table.count += 1
     return f
 
 
-cdef void drop_families(Families* all) noexcept nogil:
+cdef void drop_partitions(PartitionTable* table) noexcept nogil:
     cdef long i
-    cdef Family* f
-    cdef Family* following
-    for i in range(all.size):
-        f = all.slots[i]
+    cdef EventPartition* f
+    cdef EventPartition* following
+    for i in range(table.size):
+        f = table.buckets[i]
         while f is not NULL:
             following = f.next
-            drop_parts(all.e, f.parts, f.count)
-            drop_parts(all.e, f.moves, f.ups + f.downs)
-            Cudd_RecursiveDeref(all.e.dd, f.key)
+            drop_events(table.e, f.events, f.count)
+            drop_events(table.e, f.level_events, f.rising + f.falling)
+            Cudd_RecursiveDeref(table.e.dd, f.key)
             free(f)
             f = following
-    free(all.slots)
-    all.slots = NULL
-    all.size = all.count = 0
+    free(table.buckets)
+    table.buckets = NULL
+    table.size = table.count = 0
 
 
-cdef bint split_parts(Families* all, Family* f, Part* low, Part* high, Part* up, Part* down, int* n) noexcept nogil:
-    """Fill the four lists of parts, whose lengths are in n. False: stopped."""
-    cdef Env* e = all.e
-    cdef Part p
+cdef bint split_events(PartitionTable* table, EventPartition* f, Event* low, Event* high, Event* up, Event* down, int* n) noexcept nogil:
+    """Split events by the top variable into four lists, whose lengths are counted in n. False:
+    stopped.
+    """
+    cdef Env* e = table.e
+    cdef Event p
     cdef Ref a, b, r00, r01, r10, r11, rest
     cdef int i
     for i in range(f.count):
-        p = f.parts[i]
-        if min(level_of(e, p.relation), level_of(e, p.pairs)) > f.level:
-            if not (add_part(e, low, &n[0], p.relation, p.pairs) and add_part(e, high, &n[1], p.relation, p.pairs)):
+        p = f.events[i]
+        if min(level_of(e, p.relation), level_of(e, p.touched)) > f.level:
+            if not (add_event(e, low, &n[0], p.relation, p.touched) and add_event(e, high, &n[1], p.relation, p.touched)):
                 return False
             continue
-        split_bdd(e, p.relation, f.level, &a, &b)
-        if level_of(e, p.pairs) > f.level:
-            if not (add_part(e, low, &n[0], b, p.pairs) and add_part(e, high, &n[1], a, p.pairs)):
+        bdd_cofactors(e, p.relation, f.level, &a, &b)
+        if level_of(e, p.touched) > f.level:
+            if not (add_event(e, low, &n[0], b, p.touched) and add_event(e, high, &n[1], a, p.touched)):
                 return False
             continue
-        split_bdd(e, a, f.level + 1, &r11, &r10)
-        split_bdd(e, b, f.level + 1, &r01, &r00)
-        rest = p.pairs.type.kids.T.type.kids.T
-        if not all.forward:
+        bdd_cofactors(e, a, f.level + 1, &r11, &r10)
+        bdd_cofactors(e, b, f.level + 1, &r01, &r00)
+        rest = p.touched.type.kids.T.type.kids.T
+        if not table.forward:
             r01, r10 = r10, r01
-        if not (add_part(e, low, &n[0], r00, rest) and add_part(e, high, &n[1], r11, rest)):
+        if not (add_event(e, low, &n[0], r00, rest) and add_event(e, high, &n[1], r11, rest)):
             return False
-        if not (add_part(e, up, &n[2], r01, rest, True) and add_part(e, down, &n[3], r10, rest, True)):
+        if not (add_event(e, up, &n[2], r01, rest, True) and add_event(e, down, &n[3], r10, rest, True)):
             return False
     return True
 
 
-cdef bint split_family(Families* all, Family* f) noexcept nogil:
-    """Find what the family is below its topmost variable, and what changes that. False: stopped."""
+cdef bint split_partition(PartitionTable* table, EventPartition* f) noexcept nogil:
+    """Compute the partitions of the two children and the events that change the top variable.
+    False: stopped.
+    """
     cdef int* n = <int*>calloc(4, sizeof(int))
-    cdef Part* lists[4]
+    cdef Event* lists[4]
     cdef int i
     cdef bint done = n is not NULL
     for i in range(4):
-        lists[i] = <Part*>malloc((2 * f.count if i == 2 else f.count) * sizeof(Part))
+        lists[i] = <Event*>malloc((2 * f.count if i == 2 else f.count) * sizeof(Event))
         done = done and lists[i] is not NULL
     if not done:
-        all.e.reason = NO_MEMORY
+        table.e.reason = NO_MEMORY
         for i in range(4):
             free(lists[i])
         free(n)
         return False
-    done = split_parts(all, f, lists[0], lists[1], lists[2], lists[3], n)
+    done = split_events(table, f, lists[0], lists[1], lists[2], lists[3], n)
     if done:
-        # Both kinds of moves in one list.
-        memcpy(lists[2] + n[2], lists[3], n[3] * sizeof(Part))
+        # One list holds both directions.
+        memcpy(lists[2] + n[2], lists[3], n[3] * sizeof(Event))
         free(lists[3])
-        f.moves = lists[2]
-        f.ups = n[2]
-        f.downs = n[3]
-        f.low = family_of(all, lists[0], n[0])
+        f.level_events = lists[2]
+        f.rising = n[2]
+        f.falling = n[3]
+        f.low = partition_of(table, lists[0], n[0])
         if f.low is not NULL:
-            f.high = family_of(all, lists[1], n[1])
+            f.high = partition_of(table, lists[1], n[1])
         else:
-            drop_parts(all.e, lists[1], n[1])
+            drop_events(table.e, lists[1], n[1])
         done = f.low is not NULL and f.high is not NULL
         if not done:
-            drop_parts(all.e, f.moves, f.ups + f.downs)
-            f.moves = NULL
-            f.ups = f.downs = 0
+            drop_events(table.e, f.level_events, f.rising + f.falling)
+            f.level_events = NULL
+            f.rising = f.falling = 0
             f.low = f.high = NULL
     else:
         for i in range(4):
-            drop_parts(all.e, lists[i], n[i])
+            drop_events(table.e, lists[i], n[i])
     free(n)
     return done
 
 
-cdef DdNode* moved(Families* all, Part* moves, int count, DdNode* source, DdNode* target, DdNode* within) noexcept nogil:
-    """The target (whose reference is consumed) with what the moves make of the source, as far as that is within; referenced."""
-    cdef Env* e = all.e
+cdef DdNode* fire_all(PartitionTable* table, Event* level_events, int count, DdNode* source, DdNode* target, DdNode* within) noexcept nogil:
+    """The target (its reference is consumed) united with the images of the source within a set;
+    referenced.
+    """
+    cdef Env* e = table.e
     cdef Ref x, y
     cdef int i
     for i in range(count):
-        x = relation_step(e, all.forward, source, moves[i].relation, moves[i].pairs)
+        x = relation_step(e, table.forward, source, level_events[i].relation, level_events[i].touched)
         if x is NULL:
             Cudd_IterDerefBdd(e.dd, target)
             return NULL
-        take(x)
+        reference(x)
         y = cuddBddAndRecur(e.dd, x, within)
         if y is not NULL:
-            take(y)
+            reference(y)
         Cudd_IterDerefBdd(e.dd, x)
-        target = disjoined(e, target, y)
+        target = union_owned(e, target, y)
         if target is NULL:
             return NULL
-        take(target)
+        reference(target)
     return target
 
 
-cdef DdNode* closed_again(Families* all, Family* f, DdNode* s, DdNode* within) noexcept nogil:
-    """closed(), of a referenced set whose reference is consumed (NULL: stopped before); the result is referenced."""
+cdef DdNode* saturate_owned(PartitionTable* table, EventPartition* f, DdNode* s, DdNode* within) noexcept nogil:
+    """Saturate a referenced set, whose reference is consumed (NULL: stopped before); the result is
+    referenced.
+    """
     cdef DdNode* r
     if s is NULL:
         return NULL
-    r = closed(all, f, s, within)
+    r = saturate(table, f, s, within)
     if r is not NULL:
-        take(r)
-    Cudd_IterDerefBdd(all.e.dd, s)
+        reference(r)
+    Cudd_IterDerefBdd(table.e.dd, s)
     return r
 
 
-cdef DdNode* closed(Families* all, Family* f, DdNode* s, DdNode* within) noexcept nogil:
-    """The least set that contains s, and with a state what the family's relations make of it, as far as that is within."""
-    cdef Env* e = all.e
+cdef DdNode* saturate(PartitionTable* table, EventPartition* f, DdNode* s, DdNode* within) noexcept nogil:
+    """The least set that contains s and is closed under the events within a set."""
+    cdef Env* e = table.e
     cdef Ref r, t, u, s0, s1, w0, w1
     cdef int l, index
-    if f.count == 0 or s is e.no or s is e.one or s is within or within is e.no:
+    if f.count == 0 or s is e.logic_zero or s is e.one or s is within or within is e.logic_zero:
         return s
-    r = cuddCacheLookup(e.dd, TAG_CLOSED, s, f.key, within)
+    r = cuddCacheLookup(e.dd, TAG_SATURATE, s, f.key, within)
     if r is not NULL:
         return r
-    if tick(e) or too_much(all):
+    if stop_requested(e) or limit_reached(table):
         return NULL
     l = min(level_of(e, s), level_of(e, within))
     if l < f.level:
-        split_bdd(e, s, l, &s1, &s0)
-        split_bdd(e, within, l, &w1, &w0)
+        bdd_cofactors(e, s, l, &s1, &s0)
+        bdd_cofactors(e, within, l, &w1, &w0)
         index = regular(s).index if level_of(e, s) == l else regular(within).index
-        t = closed(all, f, s1, w1)
+        t = saturate(table, f, s1, w1)
         if t is NULL:
             return NULL
-        take(t)
-        u = closed(all, f, s0, w0)
+        reference(t)
+        u = saturate(table, f, s0, w0)
         if u is NULL:
             Cudd_IterDerefBdd(e.dd, t)
             return NULL
-        take(u)
+        reference(u)
     else:
-        if f.low is NULL and not split_family(all, f):
+        if f.low is NULL and not split_partition(table, f):
             return NULL
-        split_bdd(e, s, f.level, &s1, &s0)
-        split_bdd(e, within, f.level, &w1, &w0)
+        bdd_cofactors(e, s, f.level, &s1, &s0)
+        bdd_cofactors(e, within, f.level, &w1, &w0)
         index = Cudd_ReadInvPerm(e.dd, f.level)
-        take(s1)
-        t = closed_again(all, f.high, s1, w1)
+        reference(s1)
+        t = saturate_owned(table, f.high, s1, w1)
         if t is NULL:
             return NULL
-        take(s0)
-        u = closed_again(all, f.low, s0, w0)
+        reference(s0)
+        u = saturate_owned(table, f.low, s0, w0)
         if u is NULL:
             Cudd_IterDerefBdd(e.dd, t)
             return NULL
-        if not exchange(all, f, &t, &u, w1, w0):
+        if not fire_to_fixpoint(table, f, &t, &u, w1, w0):
             return NULL
     r = bdd_node(e, index, t, u)
     if r is not NULL:
-        take(r)
-        cuddCacheInsert(e.dd, TAG_CLOSED, s, f.key, within, r)
+        reference(r)
+        cuddCacheInsert(e.dd, TAG_SATURATE, s, f.key, within, r)
         if r is not s:
-            cuddCacheInsert(e.dd, TAG_CLOSED, r, f.key, within, r)
-        give(r)
+            cuddCacheInsert(e.dd, TAG_SATURATE, r, f.key, within, r)
+        dereference(r)
     return r
 
 
-cdef bint exchange(Families* all, Family* f, DdNode** t, DdNode** u, DdNode* w1, DdNode* w0) noexcept nogil:
-    """Move between the two (referenced) children until nothing is new; on False (stopped) their references are gone."""
-    cdef Env* e = all.e
+cdef bint fire_to_fixpoint(PartitionTable* table, EventPartition* f, DdNode** t, DdNode** u, DdNode* w1, DdNode* w0) noexcept nogil:
+    """Apply the events of this level between the two referenced children until nothing is new.
+
+    False: stopped, and the references of the children are released.
+    """
+    cdef Env* e = table.e
     cdef Ref new_t = t[0], new_u = u[0]
     cdef bint done = True
-    take(new_t)
-    take(new_u)
-    while done and (new_u is not e.no or new_t is not e.no):
-        # Steps may all be remembered ones, and very many.
-        done = not (tick(e) or too_much(all))
-        done = done and spread(all, f.high, f.moves, f.ups, u[0], &new_u, t, &new_t, w1)
-        done = done and spread(all, f.low, f.moves + f.ups, f.downs, t[0], &new_t, u, &new_u, w0)
-    drop(e, new_t)
-    drop(e, new_u)
+    reference(new_t)
+    reference(new_u)
+    while done and (new_u is not e.logic_zero or new_t is not e.logic_zero):
+        # All steps may be cached, and there may be very many.
+        done = not (stop_requested(e) or limit_reached(table))
+        done = done and fire_and_saturate(table, f.high, f.level_events, f.rising, u[0], &new_u, t, &new_t, w1)
+        done = done and fire_and_saturate(table, f.low, f.level_events + f.rising, f.falling, t[0], &new_t, u, &new_u, w0)
+    release_bdd(e, new_t)
+    release_bdd(e, new_u)
     if not done:
-        drop(e, t[0])
-        drop(e, u[0])
+        release_bdd(e, t[0])
+        release_bdd(e, u[0])
     return done
 
 
-cdef inline void drop(Env* e, DdNode* n) noexcept nogil:
+cdef inline void release_bdd(Env* e, DdNode* n) noexcept nogil:
     if n is not NULL:
         Cudd_IterDerefBdd(e.dd, n)
 
 
-cdef DdNode* minus(Env* e, DdNode* a, DdNode* b) noexcept nogil:
-    """a without b, referenced; a's reference is consumed (it may be NULL)."""
+cdef DdNode* difference_owned(Env* e, DdNode* a, DdNode* b) noexcept nogil:
+    """a without b, referenced; the reference of a, which may be NULL, is consumed."""
     cdef DdNode* r
     if a is NULL:
         return NULL
     r = cuddBddAndRecur(e.dd, a, negate(b))
     if r is not NULL:
-        take(r)
+        reference(r)
     Cudd_IterDerefBdd(e.dd, a)
     return r
 
 
-cdef DdNode* plus(Env* e, DdNode* a, DdNode* b) noexcept nogil:
-    """a and b united, referenced; both references are consumed (they may be NULL)."""
-    cdef DdNode* r = disjoined(e, a, b)
+cdef DdNode* union_referenced(Env* e, DdNode* a, DdNode* b) noexcept nogil:
+    """a or b, referenced; the references of both, which may be NULL, are consumed."""
+    cdef DdNode* r = union_owned(e, a, b)
     if r is not NULL:
-        take(r)
+        reference(r)
     return r
 
 
-cdef bint spread(Families* all, Family* f, Part* moves, int count, DdNode* source, DdNode** new_source,
+cdef bint fire_and_saturate(PartitionTable* table, EventPartition* f, Event* level_events, int count, DdNode* source, DdNode** new_source,
                  DdNode** target, DdNode** new_target, DdNode* within) noexcept nogil:
-    """Move the source, or what is new there, to the target and close that; what is new there is noted. False: stopped."""
-    cdef Env* e = all.e
-    cdef Ref x = e.no, old = target[0]
-    take(x)
-    if count and new_source[0] is not e.no:
-        if all.fresh:
-            x = minus(e, moved(all, moves, count, new_source[0], x, within), old)
-            x = minus(e, closed_again(all, f, x, within), old)
+    """Apply events from the source child to the target child and saturate the target.
+
+    new_source, new_target: the states of each child to which events must still be applied. False:
+    stopped.
+    """
+    cdef Env* e = table.e
+    cdef Ref x = e.logic_zero, old = target[0]
+    reference(x)
+    if count and new_source[0] is not e.logic_zero:
+        if table.new_only:
+            x = difference_owned(e, fire_all(table, level_events, count, new_source[0], x, within), old)
+            x = difference_owned(e, saturate_owned(table, f, x, within), old)
         else:
             Cudd_IterDerefBdd(e.dd, x)
-            take(old)
-            x = moved(all, moves, count, source, old, within)
+            reference(old)
+            x = fire_all(table, level_events, count, source, old, within)
             if x is not old:
-                x = closed_again(all, f, x, within)
-    drop(e, new_source[0])
-    new_source[0] = e.no
-    take(e.no)
+                x = saturate_owned(table, f, x, within)
+    release_bdd(e, new_source[0])
+    new_source[0] = e.logic_zero
+    reference(e.logic_zero)
     if x is NULL:
         return False
-    take(x)
-    if all.fresh or x is e.no:
-        target[0] = plus(e, old, x)
-        new_target[0] = plus(e, new_target[0], x)
+    reference(x)
+    if table.new_only or x is e.logic_zero:
+        target[0] = union_referenced(e, old, x)
+        new_target[0] = union_referenced(e, new_target[0], x)
     elif x is old:
-        drop(e, x)
-        drop(e, x)
-    else:       # what exactly is new is not asked for
-        drop(e, old)
-        drop(e, new_target[0])
+        release_bdd(e, x)
+        release_bdd(e, x)
+    else:       # all of x counts as new
+        release_bdd(e, old)
+        release_bdd(e, new_target[0])
         target[0] = new_target[0] = x
     return target[0] is not NULL and new_target[0] is not NULL
 
 
 @cython.final
 @cython.no_gc
-cdef class Closure:
-    """Relations, prepared for closing sets under them: pairs of a relation and its Transition.
+cdef class Saturation:
+    """Relations prepared for least fixpoints by saturation.
 
-    `forward`: by images, else by preimages. Each column variable must be right below its row variable (ValueError).
+    Args:
+        core: the manager's core.
+        relations: pairs of a relation (Bdd) and its Transition.
+        forward: by images; if False, by preimages.
+        max_partitions: event partitions that may be created before `saturate` gives up.
+    Raises:
+        ValueError: a column variable is not directly below its row variable, or the managers
+            differ.
     """
 
     cdef readonly Core core
     cdef readonly tuple relations
     cdef readonly bint forward
-    cdef Families all
-    cdef Family* root
-    cdef unsigned long readings
+    cdef PartitionTable table
+    cdef EventPartition* root
+    cdef unsigned long order_version
 
-    def __cinit__(self, Core core not None, relations, bint forward=True, long families=200_000):
+    def __cinit__(self, Core core not None, relations, bint forward=True, long max_partitions=MAX_PARTITIONS):
         self.core = core
         self.relations = tuple(relations)
         self.forward = forward
-        self.all.limit = families
+        self.table.max_partitions = max_partitions
         self._prepare()
 
     cdef int _prepare(self) except -1:
@@ -450,53 +475,63 @@ cdef class Closure:
         cdef int count = 0
         cdef Bdd relation
         cdef Transition transition
-        drop_families(&self.all)
+        drop_partitions(&self.table)
         self.root = NULL
-        self.all.e = e
-        self.all.forward = self.forward
-        self.all.gave_up = False
-        self.all.keys = &self.core.renamings
-        self.all.size = 1024
-        self.all.slots = <Family**>calloc(self.all.size, sizeof(Family*))
-        cdef Part* parts = <Part*>malloc((len(self.relations) + 1) * sizeof(Part))
-        if parts is NULL or self.all.slots is NULL:
-            free(parts)
+        self.table.e = e
+        self.table.forward = self.forward
+        self.table.stopped = False
+        self.table.keys = &self.core.renamings
+        self.table.size = 1024
+        self.table.buckets = <EventPartition**>calloc(self.table.size, sizeof(EventPartition*))
+        cdef Event* events = <Event*>malloc((len(self.relations) + 1) * sizeof(Event))
+        if events is NULL or self.table.buckets is NULL:
+            free(events)
             raise MemoryError
         for relation, transition in self.relations:
             if relation.core is not self.core or transition.core is not self.core or not transition.adjacent(e):
-                drop_parts(e, parts, count)
-                raise ValueError("the relations are of another manager, or their columns are not right below their rows")
-            if not add_part(e, parts, &count, relation.node, transition.all.node):
-                drop_parts(e, parts, count)
+                drop_events(e, events, count)
+                raise ValueError("the relations are of another manager, or their columns are not directly below their rows")
+            if not add_event(e, events, &count, relation.node, transition.all.node):
+                drop_events(e, events, count)
                 self.core.fail()
-        self.root = family_of(&self.all, parts, count)
+        self.root = partition_of(&self.table, events, count)
         if self.root is NULL:
             self.core.fail()
-        self.readings = e.readings
+        self.order_version = e.order_version
         return 0
 
     def __dealloc__(self):
-        if self.core is not None and self.all.slots is not NULL:
-            self.all.e = &self.core.e
-            drop_families(&self.all)
+        if self.core is not None and self.table.buckets is not NULL:
+            self.table.e = &self.core.e
+            drop_partitions(&self.table)
 
     @property
-    def families(self):
-        """How many sets of relations, as they are for some values of the variables above, were met so far."""
-        return self.all.count
+    def partitions(self):
+        """Number of event partitions created so far."""
+        return self.table.count
 
     @property
     def exhausted(self):
-        """Whether no more families may be made, so that closing other sets may never end."""
-        return self.all.count >= self.all.limit
+        """Whether `max_partitions` is reached, so that saturation of other sets may never end."""
+        return self.table.count >= self.table.max_partitions
 
-    def close(self, Bdd states not None, Bdd within=None, nodes=None, deadline=None, steps=None, bint fresh=False):
-        """The least set that contains `states`, and with a state all its successors (predecessors) `within` a set.
+    def saturate(self, Bdd states not None, Bdd within=None, max_lookups=None, deadline=None, bint new_only=False):
+        """The least set that contains `states` and is closed under the relations, as far as
+        `within` a set.
 
-        None where it was given up: past so many live `nodes`, the `deadline` (of time.monotonic) or so many `steps` (two
-        million are about a second), or because too many families of relations would be needed. What was found by then is
-        remembered as long as CUDD's cache keeps it.
-        `fresh`: only what is new moves on, and is closed by itself: better where a clock drives everything, worse else.
+        What was computed before a limit is remembered as long as CUDD's cache keeps it, so that
+        calling again goes on.
+
+        Args:
+            within: states that the relations may lead to; None: all.
+            max_lookups: look-ups in CUDD's cache to spend (two million take about a second); None:
+                no limit.
+            deadline: time (time.monotonic) at which to stop; None: none.
+            new_only: apply relations to new states only and saturate their results separately,
+                which pays where a clock drives the model and costs elsewhere.
+        Returns:
+            The set, or None at a limit or when more than `max_partitions` event partitions are
+            needed.
         """
         cdef DdNode* r
         cdef DdNode* w = self.core.e.one
@@ -505,15 +540,14 @@ cdef class Closure:
             as_bdd(self.core, within)
             w = within.node
         cdef Env* e = self.core.begin()
-        if self.readings != e.readings:       # the order may be another
+        if self.order_version != e.order_version:
             self._prepare()
-        self.all.e = e
-        self.all.nodes = 0x7FFFFFFFFFFFFFFF if nodes is None else nodes
-        self.all.deadline = 1e300 if deadline is None else deadline
-        self.all.last = 1e300 if steps is None else Cudd_ReadCacheLookUps(e.dd) + steps
-        self.all.gave_up = False
-        self.all.fresh = fresh
-        r = closed(&self.all, self.root, states.node, w)
-        if r is NULL and self.all.gave_up and e.reason == NONE:
+        self.table.e = e
+        self.table.deadline = 1e300 if deadline is None else deadline
+        self.table.max_lookups = 1e300 if max_lookups is None else Cudd_ReadCacheLookUps(e.dd) + max_lookups
+        self.table.stopped = False
+        self.table.new_only = new_only
+        r = saturate(&self.table, self.root, states.node, w)
+        if r is NULL and self.table.stopped and e.reason == NONE:
             return None
         return wrap_bdd(self.core, r)

@@ -1,10 +1,26 @@
-# Bdd: a set of assignments.
+# Bdd: a set of assignments of the variables.
 
 @cython.final
 @cython.no_gc
 @cython.freelist(256)
 cdef class Bdd:
-    """A set of assignments. Immutable; equal sets of one manager are the same node, so comparing them costs nothing."""
+    """A set of assignments of the variables, as a reduced ordered binary decision diagram (Bryant
+    1986).
+
+    Sets are immutable and hashable. Equal sets of one manager are the same node, so that comparing
+    them takes constant time. Operators: `&` intersection, `|` union, `^` symmetric difference, `-`
+    difference, `~` complement, `<=` inclusion; `bool(f)` tells whether the set is not empty.
+    Operands may be dd Functions of the same manager. Sets are made by a DiagramManager.
+
+    Raises:
+        MemoryLimitError, TimeLimitError, Interrupted: in any operation; all handles stay usable.
+        ValueError: the operands belong to different managers.
+    Example:
+        >>> from symcheck.dd.manager import DiagramManager
+        >>> x, y = DiagramManager().add_variables(["x", "y"])
+        >>> (x & y) <= x, x.disjoint(~x), bool(x - x)
+        (True, True, False)
+    """
 
     cdef readonly Core core
     cdef DdNode* node
@@ -36,7 +52,7 @@ cdef class Bdd:
         return wrap_bdd(self.core, negate(self.node))
 
     def implies(self, other):
-        """~self | other."""
+        """The set `~self | other`."""
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddOr(self.core.begin().dd, negate(self.node), o.node))
 
@@ -46,7 +62,12 @@ cdef class Bdd:
         return wrap_bdd(self.core, Cudd_bddXor(self.core.begin().dd, self.node, negate(o.node)))
 
     def ite(self, then, otherwise):
-        """`then` on this set, `otherwise` elsewhere: a Bdd from two Bdds, else an Mtbdd (numbers become constants)."""
+        """If-then-else: `then` on this set, `otherwise` elsewhere.
+
+        Args:
+            then, otherwise: two Bdds (the result is a Bdd), or Mtbdds and numbers (the result is an
+                Mtbdd).
+        """
         cdef Bdd a, b
         cdef Mtbdd x, y
         if isinstance(then, (Bdd, cudd.Function)) and isinstance(otherwise, (Bdd, cudd.Function)):
@@ -58,45 +79,53 @@ cdef class Bdd:
         return wrap_mtbdd(self.core, ite(self.core.begin(), self.node, x.node, y.node))
 
     def to_mtbdd(self, double value=1.0):
-        """`value` on this set, 0 elsewhere."""
+        """The function that is `value` on this set and 0 elsewhere."""
         cdef Mtbdd x = self.core.constant(value)
         return wrap_mtbdd(self.core, masked(self.core.begin(), x.node, self.node))
 
     def exists(self, Cube cube not None):
-        """Projection: the assignments that some values of the cube's variables bring into the set."""
+        """Existential quantification: assignments that are in the set for some values of the cube's
+        variables.
+        """
         return wrap_bdd(self.core, Cudd_bddExistAbstract(self.core.begin().dd, self.node, cube_of(self.core, cube)))
 
     def forall(self, Cube cube not None):
-        """The assignments that every value of the cube's variables keeps in the set."""
+        """Universal quantification: assignments that are in the set for all values of the cube's
+        variables.
+        """
         return wrap_bdd(self.core, Cudd_bddUnivAbstract(self.core.begin().dd, self.node, cube_of(self.core, cube)))
 
     def and_exists(self, other, Cube cube not None):
-        """(self & other).exists(cube), without the conjunction in between."""
+        """`(self & other).exists(cube)`, without building the conjunction."""
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddAndAbstract(self.core.begin().dd, self.node, o.node, cube_of(self.core, cube)))
 
     def rename(self, Renaming renaming not None):
-        """The set with its variables changed."""
+        """The set with its variables renamed."""
         if renaming.core is not self.core:
             raise ValueError("the renaming belongs to another manager")
         return wrap_bdd(self.core, permute(self.core.begin(), True, self.node, &renaming.map))
 
     def cofactor(self, literals):
-        """The set with the variables fixed as in `literals`, a conjunction of literals."""
+        """The cofactor by `literals`, a conjunction of literals. Raises ValueError if that is
+        empty.
+        """
         cdef Bdd o = as_bdd(self.core, literals)
-        if o.node is self.core.e.no:
+        if o.node is self.core.e.logic_zero:
             raise ValueError("the literals contradict each other")
         return wrap_bdd(self.core, Cudd_Cofactor(self.core.begin().dd, self.node, o.node))
 
     def simplify(self, care):
-        """A set, often with fewer nodes, that agrees with this one on `care` (which must not be empty)."""
+        """A set that agrees with this one on `care`, often with fewer nodes (Coudert and Madre's
+        restrict).
+        """
         cdef Bdd o = as_bdd(self.core, care)
-        if o.node is self.core.e.no:
+        if o.node is self.core.e.logic_zero:
             return self
         return wrap_bdd(self.core, Cudd_bddRestrict(self.core.begin().dd, self.node, o.node))
 
     def __bool__(self):
-        return self.node is not self.core.e.no
+        return self.node is not self.core.e.logic_zero
 
     def __hash__(self):
         return <Py_hash_t>(<uintptr_t>self.node >> 4 ^ sign(self.node))
@@ -123,7 +152,7 @@ cdef class Bdd:
         return self >= other and self != other
 
     def disjoint(self, other):
-        """Whether no assignment is in both sets; no diagram is built."""
+        """Whether the intersection is empty; no diagram is built."""
         cdef Bdd o = as_bdd(self.core, other)
         return Cudd_bddLeq(self.core.begin().dd, self.node, negate(o.node)) != 0
 
@@ -143,17 +172,23 @@ cdef class Bdd:
         return support_of(self.core, self.node)
 
     def evaluate(self, bits):
-        """Whether assignments are in the set; `bits`: uint8 by variable index, [variables] or [n, variables]."""
+        """Whether assignments are in the set.
+
+        Args:
+            bits: uint8[variables] or uint8[n, variables], by variable index.
+        Returns:
+            A bool, or bool[n].
+        """
         rows = _assignments(self.core, bits)
         out = np.empty(len(rows), dtype=np.bool_)
         evaluate_rows(self.core.begin(), self.node, rows, None, out.view(np.uint8))
         return bool(out[0]) if np.ndim(bits) == 1 else out
 
     def to_dd(self):
-        """This set as a Function of dd; nothing is copied."""
+        """The set as a Function of dd, without copying."""
         return self.core.bdd._add_int(<uintptr_t>self.node + 2)
 
     def __repr__(self):
-        if self.node is self.core.e.no or self.node is self.core.e.one:
+        if self.node is self.core.e.logic_zero or self.node is self.core.e.one:
             return f"<Bdd {'true' if self.node is self.core.e.one else 'false'}>"
         return f"<Bdd of {self.node_count} nodes over {len(self.support)} variables>"

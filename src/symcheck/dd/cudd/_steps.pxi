@@ -1,8 +1,11 @@
-# Renaming, and steps along a relation; in the conventions of _cudd_recursions.pxi.
+# Renaming, images and preimages; in the conventions of _recursions.pxi.
 
 cdef DdNode* permute(Env* e, bint boolean, DdNode* f, Mapping* map) noexcept nogil:
-    """Rename variables. Where the new variable stays above the new children, as in a change between neighbours, the
-    node is simply built; else it is composed by if-then-else."""
+    """Rename variables.
+
+    A node whose new variable is above its new children, as after a swap of neighbours, is built
+    directly; any other is composed by if-then-else.
+    """
     cdef Ref r, t, u, n = regular(f), x
     cdef Op op = PERMUTE_BDD if boolean else PERMUTE_ADD
     cdef int index
@@ -11,84 +14,86 @@ cdef DdNode* permute(Env* e, bint boolean, DdNode* f, Mapping* map) noexcept nog
     r = cuddCacheLookup2(e.dd, &_ops[<int>op], n, map.key)
     if r is not NULL:
         return signed(r, sign(f))
-    if tick(e):
+    if stop_requested(e):
         return NULL
     t = permute(e, boolean, n.type.kids.T, map)
     if t is NULL:
         return NULL
-    take(t)
+    reference(t)
     u = permute(e, boolean, n.type.kids.E, map)
     if u is NULL:
         Cudd_RecursiveDeref(e.dd, t)
         return NULL
-    take(u)
+    reference(u)
     index = map.to[n.index] if <int>n.index < map.size else n.index
     if e.perm[index] < min(level_of(e, t), level_of(e, u)):
-        r = bdd_node(e, index, t, u) if boolean else node(e, index, t, u)
+        r = bdd_node(e, index, t, u) if boolean else mtbdd_node(e, index, t, u)
     else:
         x = Cudd_bddIthVar(e.dd, index)
         r = cuddBddIteRecur(e.dd, x, t, u) if boolean else ite(e, x, t, u)
         if r is not NULL:
-            take(r)
+            reference(r)
         Cudd_RecursiveDeref(e.dd, t)
         Cudd_RecursiveDeref(e.dd, u)
         if r is not NULL:
-            give(r)
+            dereference(r)
     if r is NULL:
         return NULL
     cuddCacheInsert2(e.dd, &_ops[<int>op], n, map.key, r)
     return signed(r, sign(f))
 
 
-cdef DdNode* disjoined(Env* e, DdNode* t, DdNode* u) noexcept nogil:
-    """t or u, whose references are consumed; both may be NULL (stopped)."""
+cdef DdNode* union_owned(Env* e, DdNode* t, DdNode* u) noexcept nogil:
+    """t or u; their references are consumed. Both may be NULL (stopped)."""
     cdef DdNode* r = NULL
     if t is not NULL and u is not NULL:
         r = cuddBddAndRecur(e.dd, negate(t), negate(u))
         if r is not NULL:
-            take(r)
+            reference(r)
     if t is not NULL:
         Cudd_IterDerefBdd(e.dd, t)
     if u is not NULL:
         Cudd_IterDerefBdd(e.dd, u)
     if r is not NULL:
-        give(r)
+        dereference(r)
         return negate(r)
     return NULL
 
 
-cdef inline DdNode* step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
+cdef inline DdNode* step_referenced(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
+    """relation_step, referenced."""
     cdef DdNode* result = relation_step(e, forward, s, r, pairs)
     if result is not NULL:
-        take(result)
+        reference(result)
     return result
 
 
-cdef DdNode* both(Env* e, bint forward, DdNode* s0, DdNode* r0, DdNode* s1, DdNode* r1, DdNode* pairs) noexcept nogil:
-    """step(s0, r0) or step(s1, r1), referenced."""
-    cdef DdNode* t = step(e, forward, s0, r0, pairs)
+cdef DdNode* step_union(Env* e, bint forward, DdNode* s0, DdNode* r0, DdNode* s1, DdNode* r1, DdNode* pairs) noexcept nogil:
+    """The union of the steps (s0, r0) and (s1, r1), referenced."""
+    cdef DdNode* t = step_referenced(e, forward, s0, r0, pairs)
     cdef DdNode* u
     if t is NULL or t is e.one:
         return t
-    u = step(e, forward, s1, r1, pairs)
-    t = disjoined(e, t, u)
+    u = step_referenced(e, forward, s1, r1, pairs)
+    t = union_owned(e, t, u)
     if t is not NULL:
-        take(t)
+        reference(t)
     return t
 
 
 cdef DdNode* relation_step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
-    """States reached from s by the relation r (forward), or that reach s by it.
+    """The image (forward) or preimage of the set s under the relation r.
 
-    `pairs` is the cube of the touched variables: a row variable, then its column variable right below it, and so on.
-    Variables that are not touched keep their values. Quantification and renaming happen on the way (as relnext and
-    relprev of van Dijk & van de Pol, Sylvan, TACAS 2015), so no intermediate diagram over columns is built.
+    `pairs` is the cube of the touched variables: each row variable is directly followed by its
+    column variable. Variables that are not touched keep their values. Quantification and renaming
+    are done in the same recursion (relnext and relprev of van Dijk and van de Pol, Sylvan, TACAS
+    2015), so that no intermediate diagram over columns is built.
     """
     cdef Ref result, t, u, s0, s1, a, b, r00, r01, r10, r11
     cdef int ls, lr, l, row, index
     cdef uintptr_t tag = TAG_IMAGE if forward else TAG_PREIMAGE
-    if s is e.no or r is e.no:
-        return e.no
+    if s is e.logic_zero or r is e.logic_zero:
+        return e.logic_zero
     ls = level_of(e, s)
     lr = level_of(e, r)
     l = min(ls, lr)
@@ -99,28 +104,28 @@ cdef DdNode* relation_step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* p
     result = cuddCacheLookup(e.dd, tag, s, r, pairs)
     if result is not NULL:
         return result
-    if tick(e):
+    if stop_requested(e):
         return NULL
     row = e.perm[pairs.index]
     if l < row:
         index = regular(s).index if ls <= lr else regular(r).index
-        split_bdd(e, s, l, &s1, &s0)
-        split_bdd(e, r, l, &a, &b)
-        t = step(e, forward, s1, a, pairs)
-        u = step(e, forward, s0, b, pairs) if t is not NULL else NULL
+        bdd_cofactors(e, s, l, &s1, &s0)
+        bdd_cofactors(e, r, l, &a, &b)
+        t = step_referenced(e, forward, s1, a, pairs)
+        u = step_referenced(e, forward, s0, b, pairs) if t is not NULL else NULL
     else:
         index = pairs.index
-        split_bdd(e, s, row, &s1, &s0)
-        split_bdd(e, r, row, &a, &b)
-        split_bdd(e, a, row + 1, &r11, &r10)
-        split_bdd(e, b, row + 1, &r01, &r00)
+        bdd_cofactors(e, s, row, &s1, &s0)
+        bdd_cofactors(e, r, row, &a, &b)
+        bdd_cofactors(e, a, row + 1, &r11, &r10)
+        bdd_cofactors(e, b, row + 1, &r01, &r00)
         a = pairs.type.kids.T.type.kids.T
         if forward:
-            t = both(e, forward, s0, r01, s1, r11, a)
-            u = both(e, forward, s0, r00, s1, r10, a) if t is not NULL else NULL
+            t = step_union(e, forward, s0, r01, s1, r11, a)
+            u = step_union(e, forward, s0, r00, s1, r10, a) if t is not NULL else NULL
         else:
-            t = both(e, forward, s0, r10, s1, r11, a)
-            u = both(e, forward, s0, r00, s1, r01, a) if t is not NULL else NULL
+            t = step_union(e, forward, s0, r10, s1, r11, a)
+            u = step_union(e, forward, s0, r00, s1, r01, a) if t is not NULL else NULL
     if u is NULL:
         if t is not NULL:
             Cudd_IterDerefBdd(e.dd, t)

@@ -1,4 +1,5 @@
-# CUDD's C interface, resolved from the shared library that dd.cudd has loaded. The prototypes are those of CUDD 3.0.
+# CUDD's C interface, resolved from the shared library that dd.cudd has loaded. The prototypes are
+# those of CUDD 3.0.
 
 cdef extern from "<dlfcn.h>":
     int RTLD_LAZY
@@ -66,7 +67,7 @@ ctypedef int (*f_shuffle)(DdManager*, int*) noexcept nogil
 cdef f_dd Cudd_ReadOne, Cudd_ReadZero, Cudd_ReadLogicZero
 cdef f_node Cudd_T, Cudd_E
 cdef f_value Cudd_V
-cdef f_is Cudd_IsConstant, Cudd_DagSize
+cdef f_is Cudd_DagSize
 cdef f_int Cudd_bddIthVar
 cdef f_const cuddUniqueConst
 cdef f_2 Cudd_bddAnd, Cudd_bddOr, Cudd_bddXor, Cudd_bddExistAbstract, Cudd_bddUnivAbstract, Cudd_Cofactor, Cudd_bddRestrict
@@ -79,7 +80,7 @@ cdef f_get Cudd_ReadSize, Cudd_ReadErrorCode, Cudd_ReadPeakLiveNodeCount, Cudd_R
 cdef f_get_int Cudd_ReadPerm, Cudd_ReadInvPerm, cuddGarbageCollect
 cdef f_get_unsigned Cudd_ReadKeys, Cudd_ReadDead, Cudd_ReadCacheSlots, Cudd_ReadReorderings
 cdef f_get_long Cudd_ReadPeakNodeCount, Cudd_ReadMemoryInUse, Cudd_ReadGarbageCollectionTime, Cudd_ReadReorderingTime
-cdef f_get_double Cudd_ReadCacheLookUps, Cudd_ReadCacheHits, Cudd_ReadEpsilon
+cdef f_get_double Cudd_ReadCacheLookUps, Cudd_ReadCacheHits
 cdef f_set Cudd_AutodynDisable, Cudd_ClearErrorCode, Cudd_UnregisterTerminationCallback, Cudd_FreeTree
 cdef f_set Cudd_EnableGarbageCollection, Cudd_DisableGarbageCollection
 cdef f_set_double Cudd_SetEpsilon, Cudd_SetMaxGrowth
@@ -124,7 +125,6 @@ cdef int _resolve_all() except -1:
     _resolve(library, b"Cudd_T", <void**>&Cudd_T)
     _resolve(library, b"Cudd_E", <void**>&Cudd_E)
     _resolve(library, b"Cudd_V", <void**>&Cudd_V)
-    _resolve(library, b"Cudd_IsConstant", <void**>&Cudd_IsConstant)
     _resolve(library, b"Cudd_DagSize", <void**>&Cudd_DagSize)
     _resolve(library, b"Cudd_bddIthVar", <void**>&Cudd_bddIthVar)
     _resolve(library, b"cuddUniqueConst", <void**>&cuddUniqueConst)
@@ -161,7 +161,6 @@ cdef int _resolve_all() except -1:
     _resolve(library, b"Cudd_ReadReorderingTime", <void**>&Cudd_ReadReorderingTime)
     _resolve(library, b"Cudd_ReadCacheLookUps", <void**>&Cudd_ReadCacheLookUps)
     _resolve(library, b"Cudd_ReadCacheHits", <void**>&Cudd_ReadCacheHits)
-    _resolve(library, b"Cudd_ReadEpsilon", <void**>&Cudd_ReadEpsilon)
     _resolve(library, b"Cudd_AutodynDisable", <void**>&Cudd_AutodynDisable)
     _resolve(library, b"Cudd_ClearErrorCode", <void**>&Cudd_ClearErrorCode)
     _resolve(library, b"Cudd_UnregisterTerminationCallback", <void**>&Cudd_UnregisterTerminationCallback)

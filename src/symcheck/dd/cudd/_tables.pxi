@@ -1,45 +1,47 @@
-# Dense tables and sorted rows as diagrams; counting, picking, evaluating.
+# Diagrams of dense tables and of sorted rows; counting, picking and evaluating.
 
-cdef struct Dense:
+cdef struct DenseTable:
     const double* values
     const unsigned char* bits
     const int* indices
     int width
 
 
-cdef DdNode* dense(Env* e, Dense* d, long start, int depth) noexcept nogil:
-    """The diagram of the table from entry `start` on, below the first `depth` variables."""
+cdef DdNode* dense_diagram(Env* e, DenseTable* d, long start, int depth) noexcept nogil:
+    """The diagram of the entries from `start` on, below the first `depth` variables."""
     cdef Ref t, u
     if depth == d.width:
         if d.values is NULL:
-            return e.one if d.bits[start] else e.no
-        return number(e, d.values[start])
-    if tick(e):
+            return e.one if d.bits[start] else e.logic_zero
+        return leaf(e, d.values[start])
+    if stop_requested(e):
         return NULL
-    u = dense(e, d, start, depth + 1)
+    u = dense_diagram(e, d, start, depth + 1)
     if u is NULL:
         return NULL
-    take(u)
-    t = dense(e, d, start + (<long>1 << (d.width - depth - 1)), depth + 1)
+    reference(u)
+    t = dense_diagram(e, d, start + (<long>1 << (d.width - depth - 1)), depth + 1)
     if t is NULL:
         Cudd_RecursiveDeref(e.dd, u)
         return NULL
-    take(t)
-    return node(e, d.indices[depth], t, u) if d.bits is NULL else bdd_node(e, d.indices[depth], t, u)
+    reference(t)
+    return mtbdd_node(e, d.indices[depth], t, u) if d.bits is NULL else bdd_node(e, d.indices[depth], t, u)
 
 
 cdef int check_order(Env* e, const int[::1] indices) except -1:
     cdef Py_ssize_t i
     for i in range(indices.shape[0]):
         if not 0 <= indices[i] < e.size or (i and e.perm[indices[i]] <= e.perm[indices[i - 1]]):
-            raise ValueError("the variables must be different and in the manager's order, topmost first")
+            raise ValueError("the variables must be distinct and in the manager's order, topmost first")
     return 0
 
 
 def from_table(Core core not None, const int[::1] indices, const double[::1] values):
-    """The Mtbdd of a dense table; `indices`: variables in level order, the first is the most significant bit."""
+    """The Mtbdd of a dense table; `indices`: variables in level order, the first is the most
+    significant bit.
+    """
     cdef Env* e = core.begin()
-    cdef Dense d
+    cdef DenseTable d
     check_order(e, indices)
     if values.shape[0] != 1 << indices.shape[0]:
         raise ValueError("a table needs 2**k values for k variables")
@@ -47,13 +49,13 @@ def from_table(Core core not None, const int[::1] indices, const double[::1] val
     d.bits = NULL
     d.width = <int>indices.shape[0]
     d.indices = &indices[0] if d.width else NULL
-    return wrap_mtbdd(core, dense(e, &d, 0, 0))
+    return wrap_mtbdd(core, dense_diagram(e, &d, 0, 0))
 
 
 def from_bits(Core core not None, const int[::1] indices, const unsigned char[::1] bits):
     """The Bdd of a dense table of truth values (0, or not)."""
     cdef Env* e = core.begin()
-    cdef Dense d
+    cdef DenseTable d
     check_order(e, indices)
     if bits.shape[0] != 1 << indices.shape[0]:
         raise ValueError("a table needs 2**k values for k variables")
@@ -61,10 +63,10 @@ def from_bits(Core core not None, const int[::1] indices, const unsigned char[::
     d.bits = &bits[0]
     d.width = <int>indices.shape[0]
     d.indices = &indices[0] if d.width else NULL
-    return wrap_bdd(core, dense(e, &d, 0, 0))
+    return wrap_bdd(core, dense_diagram(e, &d, 0, 0))
 
 
-cdef struct Rows:
+cdef struct RowTable:
     const uint64_t* words        # either: a row is a word, the first variable its most significant bit
     const unsigned char* bits    # or: a row is `width` bytes
     const double* values         # NULL: a BDD
@@ -72,21 +74,22 @@ cdef struct Rows:
     int width
 
 
-cdef inline bint bit_of(Rows* r, long row, int depth) noexcept nogil:
+cdef inline bint bit_of(RowTable* r, long row, int depth) noexcept nogil:
     if r.words is not NULL:
         return (r.words[row] >> (r.width - 1 - depth)) & 1
     return r.bits[row * r.width + depth] != 0
 
 
-cdef DdNode* rows_diagram(Env* e, Rows* r, long start, long end, int depth) noexcept nogil:
-    """The diagram of the sorted rows start … end - 1, below the first `depth` variables, on which they agree."""
-    cdef Ref t, u, nothing = e.no if r.values is NULL else e.zero
+cdef DdNode* rows_diagram(Env* e, RowTable* r, long start, long end, int depth) noexcept nogil:
+    """The diagram of the sorted rows start to end - 1, which agree on the first `depth` variables.
+    """
+    cdef Ref t, u, empty = e.logic_zero if r.values is NULL else e.zero
     cdef long a = start, b = end, middle
     if start == end:
-        return nothing
+        return empty
     if depth == r.width:
-        return e.one if r.values is NULL else number(e, r.values[start])
-    if tick(e):
+        return e.one if r.values is NULL else leaf(e, r.values[start])
+    if stop_requested(e):
         return NULL
     if bit_of(r, start, depth):
         b = start
@@ -102,16 +105,16 @@ cdef DdNode* rows_diagram(Env* e, Rows* r, long start, long end, int depth) noex
     u = rows_diagram(e, r, start, b, depth + 1)
     if u is NULL:
         return NULL
-    take(u)
+    reference(u)
     t = rows_diagram(e, r, b, end, depth + 1)
     if t is NULL:
         Cudd_RecursiveDeref(e.dd, u)
         return NULL
-    take(t)
-    return bdd_node(e, r.indices[depth], t, u) if r.values is NULL else node(e, r.indices[depth], t, u)
+    reference(t)
+    return bdd_node(e, r.indices[depth], t, u) if r.values is NULL else mtbdd_node(e, r.indices[depth], t, u)
 
 
-cdef int check_rows(Rows* r, long n) except -1:
+cdef int check_rows(RowTable* r, long n) except -1:
     cdef long i
     cdef int order
     for i in range(n - 1):
@@ -120,25 +123,27 @@ cdef int check_rows(Rows* r, long n) except -1:
         else:
             order = memcmp(r.bits + i * r.width, r.bits + (i + 1) * r.width, r.width)
         if order >= 0:
-            raise ValueError(f"rows {i} and {i + 1} are not in ascending order, or the same")
+            raise ValueError(f"rows {i} and {i + 1} are equal or not in ascending order")
     if r.words is not NULL and n and r.width < 64 and r.words[n - 1] >> r.width:
         raise ValueError("a row has more bits than there are variables")
     return 0
 
 
 def from_rows(Core core not None, const int[::1] indices, rows, values=None):
-    """The set of sorted unique rows as a Bdd, or with `values` (float64[n]) the Mtbdd that has them there and 0 elsewhere.
+    """The set of sorted unique rows as a Bdd, or with `values` (float64[n]) the Mtbdd that has them
+    there and 0 elsewhere.
 
-    `indices`: variables in level order. `rows`: uint64[n], the first variable the most significant bit, or uint8[n, k] of 0/1.
+    `indices`: variables in level order. `rows`: uint64[n], the first variable the most significant
+    bit, or uint8[n, k] of 0/1.
     """
     cdef Env* e = core.begin()
-    cdef Rows r
+    cdef RowTable r
     cdef const uint64_t[::1] words
     cdef const unsigned char[:, ::1] bits
     cdef const double[::1] numbers
     cdef long n = len(rows)
     check_order(e, indices)
-    memset(&r, 0, sizeof(Rows))
+    memset(&r, 0, sizeof(RowTable))
     r.width = <int>indices.shape[0]
     r.indices = &indices[0] if r.width else NULL
     if rows.ndim == 1:
@@ -177,7 +182,9 @@ cdef inline void add_shifted(uint64_t* out, const uint64_t* x, int words, int sh
 
 
 def count(Bdd f not None, Cube cube not None):
-    """Exact number of assignments of the cube's variables in the set, which must depend on no other."""
+    """Exact number of assignments of the cube's variables in the set; ValueError if the set depends
+    on others.
+    """
     cdef Core core = f.core
     cube_of(core, cube)
     level, low, high, roots = export_sets(core, [f])
@@ -189,7 +196,7 @@ def count(Bdd f not None, Cube cube not None):
     position[sorted(map(core.level, cube.indices))] = np.arange(k)
     position[e.size] = k
     if (position[level] < 0).any():
-        raise ValueError("the set depends on variables that are not counted")
+        raise ValueError("the set depends on variables that are not among the counted ones")
     cdef int[::1] at = position
     cdef uint64_t* counts = <uint64_t*>calloc(n * words, sizeof(uint64_t))
     if counts is NULL:
@@ -209,24 +216,26 @@ def count(Bdd f not None, Cube cube not None):
 
 
 def pick(Bdd f not None, const int[::1] indices):
-    """The lexicographically smallest row of `indices` (in level order) in the set, uint8[k]; None if it is empty.
+    """The lexicographically smallest row of `indices` (in level order) in the set, uint8[k]; None
+    if it is empty.
 
-    Variables of the set that are not among `indices` are taken as existentially quantified: they must be below all of these.
+    Variables of the set that are not among `indices` are taken as existentially quantified: they
+    must be below all of these.
     """
     cdef Env* e = f.core.begin()
     cdef Ref n = f.node, t, u
     cdef Py_ssize_t i
     check_order(e, indices)
-    if n is e.no:
+    if n is e.logic_zero:
         return None
     row = np.zeros(indices.shape[0], dtype=np.uint8)
     cdef unsigned char[::1] out = row
     for i in range(indices.shape[0]):
         if level_of(e, n) < e.perm[indices[i]]:
-            raise ValueError("the set depends on variables that are not asked for")
-        split_bdd(e, n, e.perm[indices[i]], &t, &u)
-        out[i] = u is e.no
-        n = t if u is e.no else u
+            raise ValueError("the set depends on variables that are not among the given ones")
+        bdd_cofactors(e, n, e.perm[indices[i]], &t, &u)
+        out[i] = u is e.logic_zero
+        n = t if u is e.logic_zero else u
     return row
 
 

@@ -1,4 +1,4 @@
-"""Types of the compiled module; what each function does is also in its docstring at run time."""
+"""Types of the compiled module, whose docstrings say what each function does."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, SupportsFloat, overload
@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "Bdd",
-    "Closure",
     "Core",
     "Cube",
     "Mtbdd",
     "Renaming",
+    "Saturation",
     "Transition",
     "count",
     "export_nodes",
@@ -24,15 +24,13 @@ __all__ = [
     "import_sets",
     "pick",
     "shared_size",
-    "total",
-    "unite",
 ]
 
 _Ints = NDArray[np.int32]
 _Doubles = NDArray[np.float64]
 
 class Core:
-    """One CUDD manager: what a DiagramManager works with and every handle keeps alive. Variables are numbered here."""
+    """One CUDD manager, kept alive by every handle; variables are numbers here."""
 
     bdd: Any
     max_memory: int | None
@@ -54,7 +52,9 @@ class Core:
     def shuffle(self, order: _Ints) -> None: ...
 
 class Cube:
-    """A set of variables to quantify, sum or count over, prepared once. `indices`: in the order given."""
+    """A set of variables to quantify, sum or count over, prepared once. `indices`: in the order
+    given.
+    """
 
     core: Core
     indices: tuple[int, ...]
@@ -71,11 +71,7 @@ class Renaming:
     def __init__(self, core: Core, pairs: Iterable[tuple[int, int]]) -> None: ...
 
 class Transition:
-    """The touched (row, column) variables of a relation, prepared for images.
-
-    Where each column variable is right below its row variable, quantification and renaming are done in one pass;
-    otherwise in two. Variables that are not touched keep their values: no identity frame is needed.
-    """
+    """The touched (row, column) variables of a relation, prepared for images and preimages."""
 
     core: Core
     pairs: tuple[tuple[int, int], ...]
@@ -88,11 +84,7 @@ class Transition:
         """The predecessors, over row variables, of states over row variables."""
 
 class Bdd:
-    """A set of assignments: immutable, hashable, equal exactly when the sets are.
-
-    `bool(f)` is 'not empty', `<=` is inclusion. Operands may be dd Functions of the same manager. Any operation may
-    raise MemoryLimitError, TimeLimitError or Interrupted, after which everything is still usable.
-    """
+    """A set of assignments."""
 
     core: Core
     def __and__(self, other: Any) -> Bdd: ...
@@ -133,12 +125,8 @@ class Bdd:
     def evaluate(self, bits: ArrayLike) -> Any: ...
     def to_dd(self) -> Any: ...
 
-class Closure:
-    """Relations prepared for closing sets under them, node by node (saturation). `forward`: by images, else by preimages.
-
-    ValueError unless each column variable is right below its row variable. `families` so many at most: of relations as
-    they are for some values of the variables above.
-    """
+class Saturation:
+    """Relations prepared for least fixpoints by saturation."""
 
     core: Core
     relations: tuple[tuple[Bdd, Transition], ...]
@@ -148,29 +136,23 @@ class Closure:
         core: Core,
         relations: Iterable[tuple[Bdd, Transition]],
         forward: bool = True,
-        families: int = 200_000,
+        max_partitions: int = ...,
     ) -> None: ...
     @property
-    def families(self) -> int: ...
+    def partitions(self) -> int: ...
     @property
     def exhausted(self) -> bool: ...
-    def close(
+    def saturate(
         self,
         states: Bdd,
         within: Bdd | None = None,
-        nodes: int | None = None,
+        max_lookups: int | None = None,
         deadline: float | None = None,
-        steps: int | None = None,
-        fresh: bool = False,
+        new_only: bool = False,
     ) -> Bdd | None: ...
 
 class Mtbdd:
-    """A float64 per assignment: immutable, hashable, equal exactly when the functions are.
-
-    Arithmetic is leaf by leaf, with Mtbdds or numbers: + - * / ** % and unary minus. 0 * x and 0 / x are 0 for every x, also
-    infinite or 0 (as sparse matrices need); x / 0 is infinite. An undefined result (infinity - infinity) raises NumericalError.
-    Numbers are never merged or rounded, -0.0 is stored as 0.
-    """
+    """A function from assignments to numbers."""
 
     core: Core
     def __add__(self, other: Mtbdd | SupportsFloat) -> Mtbdd: ...
@@ -218,8 +200,6 @@ class Mtbdd:
     @overload
     def evaluate(self, bits: ArrayLike) -> Any: ...
 
-def unite(core: Core, sets: Iterable[Bdd], conjunction: bool = False) -> Bdd: ...
-def total(core: Core, diagrams: Iterable[Mtbdd]) -> Mtbdd: ...
 def shared_size(core: Core, handles: Sequence[Bdd | Mtbdd]) -> int: ...
 def export_sets(core: Core, sets: Iterable[Bdd]) -> tuple[_Ints, _Ints, _Ints, _Ints]: ...
 def export_nodes(

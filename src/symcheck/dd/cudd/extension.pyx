@@ -1,12 +1,19 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False,
+# language_level=3
 """MTBDDs and fast BDD handles in the CUDD manager of a `dd.cudd.BDD`.
 
-The wheel of dd exports the C functions of CUDD that it links. They are resolved here from the library that is loaded
-already; what it does not link (bridges between BDDs and MTBDDs, the fused product, the fused image) are short recursions
-over CUDD's unique table and cache. Sources: Somenzi, CUDD 3.0 manual; Bahar et al., Algebraic decision diagrams and their
-applications (1997); van Dijk & van de Pol, Sylvan (TACAS 2015).
+The wheel of dd exports the C functions of CUDD that it links. They are resolved here from the
+library that dd has loaded. Operations that it does not link (conversions between BDDs and MTBDDs,
+matrix multiplication, images, saturation) are recursions over CUDD's unique table and computed
+table.
 
-Everything is checked at import: the symbols, the layout of nodes, and how the manager is found. A mismatch is an ImportError.
+The symbols, the layout of nodes and the way to the manager are checked at import. A mismatch is an
+ImportError.
+
+Sources: Bryant (1986), Graph-based algorithms for Boolean function manipulation; Clarke, Fujita,
+McMillan, Yang and Zhao (1993), Spectral transforms for large Boolean functions (MTBDDs); Bahar et
+al. (1997), Algebraic decision diagrams and their applications; Somenzi (2015), CUDD 3.0 manual; van
+Dijk and van de Pol (2015), Sylvan.
 """
 
 cimport cython
@@ -19,11 +26,12 @@ from libc.string cimport memcmp, memcpy, memset
 import numpy as np
 
 from symcheck.dd.cudd_import import REQUIRED_VERSION, cudd
+from symcheck.dd.tuning import MAX_PARTITIONS
 from symcheck.errors import Interrupted, MemoryLimitError, NumericalError, TimeLimitError
 
 __all__ = [
-    "Bdd", "Closure", "Core", "Cube", "Mtbdd", "Renaming", "Transition", "count", "export_nodes", "export_sets", "from_bits", "from_rows",
-    "from_table", "import_nodes", "import_sets", "pick", "shared_size", "total", "unite",
+    "Bdd", "Core", "Cube", "Mtbdd", "Renaming", "Saturation", "Transition", "count", "export_nodes", "export_sets",
+    "from_bits", "from_rows", "from_table", "import_nodes", "import_sets", "pick", "shared_size",
 ]
 
 _TIME = "the time limit was reached while working on decision diagrams: raise it (-timeout, time_limit) or try another engine"

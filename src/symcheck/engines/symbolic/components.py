@@ -153,8 +153,8 @@ class Components:
             odd = part.states.odd
             good = np.ones(found.count, bool)
             for visit in visits:
-                met = found.of[odd.expand(visit.bdd)]
+                met = found.of[odd.to_mask(visit.bdd)]
                 good &= np.bincount(met[met >= 0], minlength=found.count) > 0
             member: Bools = (found.of >= 0) & np.append(good, False)[found.of]
-            accepted.append(odd.collapse(member))
+            accepted.append(odd.from_mask(member))
         return self._set(self._d.union(accepted))

@@ -115,7 +115,7 @@ class Shorter:
         if members.all():
             return self.diagrams.states
         return (
-            self.diagrams.odd.collapse(members[self.place])
+            self.diagrams.odd.from_mask(members[self.place])
             if members.any()
             else self.diagrams.manager.false
         )
@@ -139,7 +139,7 @@ def shorter(
     layout = (
         None
         if d.guards is None
-        else RowLayout.of([kept.expand(guard) for guard in d.guards], kept.count)
+        else RowLayout.of([kept.to_mask(guard) for guard in d.guards], kept.count)
     )
     indptr, indices, data = flatten(
         quad_dag([root.times_bdd(kept.states) for root in d.roots], kept, d.odd, d.columns), layout
@@ -182,9 +182,9 @@ def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: int | None) -
         moves = d.manager.sum([root.times_bdd(forced) for root in d.roots])
         Blocks(quad_dag([moves], d.odd, d.odd, d.columns), BUDGET).columns_of(0, place)
         np.invert(place, out=place)  # -1 - successor
-    place[d.odd.expand(d.states - forced - kept.states - right)] = n + 1
-    place[d.odd.expand(right)] = n
-    place[d.odd.expand(kept.states)] = np.arange(n, dtype=np.int32)
+    place[d.odd.to_mask(d.states - forced - kept.states - right)] = n + 1
+    place[d.odd.to_mask(right)] = n
+    place[d.odd.to_mask(kept.states)] = np.arange(n, dtype=np.int32)
     if reward is not None:
         steps = [
             f.times_bdd(guard & forced)
@@ -360,7 +360,7 @@ def _pieces(ways: Ways, values: ArrayValues, states: Bdd) -> tuple[Piece, ...]:
     odd = d.odd if whole else Odd(d.manager, states, d.rows)
     if not odd.count:
         return ()
-    places = slice(None) if whole else odd.places(d.odd)
+    places = slice(None) if whole else odd.indices_in(d.odd)
     place = ways.place[places]
     low, high = values.lower[place], values.upper[place]
     computed = None if values.computed is None else values.computed[place]

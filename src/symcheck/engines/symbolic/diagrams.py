@@ -11,7 +11,15 @@ from symcheck.dd.odd import Odd
 from symcheck.symbolic.model import Step
 
 if TYPE_CHECKING:
-    from symcheck.dd.manager import Bdd, Closure, Cube, DiagramManager, Mtbdd, Renaming, Transition
+    from symcheck.dd.manager import (
+        Bdd,
+        Cube,
+        DiagramManager,
+        Mtbdd,
+        Renaming,
+        Saturation,
+        Transition,
+    )
     from symcheck.symbolic.model import Transitions
 
 __all__ = ["Diagrams", "Step", "diagrams_of"]
@@ -103,15 +111,15 @@ class Diagrams:
         return sum(self.manager.count(guard, self.row_cube) for guard in self.slot_guards)
 
     @cached_property
-    def _closures(self) -> dict[bool, Closure]:
+    def _saturations(self) -> dict[bool, Saturation]:
         return {}
 
-    def closure(self, forward: bool) -> Closure:
+    def saturation(self, forward: bool) -> Saturation:
         """All steps, prepared for closing sets under them."""
-        if forward not in self._closures:
+        if forward not in self._saturations:
             relations = [(step.relation, step.transition) for step in self.steps]
-            self._closures[forward] = self.manager.closure(relations, forward=forward)
-        return self._closures[forward]
+            self._saturations[forward] = self.manager.saturation(relations, forward=forward)
+        return self._saturations[forward]
 
     def union(self, sets: Sequence[Bdd]) -> Bdd:
         """Union of sets."""

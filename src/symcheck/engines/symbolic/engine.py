@@ -138,11 +138,11 @@ class SymbolicEngine:
 
     def from_bools(self, members: Bools) -> SymbolicSet:
         """The states at which the array (in index order) is True."""
-        return self._set(self.diagrams.odd.collapse(np.asarray(members, bool)))
+        return self._set(self.diagrams.odd.from_mask(np.asarray(members, bool)))
 
     def to_bools(self, states: SymbolicSet) -> Bools:
         """Membership of each state, in index order."""
-        return self.diagrams.odd.expand(states.bdd)
+        return self.diagrams.odd.to_mask(states.bdd)
 
     def lowest(self, states: Bdd) -> Bdd:
         """The state of the lowest number of a set that is not empty, as a set."""

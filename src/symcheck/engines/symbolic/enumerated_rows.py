@@ -72,8 +72,8 @@ def listed(space: StateSpace, options: BuildSettings, name: str) -> ListedEngine
         stored_states(source),
         matrix,
         np.full(matrix.rows, -1, np.int32),
-        np.flatnonzero(odd.expand(space.initial)),
-        np.flatnonzero(odd.expand(space.deadlocks)),
+        np.flatnonzero(odd.to_mask(space.initial)),
+        np.flatnonzero(odd.to_mask(space.deadlocks)),
         [odd.to_vector(source.diagrams.state_rewards[i]) for i in range(len(model.rewards))],
         [
             odd.to_vector(source.diagrams.transition_rewards[i][0])

@@ -123,7 +123,7 @@ class SymbolicGraph:
             except TooSlowError:
                 pass
         if self._affordable:
-            return self._set(self._d.odd.collapse(on_rows(self._rows)))
+            return self._set(self._d.odd.from_mask(on_rows(self._rows)))
         kind, left, right, direction = question
         parts = self._shorter(left, right)
         if parts is None:

@@ -198,5 +198,5 @@ class _States(StateTable):
             weights = np.zeros(len(odd.rows), np.int64)
             for place, bit in enumerate(reversed(variable.rows)):
                 weights[odd.rows.index(bit)] = 1 << place
-            columns.append(odd.weigh(weights, variable.low))
+            columns.append(odd.weighted_sums(weights, variable.low))
         return self.layout.pack(columns)

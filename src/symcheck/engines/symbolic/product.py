@@ -106,7 +106,7 @@ class SymbolicProduct:
             if piece.odd is None:
                 pieces.append(Piece(states, piece.values, None))
             else:  # the bits on top are the same in all pairs, so that the base states come in the same order
-                places = Odd(base.manager, pairs, self.engine.diagrams.rows).places(piece.odd)
+                places = Odd(base.manager, pairs, self.engine.diagrams.rows).indices_in(piece.odd)
                 pieces.append(
                     Piece(
                         states, picked(piece.values, places), Odd(base.manager, states, base.rows)

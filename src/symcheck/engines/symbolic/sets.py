@@ -121,7 +121,7 @@ class Piece:
             )
         if states == self.states:
             return v
-        return picked(v, odd.places(self.odd))
+        return picked(v, odd.indices_in(self.odd))
 
 
 def picked(values: ArrayValues, places: Int64s) -> ArrayValues:
@@ -192,7 +192,7 @@ class SymbolicValues:
         """Lower and upper values over the set, in index order."""
         low, high = np.empty(states.odd.count), np.empty(states.odd.count)
         for common, values in self._parts(states):
-            where = slice(None) if common == states.bdd else states.odd.expand(common)
+            where = slice(None) if common == states.bdd else states.odd.to_mask(common)
             low[where] = values.lower
             high[where] = values.upper
         return low, low if self.exact else high
@@ -235,7 +235,7 @@ class SymbolicValues:
 
     def _states(self, piece: Piece, members: ArraySet) -> Bdd:
         if piece.odd is not None:
-            return piece.odd.collapse(members.members)
+            return piece.odd.from_mask(members.members)
         return piece.states if members else self.diagrams.manager.false
 
     def map(self, operator: str, *others: SymbolicValues | float) -> SymbolicValues:

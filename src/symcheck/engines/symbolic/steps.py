@@ -8,7 +8,7 @@ from functools import cached_property
 from time import perf_counter
 
 from symcheck.dd.manager import Bdd
-from symcheck.dd.saturation import close
+from symcheck.dd.saturation import saturate
 from symcheck.engines.symbolic.diagrams import Diagrams
 
 __all__ = ["Steps", "TooSlowError", "check"]
@@ -57,7 +57,7 @@ class Steps:
         if not start or within <= start:  # nothing to begin with, or nothing to add
             return start
         if self.observer is None:
-            closed = close(self.diagrams.closure(forward), start, within, deadline)
+            closed = saturate(self.diagrams.saturation(forward), start, within, deadline)
             if closed is not None:
                 return closed
             check(deadline)

@@ -77,7 +77,7 @@ class SymbolicSystem:
         """Rows of each state and slot of each row; None where each state has one row."""
         if self._d.guards is None:
             return None
-        return RowLayout.of([self.odd.expand(guard) for guard in self._d.guards], self.n)
+        return RowLayout.of([self.odd.to_mask(guard) for guard in self._d.guards], self.n)
 
     @property
     def groups(self) -> Int64s | None:
@@ -98,7 +98,7 @@ class SymbolicSystem:
         for slot, (present, rows) in enumerate(self.layout.each()):
             for (of, action), states in self._d.actions.items():
                 if of == slot and action is not None:
-                    out[rows[self.odd.expand(states)[present]]] = numbers[action]
+                    out[rows[self.odd.to_mask(states)[present]]] = numbers[action]
         return out
 
     @cached_property
@@ -192,7 +192,7 @@ class SymbolicSystem:
     def restrict(self, values: SymbolicValues | SymbolicSet) -> Floats:
         """A lower value (or 0/1 membership) per state of the system."""
         if isinstance(values, SymbolicSet):
-            return self.odd.expand(values.bdd).astype(np.float64)
+            return self.odd.to_mask(values.bdd).astype(np.float64)
         return values.at(self.states)[0]
 
     def lift(

@@ -48,7 +48,7 @@ def listed_rows(space: StateSpace) -> SparseMatrix | None:
     lister = _Lister(space)
     parts = [lister.chunk(start) for start in range(0, space.odd.count, _CHUNK)]
     loops = (
-        np.flatnonzero(space.odd.expand(space.deadlocks))
+        np.flatnonzero(space.odd.to_mask(space.deadlocks))
         if space.deadlocks
         else np.empty(0, np.int64)
     )

@@ -30,7 +30,7 @@ from symcheck.symbolic.events.encode_events import assemble
 from symcheck.symbolic.model import SymbolicModel
 from symcheck.symbolic.ordering.order import FORCE, variable_order
 from symcheck.symbolic.reachability.clock_search import advance, begin, clocks
-from symcheck.symbolic.reachability.search import closure, learns
+from symcheck.symbolic.reachability.search import learns, prepare_saturation
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager
@@ -178,7 +178,7 @@ def _sample(
 def _all_states(symbolic: SymbolicModel, steps: int) -> Bdd | None:
     """The reachable states, by saturation and then by ticks; None where both take more than so many look-ups."""
     try:
-        states = closure(symbolic).close(symbolic.initial, steps=steps)
+        states = prepare_saturation(symbolic).saturate(symbolic.initial, max_lookups=steps)
         if states is not None or not clocks(symbolic):
             return states
         end = _lookups(symbolic) + steps

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from symcheck.symbolic.model import Relation, SymbolicModel
 
 if TYPE_CHECKING:
-    from symcheck.dd.manager import Bdd, Closure
+    from symcheck.dd.manager import Bdd, Saturation
 
 __all__ = ["BUDGETS", "PROBE", "Front", "Turn", "advance", "begin", "clocks", "turns"]
 
@@ -43,7 +43,7 @@ class Front:
     """A search on its way. states: found, and closed under `local`. frontier: the last of them. news: what ticks made of these."""
 
     clocks: tuple[Relation, ...]
-    local: Closure
+    local: Saturation
     states: Bdd
     frontier: Bdd
     news: Bdd
@@ -74,7 +74,7 @@ def clocks(symbolic: SymbolicModel) -> tuple[Relation, ...]:
 def begin(symbolic: SymbolicModel) -> Front:
     """Before the first tick."""
     manager, ticking = symbolic.manager, clocks(symbolic)
-    local = manager.closure(
+    local = manager.saturation(
         [(r.relation, r.transition) for r in symbolic.relations if r not in ticking]
     )
     return Front(ticking, local, manager.false, manager.false, symbolic.initial)
@@ -82,7 +82,7 @@ def begin(symbolic: SymbolicModel) -> Front:
 
 def advance(symbolic: SymbolicModel, front: Front, steps: int | None = None) -> Front | None:
     """Close what is new under the local relations, and let the clocks tick once. None: it takes more than so many `steps`."""
-    closed = front.local.close(front.news, steps=steps)
+    closed = front.local.saturate(front.news, max_lookups=steps)
     if closed is None:
         return None
     frontier = closed - front.states
@@ -92,7 +92,7 @@ def advance(symbolic: SymbolicModel, front: Front, steps: int | None = None) -> 
 
 
 def turns(
-    symbolic: SymbolicModel, whole: Closure, budgets: Iterable[tuple[int, int]] = BUDGETS
+    symbolic: SymbolicModel, whole: Saturation, budgets: Iterable[tuple[int, int]] = BUDGETS
 ) -> Iterator[Turn]:
     """Saturation by `whole` (all relations) and ticks in turn, each pair of turns for so many look-ups (and on: the last, doubled).
 
@@ -100,7 +100,7 @@ def turns(
     """
     front, known = begin(symbolic), symbolic.initial
     for saturated, ticked in _doubling(budgets):
-        states = whole.close(symbolic.initial, steps=saturated)
+        states = whole.saturate(symbolic.initial, max_lookups=saturated)
         if states is not None:
             yield Turn(states, states - known, "saturation", complete=True)
             return

@@ -6,7 +6,7 @@ Schedules (`schedule` of `search`):
 - `chaining`: each relation in turn is applied to all states found so far, so one sweep does the work of many steps
   (Roig, Cortadella & Pastor 1995). Few sweeps, but each image is of a larger set.
 - `saturation`: node by node: the set under a node is closed under what does not change the variables above it, before
-  anything above is applied again (Ciardo, Lüttgen & Siminiscalco 2001; see `DiagramManager.closure`). One step, best nearly
+  anything above is applied again (Ciardo, Lüttgen & Siminiscalco 2001; see `DiagramManager.saturation`). One step, best nearly
   always.
 - `ticks`: where a clock changes nearly every variable. What a tick finds is closed under all else by saturation (`symbolic/reachability/clock_search.py`).
 - `turns`: saturation and ticks in turn, until one of them ends.
@@ -27,7 +27,7 @@ from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, Symboli
 from symcheck.symbolic.reachability.clock_search import advance, begin, clocks, turns
 
 if TYPE_CHECKING:
-    from symcheck.dd.manager import Bdd, Closure
+    from symcheck.dd.manager import Bdd, Saturation
 
 __all__ = ["SCHEDULES", "Found", "reach", "search"]
 
@@ -171,10 +171,10 @@ def _by_chaining(symbolic: SymbolicModel) -> Progress:
 
 
 def _by_saturation(symbolic: SymbolicModel) -> Progress:
-    from symcheck.dd.saturation import close
+    from symcheck.dd.saturation import saturate
 
     yield symbolic, symbolic.initial, symbolic.initial, "saturation"
-    states = close(closure(symbolic), symbolic.initial)
+    states = saturate(prepare_saturation(symbolic), symbolic.initial)
     if states is None:
         yield from _by_chaining(symbolic)
     else:
@@ -196,16 +196,16 @@ def _by_ticks(symbolic: SymbolicModel) -> Progress:
 def _by_turns(symbolic: SymbolicModel) -> Progress:
     yield symbolic, symbolic.initial, symbolic.initial, "saturation"
     found = False
-    for step in turns(symbolic, closure(symbolic)):
+    for step in turns(symbolic, prepare_saturation(symbolic)):
         found = step.complete
         yield symbolic, step.states, step.frontier, step.schedule
     if not found:
         yield from _by_chaining(symbolic)
 
 
-def closure(symbolic: SymbolicModel, *, forward: bool = True) -> Closure:
+def prepare_saturation(symbolic: SymbolicModel, *, forward: bool = True) -> Saturation:
     """All relations of a model, prepared for closing sets under them."""
-    return symbolic.manager.closure(
+    return symbolic.manager.saturation(
         [(r.relation, r.transition) for r in symbolic.relations], forward=forward
     )
 

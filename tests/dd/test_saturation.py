@@ -1,4 +1,4 @@
-"""Closing sets under relations node by node gives what images, repeated until nothing is new, give."""
+"""Saturation computes the least fixpoint that repeated images compute."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symcheck.dd import saturation
-from symcheck.dd.manager import Bdd, Closure, DiagramManager, Transition
-from symcheck.dd.saturation import close
+from symcheck.dd import tuning
+from symcheck.dd.manager import Bdd, DiagramManager, Saturation, Transition
+from symcheck.dd.saturation import saturate
 from symcheck.errors import TimeLimitError
 
 BITS = 5
@@ -44,7 +44,7 @@ def relation_of(manager: DiagramManager, touched: list[int], seed: int) -> tuple
 def repeated(
     relations: list[tuple[Bdd, Transition]], states: Bdd, within: Bdd, forward: bool
 ) -> Bdd:
-    """The same by definition."""
+    """The least fixpoint by its definition."""
     while True:
         before = states
         for relation, transition in relations:
@@ -71,54 +71,57 @@ def counter(bits: int) -> tuple[DiagramManager, Bdd, tuple[Bdd, Transition]]:
 @given(
     st.lists(st.tuples(touched_bits, seeds), max_size=4), seeds, seeds, st.booleans(), st.booleans()
 )
-def test_closing_is_repeating(kinds, start, border, bounded, forward):
+def test_saturation_is_the_least_fixpoint(kinds, start, border, bounded, forward):
     manager = manager_of_pairs()
     relations = [relation_of(manager, touched, seed) for touched, seed in kinds]
     states = sparse_set(manager, ROWS, start, 0.1)
     within = sparse_set(manager, ROWS, border, 0.6) if bounded else manager.true
-    closure = manager.closure(relations, forward=forward)
+    saturation = manager.saturation(relations, forward=forward)
     expected = repeated(relations, states, within, forward)
-    assert closure.close(states, within) == expected
-    assert closure.close(expected, within) == expected
-    assert manager.closure(relations, forward=forward).close(states, within, fresh=True) == expected
+    assert saturation.saturate(states, within) == expected
+    assert saturation.saturate(expected, within) == expected
+    assert (
+        manager.saturation(relations, forward=forward).saturate(states, within, new_only=True)
+        == expected
+    )
     manager.core.check()
 
 
-def test_what_was_closed_before_helps_and_does_not_disturb():
+def test_earlier_results_do_not_change_later_ones():
     manager = manager_of_pairs()
     relations = [relation_of(manager, [0, 3], 1), relation_of(manager, [2], 2)]
-    closure = manager.closure(relations)
+    saturation = manager.saturation(relations)
     for seed in range(20):
         states, within = (
             sparse_set(manager, ROWS, seed, 0.05),
             sparse_set(manager, ROWS, seed + 100, 0.7),
         )
-        assert closure.close(states) == repeated(relations, states, manager.true, True)
-        assert closure.close(states, within) == repeated(relations, states, within, True)
+        assert saturation.saturate(states) == repeated(relations, states, manager.true, True)
+        assert saturation.saturate(states, within) == repeated(relations, states, within, True)
         manager.collect()
 
 
-def test_a_counter_of_many_bits_needs_few_families():
+def test_a_counter_of_many_bits_needs_few_partitions():
     manager, zero, relation = counter(200)
-    closure = manager.closure([relation])
-    assert closure.close(zero).is_true
-    assert closure.families <= 201
-    backward = manager.closure([relation], forward=False)
+    saturation = manager.saturation([relation])
+    assert saturation.saturate(zero).is_true
+    assert saturation.partitions <= 201
+    backward = manager.saturation([relation], forward=False)
     last = manager.conjunction([manager.variable(f"b{i}") for i in range(200)])
-    assert backward.close(last).is_true
+    assert backward.saturate(last).is_true
 
 
-def test_another_order_of_the_variables_is_noticed():
+def test_reordering_is_noticed():
     manager = manager_of_pairs()
     relations = [relation_of(manager, [1, 4], 7), relation_of(manager, [0, 2], 8)]
     states = sparse_set(manager, ROWS, 3, 0.1)
-    closure = manager.closure(relations)
-    before = closure.close(states)
+    saturation = manager.saturation(relations)
+    before = saturation.saturate(states)
     manager.reorder(
         [name for pair in zip(reversed(ROWS), reversed(COLUMNS), strict=True) for name in pair]
     )
-    assert closure.close(states) == before
-    assert closure.close(before) == before
+    assert saturation.saturate(states) == before
+    assert saturation.saturate(before) == before
 
 
 def far_pairs(n: int) -> tuple[DiagramManager, Bdd, list[tuple[Bdd, Transition]]]:
@@ -135,64 +138,67 @@ def far_pairs(n: int) -> tuple[DiagramManager, Bdd, list[tuple[Bdd, Transition]]
     return manager, manager.conjunction([~manager.variable(row) for row in rows]), relations
 
 
-def test_giving_up_is_not_an_error():
+def test_a_limit_gives_none():
     manager, nothing, relations = far_pairs(20)
-    closure = manager.closure(relations)
-    assert closure.close(nothing, nodes=20_000) is None
-    assert closure.close(nothing, deadline=time.monotonic() - 1) is None
-    assert closure.close(nothing, steps=5000) is None
-    few = Closure(manager.core, relations, families=3)
-    assert few.close(nothing) is None
+    saturation = manager.saturation(relations)
+    assert saturation.saturate(nothing, deadline=time.monotonic() - 1) is None
+    assert saturation.saturate(nothing, max_lookups=5000) is None
+    few = Saturation(manager.core, relations, max_partitions=3)
+    assert few.saturate(nothing) is None
     assert few.exhausted
-    assert close(few, nothing) is None
+    assert saturate(few, nothing) is None
     manager.core.check()
     manager.limit_time(0)
     with pytest.raises(TimeLimitError):
-        closure.close(nothing)
+        saturation.saturate(nothing)
     manager.limit_time(None)
-    assert manager.closure(relations[:3]).close(nothing) == repeated(
+    assert manager.saturation(relations[:3]).saturate(nothing) == repeated(
         relations[:3], nothing, manager.true, True
     )
 
 
-def test_two_ways_take_turns(monkeypatch):
-    monkeypatch.setattr(saturation, "FIRST", {True: 2000})
+def test_the_two_modes_take_turns(monkeypatch):
+    monkeypatch.setattr(tuning, "FIRST_LOOKUPS", {True: 2000})
     manager, nothing, relations = far_pairs(12)
     turns = []
 
     class Watched:
         exhausted, forward = False, True
 
-        def close(self, states, within, **limits):
-            turns.append((limits["steps"], limits["fresh"]))
-            return closure.close(states, within, **limits)
+        def saturate(self, states, within, **limits):
+            turns.append((limits["max_lookups"], limits["new_only"]))
+            return saturation.saturate(states, within, **limits)
 
-    closure = manager.closure(relations)
-    assert close(Watched(), nothing) == repeated(relations, nothing, manager.true, True)
+    saturation = manager.saturation(relations)
+    assert saturate(Watched(), nothing) == repeated(relations, nothing, manager.true, True)
     assert len(turns) > 2
     assert turns[:3] == [(2000, False), (2000, True), (4000, False)]
 
 
 def test_a_deadline_ends_the_turns(monkeypatch):
-    monkeypatch.setattr(saturation, "FIRST", {True: 2000})
+    monkeypatch.setattr(tuning, "FIRST_LOOKUPS", {True: 2000})
     manager, nothing, relations = far_pairs(12)
-    closure = manager.closure(relations)
+    saturation = manager.saturation(relations)
 
     class Slow:
         exhausted, forward = False, True
 
-        def close(self, states, within, **limits):
-            return closure.close(states, within, **limits) if limits["steps"] < 2000 else None
+        def saturate(self, states, within, **limits):
+            return (
+                saturation.saturate(states, within, **limits)
+                if limits["max_lookups"] < 2000
+                else None
+            )
 
-    assert close(Slow(), nothing, deadline=time.monotonic() - 1) is None
+    assert saturate(Slow(), nothing, deadline=time.monotonic() - 1) is None
 
 
 def test_columns_must_follow_their_rows():
     manager = DiagramManager()
     manager.add_variables(["a", "b", "a'", "b'"])
-    with pytest.raises(ValueError, match="right below"):
-        manager.closure([(manager.true, manager.transition(["a"], ["a'"]))])
+    with pytest.raises(ValueError, match="directly below"):
+        manager.saturation([(manager.true, manager.transition(["a"], ["a'"]))])
     with pytest.raises(ValueError, match="another manager"):
-        manager.closure([(DiagramManager().true, manager.transition([], []))])
+        manager.saturation([(DiagramManager().true, manager.transition([], []))])
     with pytest.raises(ValueError, match="different managers"):
-        manager.closure([]).close(DiagramManager().true)
+        manager.saturation([]).saturate(DiagramManager().true)

@@ -1,0 +1,66 @@
+"""Tables and rows over variables in any order, permuted into the order of the manager's levels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.dd.cudd.extension import Core
+
+__all__ = ["rows_in_level_order", "table_in_level_order"]
+
+
+def _permutation(
+    core: Core, indices: tuple[int, ...]
+) -> tuple[NDArray[np.int32], list[int] | None]:
+    """The variables by level, and the former position of each (None: they were in order)."""
+    permutation = sorted(range(len(indices)), key=lambda i: core.level(indices[i]))
+    order = np.array([indices[i] for i in permutation], dtype=np.int32)
+    return order, None if permutation == list(range(len(indices))) else permutation
+
+
+def table_in_level_order(
+    core: Core, indices: tuple[int, ...], values: NDArray[Any]
+) -> tuple[NDArray[np.int32], NDArray[Any]]:
+    """The variables in level order, and the table of 2**k values over them. Raises ValueError for a
+    wrong length.
+    """
+    if values.shape != (1 << len(indices),):
+        raise ValueError(
+            f"a table over {len(indices)} variables needs {1 << len(indices)} values, "
+            f"not {values.shape}"
+        )
+    order, permutation = _permutation(core, indices)
+    if permutation is not None:
+        values = values.reshape((2,) * len(indices)).transpose(permutation).reshape(-1)
+    return order, np.ascontiguousarray(values)
+
+
+def rows_in_level_order(
+    core: Core, indices: tuple[int, ...], rows: NDArray[Any]
+) -> tuple[NDArray[np.int32], NDArray[Any], NDArray[np.int64] | None]:
+    """The variables in level order, the rows over them in ascending order, and the former index of
+    each row.
+
+    rows: uint64[n] or uint8[n, k], as in `DiagramManager.bdd_from_rows`. The former indices are
+    None where rows stayed.
+    """
+    order, permutation = _permutation(core, indices)
+    k = len(indices)
+    if rows.ndim == 1:
+        words = np.ascontiguousarray(rows, dtype=np.uint64)
+        if permutation is None:
+            return order, words, None
+        moved = np.zeros_like(words)
+        for new, old in enumerate(permutation):
+            moved |= (words >> np.uint64(k - 1 - old) & np.uint64(1)) << np.uint64(k - 1 - new)
+    else:
+        bits = np.ascontiguousarray(rows, dtype=np.uint8)
+        if permutation is None:
+            return order, bits, None
+        moved = np.ascontiguousarray(bits[:, permutation])
+    keys = moved if moved.ndim == 1 else np.packbits(moved, axis=1).view(f"S{(k + 7) // 8}")[:, 0]
+    sorting = np.argsort(keys, kind="stable")
+    return order, np.ascontiguousarray(moved[sorting]), sorting

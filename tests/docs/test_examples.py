@@ -1,0 +1,22 @@
+"""The examples in docstrings run and print what they show."""
+
+from __future__ import annotations
+
+import doctest
+from importlib import import_module
+
+import pytest
+
+MODULES = ("symcheck.dd.cudd.extension", "symcheck.dd.manager")
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_examples_run(name: str) -> None:
+    module = import_module(name)
+    examples = [t for t in doctest.DocTestFinder(exclude_empty=True).find(module) if t.examples]
+    assert examples
+    output: list[str] = []
+    runner = doctest.DocTestRunner(verbose=False)
+    for example in examples:
+        runner.run(example, out=output.append)
+    assert runner.summarize(verbose=False).failed == 0, "".join(output)
