@@ -1,25 +1,35 @@
 """The façade: `symcheck.load("die.pm").check("P=? [ F d=6 ]")`.
 
-Everything it does is a call of a stage's own function; `Model` only keeps the values between them, each made on first use.
+Every step from text to result is a function of another package; `Model` calls them in order and keeps the values between
+them, each made when it is first used. The command line and sweeps use the same methods.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar, Unpack
 
 from symcheck.check.checker import check
-from symcheck.check.property_instance import Question, lumped, reduced
+from symcheck.check.property_instance import (
+    PropertyInstance,
+    property_instances,
+    reduced,
+    shared_quotient,
+)
 from symcheck.check.result import Result
+from symcheck.constant_values import ConstantValue, GivenConstants, constant_values
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
 from symcheck.errors import UsageError
-from symcheck.options import Options
+from symcheck.numerics.linear.problem import Observer as IterationObserver
+from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.binding.bind import BoundProperties, BoundProperty, bind, bind_properties
-from symcheck.semantics.model import BoundModel, Value
+from symcheck.semantics.expressions.literals import as_expression
+from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import (
@@ -30,32 +40,60 @@ from symcheck.syntax.parse import (
 )
 
 if TYPE_CHECKING:
+    from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.check.state_distributions import Distribution
+    from symcheck.matrices.rows import Floats
+    from symcheck.semantics.reduction.reset_dead_variables import Reduction
     from symcheck.simulate.path import Path as RandomPath
+    from symcheck.simulate.statistics import Method, Plan
 
-__all__ = ["Model", "load", "loads"]
+__all__ = ["Model", "ReducedModel", "load", "loads", "takes_options"]
 
-Given = Mapping[str, Value | str]
+F = TypeVar("F", bound=Callable[..., object])
+Observer = Callable[[object], None]
+
+
+def takes_options(function: F) -> F:
+    """A decorator: `help` and completion show the options among the keyword parameters of a function."""
+    own = signature(function)
+    kept = [p for p in own.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    options = [
+        Parameter(f.name, Parameter.KEYWORD_ONLY, default=f.default, annotation=f.type)
+        for f in fields(Options)
+    ]
+    function.__signature__ = own.replace(parameters=[*kept, *options])  # type: ignore[attr-defined]
+    return function
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
-    """A model text with the constants and options it is checked with.
+    """A model with the constants and options that it is checked with.
 
-    program, bound and engine are the stages of the path from text to result; each is made when it is first asked for.
-    With the option `reduce`, properties are checked on a smaller model, which is made for each check (or check_all) anew;
-    `engine` is that of the whole model.
+    `bound` and `engine` are the stages of the path from text to result; each is made when it is first used. With the option
+    `reduce`, properties are checked on a smaller model, made for each `check` (or `check_all`); `engine` is that of the
+    whole model.
+
+    Args:
+        program: the parsed text.
+        constants: one value for each constant that the text leaves open.
+        options: how the model is built and checked.
+        type: read the model as this type, whatever its keyword says.
+        observer: is told of the progress of building, and of the choice of an engine.
     """
 
     program: Program
-    constants: Given
+    constants: GivenConstants
     options: Options
     type: ModelType | None = None
+    observer: Observer | None = None
 
     def __repr__(self) -> str:
-        given = ", ".join(f"{n}={v}" for n, v in self.constants.items())
+        given = "".join(f", {n}={v}" for n, v in self.constants.items())
         kind = self.type or self.program.type or ModelType.MDP
-        return f"<Model: {kind.value}, modules {' '.join(m.name for m in self.program.modules)}{', ' + given if given else ''}>"
+        modules = " ".join(m.name for m in self.program.modules)
+        return f"<Model: {kind.value}, modules {modules}{given}>"
+
+    # ------------------------------------------------------------------------- stages
 
     @cached_property
     def bound(self) -> BoundModel:
@@ -65,28 +103,94 @@ class Model:
     @cached_property
     def engine(self) -> Engine:
         """The built model: reachable states and matrix. Raises ModelFault, UnsupportedError, ResourceError."""
-        return registry.build(self.bound, self.options)
+        return registry.build(self.bound, self.options, self.observer)
 
-    def with_options(self, **changes: Any) -> Model:
-        """The same model, to be built and checked otherwise."""
-        changed = replace(self.options, **_arithmetic(changes))
-        return Model(self.program, self.constants, changed, self.type)
+    # ----------------------------------------------------------------------- variants
 
-    def check(self, formula: str, constants: Given | None = None) -> Result:
-        """Check one property, such as `P=? [ F "done" ]`. Raises SymcheckError."""
-        file = parse_properties(formula)
-        if len(file.properties) != 1:
-            raise UsageError(
-                f"one property is wanted here, not {len(file.properties)}; check_all takes several"
+    @takes_options
+    def with_options(self, **options: Unpack[OptionValues]) -> Model:
+        """The same model with other options. Raises UsageError."""
+        return replace(self, options=make_options(options, self.options))
+
+    def with_constants(self, constants: GivenConstants | str) -> Model:
+        """The same model with other values of its constants. Raises UsageError."""
+        return replace(self, constants=constant_values(constants))
+
+    def with_observer(self, observer: Observer | None) -> Model:
+        """The same model, which tells the observer of the progress of building."""
+        return replace(self, observer=observer)
+
+    def reduced_for(
+        self, instances: Sequence[PropertyInstance], *, keep_steps: bool = False
+    ) -> Model:
+        """The model on which properties are checked: with the option `reduce`, one with dead variables reset.
+
+        Under fairness it is the model itself, because which strategies are fair depends on the states.
+
+        Args:
+            instances: the properties.
+            keep_steps: preserve the number of steps of each path even if no property counts steps.
+        """
+        if not self.options.reduce or self.options.fairness:
+            return self
+        asked = tuple((p.file, p.index, *p.constants.items(), keep_steps) for p in instances)
+        if asked not in self._reduced_models:
+            self._reduced_models.clear()
+            reduction = reduced(self.bound, instances, keep_steps=keep_steps)
+            self._reduced_models[asked] = ReducedModel(
+                self.program, self.constants, self.options, self.type, self.observer, reduction
             )
-        return next(self._answers(file, constants))[1]
+        return self._reduced_models[asked]
+
+    @cached_property
+    def _reduced_models(self) -> dict[tuple[object, ...], Model]:
+        """The last reduced model, by the properties that it was reduced for."""
+        return {}
+
+    def instantiated(self) -> Program:
+        """The text of the model with the values of all constants. Raises InputError."""
+        values = self.bound.constants
+        constants = tuple(
+            replace(c, value=as_expression(values[c.name], c.type, c.span))
+            for c in self.program.constants
+        )
+        return replace(self.program, constants=constants)
+
+    # ---------------------------------------------------------------------- properties
+
+    def check(
+        self,
+        formula: str,
+        constants: GivenConstants | str | None = None,
+        *,
+        observer: IterationObserver | None = None,
+    ) -> Result:
+        """Check one property.
+
+        Args:
+            formula: text in PRISM's property language.
+            constants: one value for each constant that the text declares and leaves open.
+            observer: is told of each iteration of a numerical method, and may raise to end it.
+
+        Raises:
+            SymcheckError: the text is faulty, the property is not supported, or a limit was reached.
+
+        Example:
+            >>> import symcheck
+            >>> model = symcheck.loads("dtmc module m x : [0..1]; [] x=0 -> (x'=1); endmodule")
+            >>> model.check("P=? [ F x=1 ]").value
+            1.0
+        """
+        return next(self._check_all(_single_property(formula), constants, observer))[1]
 
     def check_all(
-        self, properties: str | Path | PropertiesFile, constants: Given | None = None
+        self,
+        properties: str | Path | PropertiesFile,
+        constants: GivenConstants | str | None = None,
     ) -> Iterator[tuple[BoundProperty, Result]]:
-        """Check the properties of a file (a Path), of a text, or parsed already, one after the other.
+        """Check the properties of a file (a Path), of a text, or of a parsed file, one after the other.
 
-        With the option `bisim`, one quotient serves all of them where that is a gain.
+        With the option `bisim`, one quotient serves all of them if it is small enough.
         """
         match properties:
             case PropertiesFile():
@@ -95,26 +199,102 @@ class Model:
                 file = parse_properties_file(properties)
             case str():
                 file = parse_properties(properties)
-        yield from self._answers(file, constants)
+        yield from self._check_all(file, constants, None)
 
-    def properties(self, file: PropertiesFile, constants: Given | None = None) -> BoundProperties:
-        """Properties bound to this model."""
-        return bind_properties(file, self.bound, constants)
+    def _check_all(
+        self,
+        file: PropertiesFile,
+        constants: GivenConstants | str | None,
+        observer: IterationObserver | None,
+    ) -> Iterator[tuple[BoundProperty, Result]]:
+        given = constant_values(constants)
+        instances = self.instances(file, {n: (v,) for n, v in given.items()})
+        for instance in instances:
+            instance.bind(self.bound)  # faults of the text are reported before anything is built
+        model = self.reduced_for(instances)
+        shared = model.shared_quotient(instances)
+        for instance in instances:
+            bound, _ = instance.bind(model.bound)
+            yield bound, model.check_instance(instance, shared=shared, observer=observer)
 
-    def transient(self, time: float) -> Distribution:
-        """The distribution over the states after some time, or steps of a DTMC; initial states have equal probabilities.
+    def properties(
+        self, file: PropertiesFile, constants: GivenConstants | str | None = None
+    ) -> BoundProperties:
+        """Properties bound to this model. Raises InputError."""
+        return bind_properties(file, self.bound, constant_values(constants))
 
-        Raises UnsupportedError for an MDP.
+    def instances(
+        self,
+        file: PropertiesFile,
+        values: Mapping[str, Sequence[ConstantValue]],
+        indices: Sequence[int] | None = None,
+    ) -> list[PropertyInstance]:
+        """The properties of a file for every combination of values of the constants on which each depends.
+
+        Args:
+            file: the properties.
+            values: for each constant that the file leaves open, its values.
+            indices: the properties, from 0; None for all.
+        """
+        return property_instances(self.program, file, values, indices)
+
+    def shared_quotient(self, instances: Sequence[PropertyInstance]) -> SharedQuotient | None:
+        """With the option `bisim`, one quotient for several properties; None if it would not pay."""
+        return shared_quotient(self.engine, instances, self.options)
+
+    def check_instance(
+        self,
+        instance: PropertyInstance,
+        *,
+        shared: SharedQuotient | None = None,
+        observer: IterationObserver | None = None,
+    ) -> Result:
+        """Check a property on this model as it is (see `reduced_for`).
+
+        Args:
+            instance: the property.
+            shared: a quotient for several properties, of this model.
+            observer: is told of each iteration of a numerical method, and may raise to end it.
+
+        Raises:
+            SymcheckError: see `check`.
+        """
+        bound, labels = instance.bind(self.bound)
+        return check(
+            self.engine,
+            bound.formula,
+            self.options,
+            labels=labels,
+            rebind=instance.formula,
+            observer=observer,
+            shared=shared,
+        )
+
+    # --------------------------------------------------------- distributions and paths
+
+    def transient(self, time: float, initial: Floats | None = None) -> Distribution:
+        """The distribution over the states at a time.
+
+        Args:
+            time: in the unit of the rates of a CTMC; for a DTMC, a number of steps.
+            initial: float64[states], the distribution at time 0; None for the initial states with equal probabilities.
+
+        Raises:
+            UnsupportedError: the model is an MDP.
         """
         from symcheck.check.state_distributions import transient
 
-        return transient(self.engine, time, self.options)
+        return transient(self.engine, time, self.options, initial)
 
-    def steady_state(self) -> Distribution:
-        """The long-run distribution over the states. Raises UnsupportedError for an MDP."""
+    def steady_state(self, initial: Floats | None = None) -> Distribution:
+        """The long-run distribution over the states, from the same initial distributions as `transient`.
+
+        Raises:
+            UnsupportedError: the model is an MDP.
+        """
         from symcheck.check.state_distributions import steady_state
 
-        return steady_state(self.engine, self.options)
+        return steady_state(self.engine, self.options, initial)
 
     def simulate(
         self,
@@ -123,93 +303,131 @@ class Model:
         time: float | None = None,
         seed: int | None = None,
         loop_check: bool = True,
+        max_steps: int = 10_000,
     ) -> RandomPath:
-        """A random path of so many steps (or until a time), without building the model. The same seed gives the same path."""
+        """A random path; the model is not built. The same seed gives the same path.
+
+        Args:
+            steps: length of the path; None for no bound but `time` and `max_steps`.
+            time: the path ends at this time.
+            seed: of the random numbers; None draws one, which is part of the result.
+            loop_check: end the path in a state from which it can only repeat itself.
+            max_steps: the path ends after so many steps at the latest.
+        """
         from symcheck.simulate.walk import simulate
 
-        return simulate(self.bound, steps, time=time, seed=seed, loop_check=loop_check)
-
-    def estimate(self, formula: str, constants: Given | None = None, **plan: Any) -> Result:
-        """Estimate one property from random paths, without building the model.
-
-        `plan`: the fields of `symcheck.simulate.statistics.Plan`, such as samples=100_000, width=0.01, seed=1. The result's
-        accuracy is an interval with a confidence. Raises SymcheckError.
-        """
-        from symcheck.simulate.check import check_by_sampling
-        from symcheck.simulate.statistics import Plan
-
-        bound = self.properties(parse_properties(formula), constants)
-        if len(bound.properties) != 1:
-            raise UsageError(f"one property is wanted here, not {len(bound.properties)}")
-        fixed = self.options.fix_deadlocks
-        return check_by_sampling(
+        return simulate(
             self.bound,
-            bound.properties[0].formula,
-            Plan(**plan),
-            labels=bound.labels,
-            fix_deadlocks=fixed,
+            steps,
+            time=time,
+            seed=seed,
+            loop_check=loop_check,
+            max_steps=max_steps,
+            check_sums=self.options.check_sums,
         )
 
-    def _answers(
-        self, file: PropertiesFile, constants: Given | None
-    ) -> Iterator[tuple[BoundProperty, Result]]:
-        questions = [Question(file, i, constants or {}) for i in range(len(file.properties))]
-        bound = [
-            q.bind(self.bound) for q in questions
-        ]  # faults of the text come before anything is built
-        engine = self._engine_for(questions)
-        shared = lumped(engine, questions, self.options)
-        for question, (one, labels) in zip(questions, bound, strict=True):
-            yield (
-                one,
-                check(
-                    engine,
-                    one.formula,
-                    self.options,
-                    labels=labels,
-                    rebind=question.formula,
-                    shared=shared,
-                ),
-            )
+    def estimate(
+        self,
+        formula: str,
+        constants: GivenConstants | str | None = None,
+        *,
+        method: Method = "ci",
+        samples: int | None = None,
+        error: float | None = None,
+        width: float | None = None,
+        pilot: int = 1000,
+        most: float | None = None,
+        max_steps: int = 10_000,
+        seed: int | None = None,
+    ) -> Result:
+        """Estimate one property from random paths; the model is not built.
+
+        The keyword parameters are those of `symcheck.simulate.statistics.Plan`. The accuracy of the result is an interval
+        with a confidence. Raises SymcheckError.
+        """
+        from symcheck.simulate.statistics import Plan
+
+        plan = Plan(
+            method=method,
+            samples=samples,
+            error=error,
+            width=width,
+            pilot=pilot,
+            most=most,
+            max_steps=max_steps,
+            seed=seed,
+        )
+        instance = PropertyInstance(_single_property(formula), 0, constant_values(constants))
+        return self.estimate_instance(instance, plan)
+
+    def estimate_instance(self, instance: PropertyInstance, plan: Plan) -> Result:
+        """Estimate a property from random paths, sampled as planned. Raises SymcheckError."""
+        from symcheck.simulate.check import check_by_sampling
+
+        bound, labels = instance.bind(self.bound)
+        fixed = self.options.fix_deadlocks
+        return check_by_sampling(
+            self.bound, bound.formula, plan, labels=labels, fix_deadlocks=fixed
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedModel(Model):
+    """A model in which variables whose values are not read again are reset: fewer states, the same answers."""
+
+    reduction: Reduction | None = None
 
     @cached_property
-    def _reduced(self) -> dict[Any, Engine]:
-        """The engine built last of a reduced model, by the questions that it was reduced for."""
-        return {}
-
-    def _engine_for(self, questions: Sequence[Question]) -> Engine:
-        """The engine to which the questions of a file are put: with `reduce`, that of a model made for them."""
-        if not self.options.reduce or self.options.fairness:
-            return self.engine
-        asked = tuple((q.file, q.index, *q.constants.items()) for q in questions)
-        if asked not in self._reduced:
-            self._reduced.clear()
-            self._reduced[asked] = registry.build(
-                reduced(self.bound, questions, steps=False).model, self.options
-            )
-        return self._reduced[asked]
+    def bound(self) -> BoundModel:
+        """The reduced model."""
+        assert self.reduction is not None
+        return self.reduction.model
 
 
-def _arithmetic(options: dict[str, Any]) -> dict[str, Any]:
-    """Options in which an engine says its arithmetic: that of the exact engine is rational, from the text on."""
-    if "engine" in options and "exact" not in options:
-        return options | {"exact": options["engine"] == "exact"}
-    return options
+def _single_property(formula: str) -> PropertiesFile:
+    """A text with one property, parsed. Raises UsageError, SyntaxFault."""
+    file = parse_properties(formula)
+    if len(file.properties) != 1:
+        raise UsageError(
+            f"one property is expected here, not {len(file.properties)}; check_all takes several"
+        )
+    return file
 
 
+@takes_options
 def load(
     path: str | Path,
-    constants: Given | None = None,
+    constants: GivenConstants | str | None = None,
     *,
     type: ModelType | None = None,
-    **options: Any,
+    **options: Unpack[OptionValues],
 ) -> Model:
-    """Read a model file. `options` are the fields of `symcheck.Options`, such as engine="sparse". Raises InputError."""
-    return Model(parse_model_file(path), constants or {}, Options(**_arithmetic(options)), type)
+    """Read a model file in the PRISM language.
+
+    Args:
+        path: the file.
+        constants: one value for each constant that the file leaves open: a mapping, or a text such as "N=3,p=0.5".
+        type: read the model as this type, whatever its keyword says.
+        options: see `symcheck.Options`.
+
+    Raises:
+        InputError: the text is faulty.
+        UsageError: the file cannot be read, or an option or constant has a wrong value.
+
+    Example:
+        >>> import symcheck
+        >>> symcheck.load("models/die/die.pm", engine="sparse").check("P=? [ F d=6 ]")  # doctest: +SKIP
+    """
+    return Model(parse_model_file(path), constant_values(constants), make_options(options), type)
 
 
+@takes_options
 def loads(
-    text: str, constants: Given | None = None, *, type: ModelType | None = None, **options: Any
+    text: str,
+    constants: GivenConstants | str | None = None,
+    *,
+    type: ModelType | None = None,
+    **options: Unpack[OptionValues],
 ) -> Model:
-    """A model from its text, as `load`."""
-    return Model(parse_model(text), constants or {}, Options(**_arithmetic(options)), type)
+    """A model from its text; everything else is as for `load`."""
+    return Model(parse_model(text), constant_values(constants), make_options(options), type)

@@ -1,42 +1,96 @@
-"""`x=1,N=2:4,p=0.1:0.1:0.9,K={2,5}`: values to try, for each constant."""
+"""Values of constants as users give them: `x=1,N=2:4,p=0.1:0.1:0.9,K={2,5}`, or a mapping.
+
+The one parser of such texts: for -const, for `symcheck.load(…, constants=…)`, and for times of -transient.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from typing import TypeVar, cast
 
 from symcheck.errors import UsageError
 
-__all__ = ["combinations", "parse_constants"]
+V = TypeVar("V")
+
+__all__ = ["ConstantValue", "GivenConstants", "combinations", "constant_values", "parse_constants"]
+
+ConstantValue = bool | int | float | Fraction | str
+"""A value of a constant; a text is an expression, such as "1/3" or "2*N"."""
+
+GivenConstants = Mapping[str, ConstantValue]
+"""One value for each constant."""
 
 
-def parse_constants(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """For each constant, the values as text, in the order given. Raises UsageError.
+def parse_constants(texts: Sequence[str], source: str = "-const") -> dict[str, tuple[str, ...]]:
+    """The values of each constant as texts, in the order given.
 
-    A range `low:step:high` is computed in exact decimals, so that 0.1:0.1:0.9 ends with 0.9.
+    A range `low:step:high` is computed in exact decimals: 0.1:0.1:0.9 ends with 0.9.
+
+    Args:
+        texts: each some items `NAME=VALUE`, `NAME=LOW:HIGH`, `NAME=LOW:STEP:HIGH` or `NAME={V,W}`, with commas between.
+        source: where the texts come from, for messages.
+
+    Raises:
+        UsageError: an item has another form, a range is empty, or a constant is given twice.
     """
     values: dict[str, tuple[str, ...]] = {}
-    for item in itertools.chain.from_iterable(map(_split, texts)):
+    for item in itertools.chain.from_iterable(map(_items, texts)):
         name, equals, text = (part.strip() for part in item.partition("="))
         if not equals or not name or not text:
             raise UsageError(
-                f"-const: '{item}' is not of the form NAME=VALUE, NAME=LOW:HIGH, NAME=LOW:STEP:HIGH or NAME={{V,W}}"
+                f"{source}: '{item}' is not of the form NAME=VALUE, NAME=LOW:HIGH, "
+                "NAME=LOW:STEP:HIGH or NAME={V,W}"
             )
         if name in values:
-            raise UsageError(f"-const: {name} is given twice")
-        values[name] = _values(name, text)
+            raise UsageError(f"{source}: {name} is given twice")
+        try:
+            values[name] = _values(name, text)
+        except ValueError as error:
+            raise UsageError(f"{source}: {error}") from None
     return values
 
 
-def combinations(values: Mapping[str, Sequence[str]]) -> Iterator[dict[str, str]]:
-    """Every choice of one value each, the last constant changing fastest."""
+def constant_values(constants: GivenConstants | str | None) -> GivenConstants:
+    """One value for each constant, from a mapping or from a text such as "N=3,p=0.5".
+
+    Raises:
+        UsageError: the text cannot be understood, or a constant has several values or none.
+    """
+    if constants is None:
+        return {}
+    if isinstance(constants, str):
+        parsed = parse_constants([constants], "constants")
+        for name, values in parsed.items():
+            if len(values) > 1:
+                raise _not_one(name, f"{len(values)} values ({', '.join(values)})")
+        return {name: values[0] for name, values in parsed.items()}
+    if not isinstance(constants, Mapping):
+        raise UsageError(
+            f"constants: expected a mapping or a text such as 'N=3,p=0.5', not {constants!r}"
+        )
+    for name, value in cast(Mapping[str, object], constants).items():
+        if value is None or (isinstance(value, Iterable) and not isinstance(value, str)):
+            raise _not_one(name, repr(value))
+    return constants
+
+
+def _not_one(name: str, given: str) -> UsageError:
+    return UsageError(
+        f"constants: {name} is given {given}, and one value is expected"
+        "\n  hint: symcheck.experiment.sweep checks a model for many values"
+    )
+
+
+def combinations(values: Mapping[str, Sequence[V]]) -> Iterator[dict[str, V]]:
+    """Every combination of one value for each constant; the last constant changes fastest."""
     for choice in itertools.product(*values.values()):
         yield dict(zip(values, choice, strict=True))
 
 
-def _split(text: str) -> Iterator[str]:
-    """The parts between the commas that stand outside of any brackets."""
+def _items(text: str) -> Iterator[str]:
+    """The parts between the commas outside of brackets."""
     depth, start = 0, 0
     for i, c in enumerate(text):
         depth += (c in "({") - (c in ")}")
@@ -48,24 +102,25 @@ def _split(text: str) -> Iterator[str]:
 
 
 def _values(name: str, text: str) -> tuple[str, ...]:
+    """The values of a constant. Raises ValueError."""
     if text.startswith("{") and text.endswith("}"):
         values = tuple(part.strip() for part in text[1:-1].split(",") if part.strip())
         if not values:
-            raise UsageError(f"-const: the list of values of {name} is empty")
+            raise ValueError(f"the list of values of {name} is empty")
         return values
     parts = [part.strip() for part in text.split(":")]
     if len(parts) == 1:
         return (text,)
     if len(parts) > 3:
-        raise UsageError(f"-const: '{name}={text}' has more than LOW:STEP:HIGH")
+        raise ValueError(f"'{name}={text}' has more than LOW:STEP:HIGH")
     try:
         numbers = [Fraction(part) for part in parts]
     except (ValueError, ZeroDivisionError):
-        raise UsageError(f"-const: the range '{name}={text}' needs plain numbers") from None
+        raise ValueError(f"the range '{name}={text}' needs plain numbers") from None
     low, high = numbers[0], numbers[-1]
     step = numbers[1] if len(numbers) == 3 else Fraction(1)
     if step <= 0 or high < low:
-        raise UsageError(f"-const: the range '{name}={text}' is empty")
+        raise ValueError(f"the range '{name}={text}' is empty")
     integral = all(n.denominator == 1 for n in (low, step)) and not any(
         "." in part or "e" in part.lower() for part in parts
     )
@@ -80,5 +135,5 @@ def _decimal(value: Fraction, integral: bool) -> str:
     for prime in (2, 5):
         while denominator % prime == 0:
             denominator //= prime
-    # A fraction that no finite decimal writes stays a fraction.
+    # A fraction without a finite decimal expansion stays a fraction.
     return repr(float(value)) if denominator == 1 else f"{value.numerator}/{value.denominator}"

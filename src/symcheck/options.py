@@ -1,55 +1,439 @@
-"""What a run is asked to do: passed explicitly, no globals."""
+"""The options of a run, declared once.
+
+Each field of `Options` states its type, default, accepted values, a sentence, and the switches of the command line that set
+it. From this table come the switches, the keyword parameters of `symcheck.load`, and the option page of the documentation.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Literal, TypedDict, TypeVar, cast, get_args
 
-__all__ = ["Options"]
+from symcheck.errors import UsageError
+
+__all__ = [
+    "ENGINES",
+    "METHODS",
+    "OPTIONS",
+    "EngineName",
+    "MethodName",
+    "Option",
+    "OptionValues",
+    "Options",
+    "Switch",
+    "make_options",
+    "read_count",
+    "read_fraction",
+    "read_number",
+]
+
+T = TypeVar("T")
+
+EngineName = Literal["auto", "explicit", "sparse", "hybrid", "mtbdd", "exact"]
+MethodName = Literal[
+    "auto",
+    "topological",
+    "policy",
+    "interval",
+    "optimistic",
+    "gauss-seidel",
+    "jacobi",
+    "power",
+    "rational",
+]
+AutomatonSyntax = Literal["lbt", "spin", "spot", "rabinizer"]
+ENGINES: tuple[str, ...] = get_args(EngineName)
+METHODS: tuple[str, ...] = get_args(MethodName)
+
+_MEMORY_UNITS = {"": 1 << 10, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
+_TIME_UNITS = {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}
+
+
+# ------------------------------------------------------------------------------ values
+
+
+@dataclass(frozen=True, slots=True)
+class ValueType:
+    """The values that an option accepts.
+
+    expected: what a value has to be, for messages. accepts: whether a Python value is one.
+    read: the value that a text of the command line denotes; raises ValueError with a message.
+    """
+
+    expected: str
+    accepts: Callable[[object], bool]
+    read: Callable[[str], object] = str
+    metavar: str = ""
+
+
+def read_number(text: str) -> float:
+    """A number. Raises ValueError."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"'{text}' is not a number") from None
+
+
+def read_count(text: str) -> int:
+    """A whole number from 0, plain (10000) or in scientific notation (1e6). Raises ValueError."""
+    value = read_number(text)
+    if not 0 <= value < float("inf") or value != int(value):
+        raise ValueError(f"'{text}' is not a whole number from 0")
+    return int(text) if text.isdigit() else int(value)
+
+
+def read_fraction(text: str) -> float:
+    """A number between 0 and 1, both excluded. Raises ValueError."""
+    value = read_number(text)
+    if not 0 < value < 1:
+        raise ValueError(f"'{text}' is not a number between 0 and 1")
+    return value
+
+
+def _read_memory(text: str) -> int:
+    """Bytes from PRISM's notation: 512m, 4g, 100k, or a plain number of kilobytes."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)b?", text.lower())
+    if match is None:
+        raise ValueError(f"'{text}' is not an amount of memory such as 512m or 4g")
+    return int(float(match[1]) * _MEMORY_UNITS[match[2]])
+
+
+def _read_seconds(text: str) -> float:
+    """Seconds from 90, 90s, 5m, 1h or 1d."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smhd]?)", text.lower())
+    if match is None:
+        raise ValueError(f"'{text}' is not a time such as 90, 90s, 5m or 1h")
+    seconds = float(match[1]) * _TIME_UNITS[match[2]]
+    if seconds == 0:
+        raise ValueError("no time at all is not enough; leave the switch out for no limit")
+    return seconds
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _is_order(value: object) -> bool:
+    return value is None or (
+        isinstance(value, tuple) and bool(value) and all(isinstance(name, str) for name in value)
+    )
+
+
+def _choice(noun: str, names: Sequence[str], metavar: str = "NAME") -> ValueType:
+    """One of some names."""
+    listed = ", ".join(names)
+
+    def read(text: str) -> str:
+        if text in names:
+            return text
+        raise ValueError(f"there is no {noun} '{text}'; there are {listed}")
+
+    return ValueType(f"one of {listed}", lambda value: value in names, read, metavar)
+
+
+_FLAG = ValueType("True or False", lambda value: isinstance(value, bool))
+_TEXT = ValueType(
+    "a text, or None", lambda value: value is None or isinstance(value, str), str, "PROGRAM"
+)
+_FRACTION = ValueType(
+    "a number between 0 and 1",
+    lambda value: _is_number(value) and 0 < cast(float, value) < 1,
+    read_fraction,
+    "X",
+)
+_COUNT = ValueType("a whole number from 0", _is_count, read_count, "N")
+_BYTES = ValueType(
+    "a number of bytes, or None",
+    lambda value: value is None or _is_count(value),
+    _read_memory,
+    "SIZE",
+)
+_SECONDS = ValueType(
+    "a number of seconds above 0, or None",
+    lambda value: value is None or (_is_number(value) and cast(float, value) > 0),
+    _read_seconds,
+    "TIME",
+)
+_ORDER = ValueType(
+    "a tuple of names of variables, ('force',), ('sift',), or None",
+    _is_order,
+    lambda text: tuple(text.split(",")) if text else None,
+    "X,Y,…|force|sift",
+)
+
+
+# ------------------------------------------------------------------------------- table
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """A switch of the command line that sets an option.
+
+    names: with the usual one first, without dashes. help: one line of `symcheck --help`.
+    value: what the option becomes; None if the value follows the switch.
+    """
+
+    names: tuple[str, ...]
+    help: str
+    value: object = None
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One row of the table. type: as it is annotated. group: the part of the documentation it is in."""
+
+    name: str
+    type: str
+    default: object
+    values: ValueType
+    sentence: str
+    group: str
+    switches: tuple[Switch, ...]
+
+
+def _switch(names: str, help: str, value: object = None) -> Switch:
+    return Switch(tuple(names.split()), help, value)
+
+
+def _option(default: T, values: ValueType, group: str, sentence: str, *switches: Switch) -> T:
+    """The declaration of a field of `Options`."""
+    metadata = {"values": values, "sentence": sentence, "group": group, "switches": switches}
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """Settings of a check.
+    """The options of a run. A value that an option does not accept is a UsageError."""
 
-    engine: 'auto', 'hybrid', 'mtbdd', 'sparse' or 'explicit'.
-    method: 'auto' or the name of a method in `symcheck.numerics.linear.methods`.
-    epsilon: width of the certified interval that is wanted, relative to the value (absolute below 1e-300).
-    relative: False makes epsilon absolute.
-    certify: False accepts an estimate (stop when the change is below epsilon).
-    max_iterations: of one numerical solution.
-    exact: rational arithmetic throughout.
-    max_memory: of the diagram manager, in bytes.
-    time_limit: of the whole run, in seconds.
-    fix_deadlocks: give deadlock states a self-loop; False makes a deadlock an error.
-    check_sums: False accepts probabilities that do not sum to 1.
-    fairness: only fair strategies of an MDP are considered (each choice offered infinitely often is taken so).
-    reduce: reset variables whose values nothing will read again (see `symcheck.semantics.reduction.reset_dead_variables`), before the model is built.
-    strategy: find a strategy that attains the value (MDP): `Result.strategy`.
-    bisim: check each formula on the quotient by the coarsest bisimulation that keeps what it speaks of.
-    everywhere: find the answer to the accuracy wanted at every state, not only where the result reads it (the initial states, or
-        those of a filter). Without it, large models may have wider bounds elsewhere, or undecided comparisons taken as false.
-    order: variables from the top of the diagrams down (the rest follows as declared), or ('force',) or ('sift',): an order
-        that is looked for. None: as declared. Another order numbers the states otherwise.
-    ltl2da: program that makes automata of formulas of linear time, called with the names of a formula file and a HOA file.
-    ltl2da_syntax: how it reads formulas: 'lbt', 'spin', 'spot' or 'rabinizer'.
+    engine: EngineName = _option(
+        "auto",
+        _choice("engine", ENGINES),
+        "method",
+        "How states, matrices and vectors are stored; 'auto' decides by the size of the model, "
+        "and 'exact' is the same as `exact=True`.",
+        _switch("m mtbdd", "mtbdd engine: diagrams for matrix and vectors", "mtbdd"),
+        _switch(
+            "h hybrid",
+            "hybrid engine: diagrams for the matrix (as blocks), arrays for vectors",
+            "hybrid",
+        ),
+        _switch("s sparse", "sparse engine: diagrams to build, then a sparse matrix", "sparse"),
+        _switch("ex explicit", "explicit engine: no diagrams at all", "explicit"),
+    )
+    method: MethodName = _option(
+        "auto",
+        _choice("method", METHODS),
+        "method",
+        "Numerical method for linear equations; 'auto' decides by their structure.",
+        _switch("method", "numerical method (default: chosen by structure)"),
+    )
+    exact: bool = _option(
+        False,
+        _FLAG,
+        "method",
+        "Compute with rational numbers throughout; decimals in the model are exact fractions.",
+        _switch("exact", "rational arithmetic", True),
+    )
+    epsilon: float = _option(
+        1e-6,
+        _FRACTION,
+        "method",
+        "Width of the certified interval, relative to the value (absolute below 1e-300).",
+        _switch("epsilon e", "width of the certified interval (default: 1e-6)"),
+    )
+    relative: bool = _option(
+        True,
+        _FLAG,
+        "method",
+        "Whether `epsilon` is relative to the value; otherwise it is absolute.",
+        _switch("relative rel", "epsilon is relative (default)", True),
+        _switch("absolute abs", "epsilon is absolute", False),
+    )
+    max_iterations: int = _option(
+        1_000_000,
+        _COUNT,
+        "method",
+        "Largest number of iterations of one numerical solution.",
+        _switch("maxiters", "largest number of iterations of one numerical solution"),
+    )
+    certify: bool = _option(
+        True,
+        _FLAG,
+        "method",
+        "Whether the error has to be proved; otherwise an iteration stops when values change by "
+        "less than `epsilon`, and the result is an estimate.",
+        _switch("estimate", "stop when values change little; faster, and certifies nothing", False),
+    )
+    fairness: bool = _option(
+        False,
+        _FLAG,
+        "method",
+        "Consider only fair strategies of an MDP: each choice that is offered infinitely often "
+        "is taken infinitely often.",
+        _switch("fair", "only fair strategies of an MDP", True),
+        _switch("nofair", "all strategies (default)", False),
+    )
+    bisim: bool = _option(
+        False,
+        _FLAG,
+        "method",
+        "Check each property on the quotient by the coarsest strong bisimulation that preserves "
+        "its labels and rewards.",
+        _switch("bisim", "check on the quotient by strong bisimulation", True),
+    )
+    strategy: bool = _option(
+        False,
+        _FLAG,
+        "method",
+        "Compute a strategy of an MDP that attains the value: `Result.strategy` "
+        "(implied by `-exportstrat`).",
+    )
+    everywhere: bool = _option(
+        False,
+        _FLAG,
+        "method",
+        "Reach the accuracy at every state, and not only at those that the result reads, the "
+        "initial states or those of a filter (implied by `-exportvector`).",
+    )
+    ltl2da: str | None = _option(
+        None,
+        _TEXT,
+        "method",
+        "External translator from LTL to automata, called with the names of a formula file and "
+        "of a HOA file.",
+        _switch(
+            "ltl2datool", "external translator from LTL to automata: PROGRAM formula-file HOA-file"
+        ),
+    )
+    ltl2da_syntax: AutomatonSyntax = _option(
+        "lbt",
+        _choice("syntax", get_args(AutomatonSyntax), "SYNTAX"),
+        "method",
+        "Syntax in which the external translator reads formulas.",
+        _switch(
+            "ltl2dasyntax",
+            "syntax of formulas for it: lbt (default), spin, spot, rabinizer",
+        ),
+    )
+    fix_deadlocks: bool = _option(
+        True,
+        _FLAG,
+        "model",
+        "Give each deadlock state a self-loop; otherwise a deadlock is an error.",
+        _switch("fixdl", "give deadlocks a self-loop (default)", True),
+        _switch("nofixdl", "a deadlock is an error", False),
+    )
+    check_sums: bool = _option(
+        True,
+        _FLAG,
+        "model",
+        "Whether probabilities have to sum to 1.",
+        _switch("noprobchecks", "accept probabilities that do not sum to 1", False),
+    )
+    reduce: bool = _option(
+        False,
+        _FLAG,
+        "model",
+        "Before the model is built, reset variables whose values are not read again: fewer "
+        "states, the same answers.",
+        _switch("reduce", "reset variables whose values are not read again: fewer states", True),
+    )
+    order: tuple[str, ...] | None = _option(
+        None,
+        _ORDER,
+        "model",
+        "Variables from the top of the diagrams down; the rest follows as declared. ('force',) "
+        "and ('sift',) search for an order. The order also numbers the states.",
+        _switch("order", "variables from the top of the diagrams down, or how to find an order"),
+    )
+    max_memory: int | None = _option(
+        None,
+        _BYTES,
+        "model",
+        "Largest memory of the diagrams or of an explicit search, in bytes.",
+        _switch("cuddmaxmem", "largest memory of diagrams, or of an explicit search, such as 4g"),
+    )
+    time_limit: float | None = _option(
+        None,
+        _SECONDS,
+        "model",
+        "Longest time of the run, in seconds.",
+        _switch("timeout", "longest time of the run, such as 90, 5m or 1h"),
+    )
+
+    def __post_init__(self) -> None:
+        for option in OPTIONS:
+            value = getattr(self, option.name)
+            if not option.values.accepts(value):
+                raise UsageError(_wrong_value(option, value))
+        if self.engine == "exact":
+            object.__setattr__(self, "exact", True)
+
+
+class OptionValues(TypedDict, total=False):
+    """The fields of `Options` as keyword parameters, for type checkers (a test compares the two)."""
+
+    engine: EngineName
+    method: MethodName
+    exact: bool
+    epsilon: float
+    relative: bool
+    max_iterations: int
+    certify: bool
+    fairness: bool
+    bisim: bool
+    strategy: bool
+    everywhere: bool
+    ltl2da: str | None
+    ltl2da_syntax: AutomatonSyntax
+    fix_deadlocks: bool
+    check_sums: bool
+    reduce: bool
+    order: tuple[str, ...] | None
+    max_memory: int | None
+    time_limit: float | None
+
+
+OPTIONS: tuple[Option, ...] = tuple(
+    Option(f.name, str(f.type), f.default, **f.metadata) for f in fields(Options)
+)
+Options.__doc__ = f"{Options.__doc__}\n\nArgs:\n" + "\n".join(
+    f"    {o.name}: {o.sentence} Default: {o.default!r}." for o in OPTIONS
+)
+_DEFAULT = Options()
+
+
+def make_options(values: Mapping[str, object], base: Options = _DEFAULT) -> Options:
+    """`base` with other values; an engine also sets `exact`, unless that is given too.
+
+    Raises:
+        UsageError: an option is unknown, or a value is wrong.
     """
+    known = [option.name for option in OPTIONS]
+    for name in values:
+        if name not in known:
+            raise UsageError(
+                f"there is no option '{name}'{_suggestion(name, known)}"
+                f"\n  hint: the options are {', '.join(known)}"
+            )
+    if "engine" in values and "exact" not in values:
+        values = {**values, "exact": values["engine"] == "exact"}
+    return replace(base, **cast("OptionValues", values))
 
-    engine: str = "auto"
-    method: str = "auto"
-    epsilon: float = 1e-6
-    relative: bool = True
-    certify: bool = True
-    max_iterations: int = 1_000_000
-    exact: bool = False
-    max_memory: int | None = None
-    time_limit: float | None = None
-    fix_deadlocks: bool = True
-    check_sums: bool = True
-    fairness: bool = False
-    reduce: bool = False
-    strategy: bool = False
-    bisim: bool = False
-    everywhere: bool = False
-    order: tuple[str, ...] | None = None
-    ltl2da: str | None = None
-    ltl2da_syntax: str = "lbt"
+
+def _wrong_value(option: Option, value: object) -> str:
+    near = _suggestion(value, ENGINES + METHODS) if isinstance(value, str) else ""
+    return f"{option.name}={value!r}: expected {option.values.expected}{near}"
+
+
+def _suggestion(name: str, known: Sequence[str]) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, known, 1, 0.7)
+    return f" (did you mean '{near[0]}'?)" if near else ""

@@ -7,7 +7,7 @@ import pytest
 from checking import RESULTS, check_text, engine_of
 from symcheck.check.result import Certified, Estimate, Exact
 from symcheck.engines.registry import BUILDERS
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UsageError
 from symcheck.numerics.linear.methods import METHODS
 from symcheck.numerics.linear.problem import Step
 
@@ -38,12 +38,12 @@ def test_accuracy_is_kept():
 
 
 def test_unknown_method():
-    with pytest.raises(UnsupportedError, match="there is no method 'magic'"):
+    with pytest.raises(UsageError, match="method='magic': expected one of auto, topological"):
         check_text(engine_of(GAMBLER, constants=GIVEN), 'P=? [ F "rich" ]', method="magic")
 
 
 def test_unknown_engine():
-    with pytest.raises(UnsupportedError, match="there is no engine 'steam'"):
+    with pytest.raises(UsageError, match="engine='steam': expected one of auto, explicit"):
         engine_of(GAMBLER, "steam", GIVEN)
 
 

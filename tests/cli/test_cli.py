@@ -424,6 +424,6 @@ def test_compiled_modules_of_another_version_are_named(monkeypatch, capsys):
             name="symcheck.kernels.rows.submatrix",
         )
 
-    monkeypatch.setattr("symcheck.cli.run.registry.build", broken)
+    monkeypatch.setattr("symcheck.engines.registry.build", broken)
     assert main([DIE]) == 1
     assert "build again (pip install -e ." in capsys.readouterr().err

@@ -81,7 +81,7 @@ def test_switches_that_cannot_be_served(words, message, queue, capsys):
 
 def test_files_may_stand_anywhere():
     found = parse_arguments(["-const", "a=1", "m.pm", "-s", "p.pctl", "-epsilon", "1e-3"])
-    assert (found.model, found.properties, found.const, found.engine) == (
+    assert (found.model, found.properties, found.const, found.options.engine) == (
         "m.pm",
         "p.pctl",
         ["a=1"],
@@ -137,7 +137,7 @@ def test_two_models_are_one_too_many(queue, capsys):
     assert run(capsys, "q.sm", "-const", "mu=2", "-exportmodel", "o.all")[0] == 0
     status, _, err = run(capsys, "q.sm", "-importmodel", "o.all")
     assert status == 2
-    assert "'q.sm' and -import… both tell which model to read" in err
+    assert "'q.sm' and -import… both name a model to read" in err
 
 
 def test_the_model_as_a_text(queue, capsys):

@@ -5,18 +5,18 @@ from __future__ import annotations
 import pytest
 
 from symcheck.cli import main
-from symcheck.cli.properties_input import read_texts
+from symcheck.cli.properties_input import read_properties
 from symcheck.errors import SyntaxFault
 
 MODEL = "dtmc module m x:[0..1]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=0); [] x=1 -> true; endmodule label \"up\" = x=1;"
 
 
 def test_what_is_whole_keeps_its_number():
-    texts = read_texts(None, ["P=? [ F x=1 ]; P=? [ F x=; x=0", "x>0"])
+    texts = read_properties(None, ["P=? [ F x=1 ]; P=? [ F x=; x=0", "x>0"])
     assert len(texts.file.properties) == 4
-    assert list(texts.broken) == [1]
-    assert texts.broken[1].text == "P=? [ F x="
-    assert "-pf:1:26" in str(texts.broken[1].fault)
+    assert list(texts.unparsed) == [1]
+    assert texts.unparsed[1].text == "P=? [ F x="
+    assert "-pf:1:26" in str(texts.unparsed[1].fault)
     assert [p.span.text for i, p in enumerate(texts.file.properties) if i != 1] == [
         "P=? [ F x=1 ]",
         "x=0",
@@ -34,13 +34,13 @@ def test_what_is_whole_keeps_its_number():
     ],
 )
 def test_parts_are_told_apart(text):
-    texts = read_texts(None, [text])
+    texts = read_properties(None, [text])
     assert texts.file.properties[0].span.text == "x=0"
-    assert texts.broken or texts.declarations
+    assert texts.unparsed or texts.declarations
 
 
 def test_declarations_are_left_out():
-    texts = read_texts(None, ["const int k = ; x=0; label = x; x=1"])
+    texts = read_properties(None, ["const int k = ; x=0; label = x; x=1"])
     assert [p.span.text for p in texts.file.properties] == ["x=0", "x=1"]
     assert len(texts.declarations) == 2
 
@@ -48,7 +48,7 @@ def test_declarations_are_left_out():
 @pytest.mark.parametrize("text", ["P=? [ F x=", "P=? [ F\nP=? [ G", "x=", "(", '"'])
 def test_where_nothing_is_left_all_is_refused(text):
     with pytest.raises(SyntaxFault):
-        read_texts(None, [text])
+        read_properties(None, [text])
 
 
 def test_the_rest_is_answered(tmp_path, capsys):

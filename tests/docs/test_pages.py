@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import re
+import runpy
 import shlex
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 
 from symcheck.api import load
 from symcheck.cli import main, prism_options
-from symcheck.cli.arguments import _parser
+from symcheck.cli.arguments import make_parser
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -65,7 +66,7 @@ def test_every_switch_is_explained() -> None:
         for cell in re.findall(r"`([^`]*)`", text)
         for switch in re.findall(r"(?:^|\s)-([a-z?][\w]*)", cell)
     }
-    own = {s.lstrip("-") for action in _parser()._actions for s in action.option_strings}
+    own = {s.lstrip("-") for action in make_parser()._actions for s in action.option_strings}
     foreign = {
         *prism_options._WITHOUT_EFFECT,
         *prism_options._REFUSED,
@@ -74,6 +75,13 @@ def test_every_switch_is_explained() -> None:
         "dir",
     }
     assert named == own | foreign
+
+
+def test_the_table_of_options_is_as_they_are_declared() -> None:
+    """Otherwise run docs/make_options.py."""
+    made = runpy.run_path(str(DOCS / "make_options.py"))
+    page = (DOCS / "command_line.md").read_text()
+    assert made["TABLE"].findall(page) == [made["table"]()]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from semantics.test_reduce import _value, count, phased
 from symcheck.check.checker import check
-from symcheck.check.property_instance import Question, reduced
+from symcheck.check.property_instance import PropertyInstance, reduced
 from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError
 from symcheck.options import Options
@@ -98,10 +98,10 @@ def test_which_formulas_count_steps() -> None:
 
 def test_runs_keep_their_length_where_it_is_asked_for() -> None:
     model = bind(parse_model(LOOP), {})
-    questions = [Question(parse_properties('P=? [ F "high" ]'), 0, {})]
-    assert reduced(model, questions).passed == 0
-    assert reduced(model, questions, steps=False).passed == 3
-    assert reduced(model, [], steps=False).passed == 0
+    instances = [PropertyInstance(parse_properties('P=? [ F "high" ]'), 0, {})]
+    assert reduced(model, instances).passed == 0
+    assert reduced(model, instances, keep_steps=False).passed == 3
+    assert reduced(model, [], keep_steps=False).passed == 0
 
 
 @pytest.mark.parametrize("overwritten", [False, True])

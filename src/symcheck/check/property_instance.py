@@ -1,15 +1,16 @@
-"""One property of a file with values of its constants: what is asked of a model, and again of its exact version."""
+"""Properties of a file with values of their constants, as they are put to a model or to its exact version."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from symcheck.semantics.binding.bind import BoundProperty, bind_properties
-from symcheck.semantics.model import BoundModel, Value
+from symcheck.constant_values import ConstantValue, GivenConstants, combinations
+from symcheck.semantics.binding.bind import BoundProperty, bind_properties, needed_constants
+from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
-from symcheck.syntax.declarations import PropertiesFile
+from symcheck.syntax.declarations import Program, PropertiesFile
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
@@ -17,16 +18,28 @@ if TYPE_CHECKING:
     from symcheck.options import Options
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
 
-__all__ = ["Question", "lumped", "reduced"]
+V = TypeVar("V", bound=ConstantValue)
+
+__all__ = ["PropertyInstance", "property_instances", "reduced", "shared_quotient"]
 
 
 @dataclass(frozen=True)
-class Question:
-    """Property number `index` of `file`. `formula` is what `check` takes as `rebind`."""
+class PropertyInstance:
+    """One property of a file, with one value for each constant that the file leaves open.
+
+    index: of the property in `file`, from 0. relevant: those of the constants on which the property depends.
+    """
 
     file: PropertiesFile = field(repr=False)
     index: int
-    constants: Mapping[str, Value | str]
+    constants: GivenConstants
+    relevant: GivenConstants = field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """The name of the property, or its text on one line."""
+        given = self.file.properties[self.index]
+        return given.name or " ".join(given.span.text.strip().rstrip(";").split())
 
     def bind(self, model: BoundModel) -> tuple[BoundProperty, Mapping[str, Expression]]:
         """The property bound to a model, and the labels that it may use. Raises InputError."""
@@ -34,35 +47,62 @@ class Question:
         return bound.properties[self.index], bound.labels
 
     def formula(self, model: BoundModel) -> Expression:
-        """The formula alone. Raises InputError."""
+        """The formula bound to a model: what `check` takes as `rebind`. Raises InputError."""
         return self.bind(model)[0].formula
 
 
-def reduced(model: BoundModel, questions: Sequence[Question], *, steps: bool = True) -> Reduction:
-    """The model with dead variables reset, for these questions; one that is at fault is not answered and needs nothing.
+def property_instances(
+    program: Program,
+    file: PropertiesFile,
+    values: Mapping[str, Sequence[V]],
+    indices: Sequence[int] | None = None,
+) -> list[PropertyInstance]:
+    """The properties of a file with every combination of values of the constants on which each depends.
 
-    steps: whether runs must keep their length although no question counts steps: distributions and exports do.
-    Not for fair strategies: which strategies are fair depends on the states.
+    Args:
+        program: the model, whose names the properties may use.
+        file: the properties.
+        values: for each constant that the file leaves open, its values.
+        indices: the properties, from 0; None for all.
+    """
+    needed = needed_constants(program, file)
+    first = {name: own[0] for name, own in values.items()}
+    return [
+        PropertyInstance(file, i, {**first, **choice}, choice)
+        for i in (range(len(file.properties)) if indices is None else indices)
+        for choice in combinations({n: v for n, v in values.items() if n in needed[i]})
+    ]
+
+
+def reduced(
+    model: BoundModel, instances: Sequence[PropertyInstance], *, keep_steps: bool = True
+) -> Reduction:
+    """The model with dead variables reset, so that it has fewer states and the same answers to these properties.
+
+    Not for fair strategies: which strategies are fair depends on the states. Properties with a fault are not considered.
+
+    Args:
+        model: the model.
+        instances: the properties.
+        keep_steps: preserve the number of steps of each path even if no property counts steps, as distributions and
+            exports need it.
     """
     from symcheck.semantics.reduction.reset_dead_variables import observe, reduce
 
-    bound = [q.bind(model) for q in questions]
+    bound = [instance.bind(model) for instance in instances]
     labels = {n: x for _, own in bound for n, x in own.items()}
     observed = observe(model, [p.formula for p, _ in bound if p.fault is None], labels)
-    return reduce(model, replace(observed, steps=observed.steps or steps))
+    return reduce(model, replace(observed, steps=observed.steps or keep_steps))
 
 
-def lumped(
-    engine: Engine, questions: Sequence[Question], options: Options
+def shared_quotient(
+    engine: Engine, instances: Sequence[PropertyInstance], options: Options
 ) -> SharedQuotient | None:
-    """With the option `bisim`: one quotient for all of several questions, where that is a gain. Raises ResourceError."""
-    if not options.bisim or len(questions) < 2:
+    """With the option `bisim`, one quotient for several properties; None if it would not pay. Raises ResourceError."""
+    if not options.bisim or len(instances) < 2:
         return None
-    from symcheck.check.bisimulation.on_quotient import shared_quotient
+    from symcheck.check.bisimulation import on_quotient
 
-    bound = [
-        (p.formula, labels)
-        for p, labels in (q.bind(engine.model) for q in questions)
-        if p.fault is None
-    ]
-    return shared_quotient(engine, bound, options)
+    bound = [instance.bind(engine.model) for instance in instances]
+    formulas = [(p.formula, labels) for p, labels in bound if p.fault is None]
+    return on_quotient.shared_quotient(engine, formulas, options)

@@ -1,18 +1,31 @@
-"""The switches of the command line: PRISM's, with one dash or two."""
+"""The switches of the command line: PRISM's, with one dash or two.
+
+Those that set an option come from the table in `symcheck.options`; those of input, files and output are declared here.
+"""
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
-from symcheck.cli.prism_options import adapt
+from symcheck.cli.prism_options import Adapted, adapt
 from symcheck.errors import UsageError
+from symcheck.options import (
+    OPTIONS,
+    Options,
+    make_options,
+    read_count,
+    read_fraction,
+    read_number,
+)
+from symcheck.syntax.ast import ModelType
 
-__all__ = ["HELP_EPILOGUE", "parse_arguments"]
+__all__ = ["HELP_EPILOGUE", "Arguments", "Export", "make_parser", "parse_arguments"]
+
+T = TypeVar("T")
 
 HELP_EPILOGUE = """\
 Examples:
@@ -21,16 +34,97 @@ Examples:
   symcheck die.pm -pf 'P=? [ F d=6 ]'              check one property
   symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv:csv
 
-Switches of PRISM that have no meaning here (-javamaxmem, -nopre, -gs and others) are accepted, and named in the output.
-Every switch may be written with two dashes as well.
+Switches of PRISM that have no effect here (-javamaxmem, -nopre, -gs and others) are accepted and listed in the output.
+Every switch may be written with two dashes.
 
-Exit status: 0 all answered (and all tests passed); 1 something was not: an error in the input, an unsupported
-property, a failed test; 2 the command line is wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C.
+Exit status: 0 every property was answered and every test passed; 1 an error in the input, an unsupported property or a
+failed test; 2 the command line is wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C.
 """
 
 
+class Export(NamedTuple):
+    """A switch that writes a part of the model. kind: an extension, or 'model'; argument: FILE[:OPTIONS], or FILES[:OPTIONS]."""
+
+    kind: str
+    argument: str
+
+
+class Arguments(argparse.Namespace):
+    """The parsed command line.
+
+    settings: values of options that switches set. exports: parts of the model to be written, in order. needs_model: the
+    switches that need the built model. without_effect: switches of PRISM that were ignored, with reasons. folder: of -dir.
+    """
+
+    model: str | None
+    properties: str | None
+    pf: list[str]
+    prop: str | None
+    const: list[str]
+    model_type: ModelType | None
+    simpath: list[str] | None
+    sim: bool
+    simmethod: str
+    simsamples: int | None
+    simconf: float | None
+    simwidth: float | None
+    simapprox: float | None
+    simvar: int
+    simmaxrwd: float | None
+    simpathlen: int
+    seed: int | None
+    importmodel: str | None
+    importtrans: str | None
+    importstates: str | None
+    importlabels: str | None
+    importstaterewards: str | None
+    importtransrewards: str | None
+    importinitdist: str | None
+    exportdot: str | None
+    exportprism: str | None
+    exportprismconst: str | None
+    exportprecision: int
+    exportrows: bool
+    noexportheaders: bool
+    exportmatlab: bool
+    transient: str | None
+    steadystate: bool
+    exporttransient: str | None
+    exportsteadystate: str | None
+    verbose: bool
+    exportresults: str | None
+    exportstrat: str | None
+    exportvector: str | None
+    nobuild: bool
+    test: bool
+    testall: bool
+    version: bool
+
+    def __init__(self, adapted: Adapted) -> None:
+        super().__init__()
+        self.settings: dict[str, object] = {}
+        self.exports: list[Export] = []
+        self.needs_model: list[str] = []
+        self.without_effect: Mapping[str, str] = adapted.without_effect
+        self.folder = adapted.folder
+
+    @property
+    def imports_model(self) -> bool:
+        """Whether the model is read from explicit files."""
+        return self.importmodel is not None or self.importtrans is not None
+
+    @property
+    def options(self) -> Options:
+        """The options that the switches set. Raises UsageError."""
+        files = {
+            "strategy": self.exportstrat is not None,
+            "everywhere": self.exportvector is not None,
+        }
+        return make_options({**files, **self.settings})
+
+
 class _Formatter(argparse.RawDescriptionHelpFormatter):
-    """As wide as the terminal; argparse would import shutil and all its archive formats to find that out."""
+    """Help as wide as the terminal (argparse would import shutil and all its archive formats to find the width)."""
 
     def __init__(self, prog: str) -> None:
         try:
@@ -40,7 +134,7 @@ class _Formatter(argparse.RawDescriptionHelpFormatter):
         super().__init__(prog, width=max(width - 2, 60))
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
-        """With one dash only: that two are the same is said once."""
+        """The switch with one dash only; the epilogue says that two are accepted."""
         shown = copy(action)
         shown.option_strings = [
             name for name in action.option_strings if not name.startswith("--")
@@ -71,68 +165,97 @@ class _Parser(argparse.ArgumentParser):
         }
 
 
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number") from None
+def _typed(read: Callable[[str], T]) -> Callable[[str], T]:
+    """A reader of values as argparse wants it: its ValueError is the message."""
+
+    def reader(text: str) -> T:
+        try:
+            return read(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return reader
 
 
-def _count(text: str) -> int:
-    """A whole number, plain (10000) or in scientific notation (1e6)."""
-    value = _number(text)
-    if not 0 <= value < float("inf") or value != int(value):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 0")
-    return int(text) if text.isdigit() else int(value)
-
-
-def _some(text: str) -> int:
-    """A whole number from 1."""
-    value = _count(text)
+@_typed
+def _positive_count(text: str) -> int:
+    value = read_count(text)
     if not value:
-        raise argparse.ArgumentTypeError("0 is too few")
+        raise ValueError("0 is too few")
     return value
 
 
-def _memory(text: str) -> int:
-    """Bytes from PRISM's notation: 512m, 4g, 100k, or a plain number of kilobytes."""
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)b?", text.lower())
-    if match is None:
-        raise argparse.ArgumentTypeError(f"'{text}' is not an amount of memory such as 512m or 4g")
-    return int(float(match[1]) * {"": 1 << 10, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}[match[2]])
-
-
-def _seconds(text: str) -> float:
-    """Seconds from 90, 90s, 5m, 1h or 1d."""
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smhd]?)", text.lower())
-    if match is None:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a time such as 90, 90s, 5m or 1h")
-    seconds = float(match[1]) * {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}[match[2]]
-    if seconds == 0:
-        raise argparse.ArgumentTypeError(
-            "no time at all is not enough; leave the switch out for no limit"
-        )
-    return seconds
-
-
+@_typed
 def _digits(text: str) -> int:
     if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number of digits")
+        raise ValueError(f"'{text}' is not a number of digits")
     return int(text)
 
 
-def _positive(text: str) -> float:
-    value = _number(text)
-    if not 0 < value < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number between 0 and 1")
-    return value
-
-
-def _width(text: str) -> float:
-    value = _number(text)
+@_typed
+def _positive_number(text: str) -> float:
+    value = read_number(text)
     if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+        raise ValueError(f"'{text}' is not a number above 0")
     return value
+
+
+class _SetOption(argparse.Action):
+    """Notes the value of an option of `symcheck.options` in `settings`."""
+
+    def __init__(
+        self, option_strings: Sequence[str], dest: str, *, value: object, **keywords: Any
+    ) -> None:
+        super().__init__(option_strings, dest, default=argparse.SUPPRESS, **keywords)
+        self.value = value
+
+    def __call__(self, _: object, arguments: Any, values: object, __: str | None = None) -> None:
+        """Note the value."""
+        arguments.settings[self.dest] = values if self.value is None else self.value
+
+
+class _BuiltModel(argparse.Action):
+    """Stores the value of a switch that needs the built model (True if it takes none), and notes the switch."""
+
+    def __call__(
+        self, _: object, arguments: Any, values: object, switch: str | None = None
+    ) -> None:
+        """Store the value."""
+        setattr(arguments, self.dest, True if self.nargs == 0 else values)
+        arguments.needs_model.append((switch or "").lstrip("-"))
+
+
+class _ExportPart(argparse.Action):
+    """Appends a part of the model to `exports`, one for each kind."""
+
+    def __init__(
+        self, option_strings: Sequence[str], dest: str, *, kinds: str, **keywords: Any
+    ) -> None:
+        super().__init__(option_strings, dest, default=argparse.SUPPRESS, **keywords)
+        self.kinds = kinds.split()
+
+    def __call__(self, _: object, arguments: Any, values: Any, switch: str | None = None) -> None:
+        """Append the exports."""
+        files = values if isinstance(values, list) else [values]
+        arguments.exports += map(Export, self.kinds, files)
+        arguments.needs_model.append((switch or "").lstrip("-"))
+
+
+def _options(parser: _Parser, group: str) -> None:
+    """The switches of the options of a group."""
+    for option in OPTIONS:
+        for switch in option.switches if option.group == group else ():
+            takes_value = switch.value is None
+            parser.add(
+                *switch.names,
+                dest=option.name,
+                action=_SetOption,
+                value=switch.value,
+                nargs=None if takes_value else 0,
+                type=_typed(option.values.read) if takes_value else None,
+                metavar=option.values.metavar if takes_value else None,
+                help=switch.help,
+            )
 
 
 def _input(parser: _Parser) -> None:
@@ -164,132 +287,14 @@ def _input(parser: _Parser) -> None:
         default=[],
         help="constants: values, lists {a,b}, ranges low:high or low:step:high",
     )
-    for kind in ("dtmc", "ctmc", "mdp"):
+    for kind in ModelType:
         parser.add(
-            kind,
+            kind.value,
             dest="model_type",
             action="store_const",
             const=kind,
-            help=f"read the model as a {kind.upper()}",
+            help=f"read the model as a {kind.name}",
         )
-
-
-def _methods(parser: _Parser) -> None:
-    for name, aliases, engine, text in (
-        ("m", ("mtbdd",), "mtbdd", "diagrams for matrix and vectors"),
-        ("h", ("hybrid",), "hybrid", "diagrams for the matrix (as blocks), arrays for vectors"),
-        ("s", ("sparse",), "sparse", "diagrams to build, then a sparse matrix"),
-        ("ex", ("explicit",), "explicit", "no diagrams at all"),
-    ):
-        parser.add(
-            name,
-            *aliases,
-            dest="engine",
-            action="store_const",
-            const=engine,
-            help=f"{engine} engine: {text}",
-        )
-    parser.add(
-        "method",
-        metavar="NAME",
-        default="auto",
-        help="numerical method (default: chosen by structure)",
-    )
-    parser.add("exact", action="store_true", help="rational arithmetic")
-    parser.add(
-        "epsilon",
-        "e",
-        metavar="X",
-        type=_positive,
-        default=1e-6,
-        help="width of the certified interval (default: 1e-6)",
-    )
-    parser.add(
-        "relative",
-        "rel",
-        dest="relative",
-        action="store_true",
-        default=True,
-        help="epsilon is relative (default)",
-    )
-    parser.add("absolute", "abs", dest="relative", action="store_false", help="epsilon is absolute")
-    parser.add(
-        "maxiters",
-        metavar="N",
-        type=_count,
-        default=1_000_000,
-        help="iterations of one numerical solution at most",
-    )
-    parser.add(
-        "estimate",
-        action="store_true",
-        help="stop when values change little; faster, and certifies nothing",
-    )
-    parser.add(
-        "fair",
-        dest="fairness",
-        action="store_true",
-        default=False,
-        help="only fair strategies of an MDP",
-    )
-    parser.add("nofair", dest="fairness", action="store_false", help="all strategies (default)")
-    parser.add(
-        "bisim",
-        action="store_true",
-        default=False,
-        help="check on the quotient by strong bisimulation",
-    )
-    parser.add(
-        "ltl2datool",
-        metavar="PROGRAM",
-        help="external translator from LTL to automata: PROGRAM formula-file HOA-file",
-    )
-    parser.add(
-        "ltl2dasyntax",
-        metavar="SYNTAX",
-        default="lbt",
-        help="how it reads formulas: lbt (default), spin, spot, rabinizer",
-    )
-
-
-def _model(parser: _Parser) -> None:
-    parser.add(
-        "fixdl",
-        dest="fix_deadlocks",
-        action="store_true",
-        default=True,
-        help="give deadlocks a self-loop (default)",
-    )
-    parser.add("nofixdl", dest="fix_deadlocks", action="store_false", help="a deadlock is an error")
-    parser.add(
-        "noprobchecks",
-        dest="check_sums",
-        action="store_false",
-        default=True,
-        help="accept probabilities that do not sum to 1",
-    )
-    parser.add(
-        "reduce",
-        action="store_true",
-        help="reset variables that nothing will read again: fewer states",
-    )
-    parser.add(
-        "order",
-        metavar="X,Y,…|force|sift",
-        help="variables from the top of the diagrams down, or how to look for an order",
-    )
-    parser.add(
-        "cuddmaxmem",
-        metavar="SIZE",
-        type=_memory,
-        help="memory of diagrams, or of an explicit search, at most, such as 4g",
-    )
-    parser.add(
-        "timeout",
-        metavar="TIME",
-        type=_seconds,
-        help="time of the run at most, such as 90, 5m or 1h",
-    )
 
 
 def _simulation(parser: _Parser) -> None:
@@ -311,41 +316,44 @@ def _simulation(parser: _Parser) -> None:
     parser.add(
         "simsamples",
         metavar="N",
-        type=_some,
+        type=_positive_count,
         help="number of paths (default: 1000, or what -simwidth needs)",
     )
     parser.add(
         "simconf",
         metavar="X",
-        type=_positive,
+        type=_typed(read_fraction),
         help="probability that interval or verdict are wrong (default: 0.01)",
     )
     parser.add(
         "simwidth",
         metavar="W",
-        type=_width,
+        type=_positive_number,
         help="half the width of the interval; what sprt tells apart (default: 0.05)",
     )
     parser.add(
-        "simapprox", metavar="W", type=_width, help="the same, by the name that it has for apmc"
+        "simapprox",
+        metavar="W",
+        type=_positive_number,
+        help="the same, by the name that it has for apmc",
     )
     parser.add(
         "simvar",
         metavar="N",
-        type=_count,
+        type=_typed(read_count),
         default=1000,
         help="paths from which -simwidth judges the variance (default: 1000)",
     )
     parser.add(
         "simmaxrwd",
         metavar="X",
-        type=_width,
+        type=_positive_number,
         help="the largest reward that a path can earn, for apmc",
     )
     parser.add(
         "simpathlen",
         metavar="N",
-        type=_count,
+        type=_typed(read_count),
         default=10_000,
         help="the longest path (default: 10000)",
     )
@@ -353,7 +361,7 @@ def _simulation(parser: _Parser) -> None:
         "seed",
         "simseed",
         metavar="N",
-        type=_count,
+        type=_typed(read_count),
         help="seed of the random numbers (default: a new one, which is reported)",
     )
 
@@ -381,26 +389,62 @@ def _imports(parser: _Parser) -> None:
 
 def _exports(parser: _Parser) -> None:
     parser.add(
-        "exportmodel", metavar="FILES[:OPTIONS]", action="append", default=[], help="write the model: out.tra,sta,lab,srew,trew; out.all; "
-        "out.dot; out.drn; out.umb; 'stdout' for out prints. OPTIONS: actions, headers, rows, states, proplabels (=false), precision=N",
-    )  # fmt: skip
-    for name, what in (
-        ("trans", "transitions"),
-        ("states", "states"),
-        ("labels", "labels"),
-        ("staterewards", "state rewards"),
-        ("transrewards", "transition rewards"),
-        ("transdot", "graph, in DOT"),
-        ("transdotstates", "graph with the values of the variables, in DOT"),
-        ("dot", "matrix as a decision diagram, in DOT (engines -m, -h, -s)"),
-        ("sccs", "strong components"),
-        ("bsccs", "bottom strong components"),
-        ("mecs", "maximal end components of an MDP"),
-        ("prism", "model as a text again"),
-        ("prismconst", "model as a text, with the values of its constants"),
+        "exportmodel",
+        metavar="FILES[:OPTIONS]",
+        action=_ExportPart,
+        kinds="model",
+        help="write the model: out.tra,sta,lab,srew,trew; out.all; out.dot; out.drn; out.umb; 'stdout' for out prints. "
+        "OPTIONS: actions, headers, rows, states, proplabels (=false), precision=N",
+    )
+    for name, kind, what in (
+        ("trans", "tra", "transitions"),
+        ("states", "sta", "states"),
+        ("labels", "lab", "labels"),
+        ("staterewards", "srew", "state rewards"),
+        ("transrewards", "trew", "transition rewards"),
+        ("transdot", "dot", "graph, in DOT"),
+        ("transdotstates", "dotstates", "graph with the values of the variables, in DOT"),
+        ("sccs", "sccs", "strongly connected components"),
+        ("bsccs", "bsccs", "bottom strongly connected components"),
+        ("mecs", "mecs", "maximal end components of an MDP"),
     ):
-        parser.add(f"export{name}", metavar="FILE", help=f"write the {what}")
-    parser.add("exportrewards", metavar="FILE", nargs=2, help="write state and transition rewards")
+        parser.add(
+            f"export{name}",
+            metavar="FILE",
+            action=_ExportPart,
+            kinds=kind,
+            help=f"write the {what}",
+        )
+    parser.add(
+        "exportrewards",
+        metavar="FILE",
+        nargs=2,
+        action=_ExportPart,
+        kinds="srew trew",
+        help="write state and transition rewards",
+    )
+    parser.add(
+        "exportproplabels",
+        metavar="FILE",
+        nargs="?",
+        const="",
+        action=_ExportPart,
+        kinds="proplab",
+        help="write the labels of the properties (without FILE: with the labels of the model)",
+    )
+    parser.add(
+        "exportdot",
+        metavar="FILE",
+        action=_BuiltModel,
+        help="write the matrix as a decision diagram, in DOT (engines -m, -h, -s)",
+    )
+    parser.add("exportprism", metavar="FILE", help="write the text of the model")
+    parser.add(
+        "exportprismconst",
+        metavar="FILE",
+        action=_BuiltModel,
+        help="write the text of the model with the values of its constants",
+    )
     parser.add(
         "exportprecision",
         "exportmodelprecision",
@@ -414,13 +458,6 @@ def _exports(parser: _Parser) -> None:
         "noexportheaders", action="store_true", help="no comments at the top of reward files"
     )
     parser.add(
-        "exportproplabels",
-        metavar="FILE",
-        nargs="?",
-        const="",
-        help="write the labels of the properties (without FILE: to the other labels)",
-    )
-    parser.add(
         "exportmatlab",
         action="store_true",
         help="write matrices, rewards, states and labels for Matlab",
@@ -432,24 +469,29 @@ def _distributions(parser: _Parser) -> None:
         "transient",
         "tr",
         metavar="T",
+        action=_BuiltModel,
         help="distribution over the states at a time (DTMC: a step), or at times low:step:high",
     )
     parser.add(
         "steadystate",
         "ss",
-        action="store_true",
+        nargs=0,
+        default=False,
+        action=_BuiltModel,
         help="distribution over the states in the long run",
     )
     parser.add(
         "exporttransient",
         "exporttr",
         metavar="FILE",
+        action=_BuiltModel,
         help="write the probabilities of -transient, a line per state",
     )
     parser.add(
         "exportsteadystate",
         "exportss",
         metavar="FILE",
+        action=_BuiltModel,
         help="write the probabilities of -steadystate, a line per state",
     )
 
@@ -470,11 +512,13 @@ def _output(parser: _Parser) -> None:
     parser.add(
         "exportstrat",
         metavar="FILE[:type=KIND]",
+        action=_BuiltModel,
         help="write a strategy of each mdp property: actions (default), indices, induced, dot",
     )
     parser.add(
         "exportvector",
         metavar="FILE",
+        action=_BuiltModel,
         help="write the value of each property in every state, a line per state",
     )
     parser.add("nobuild", action="store_true", help="only read the model")
@@ -490,7 +534,8 @@ def _output(parser: _Parser) -> None:
     parser.add_argument("-version", "--version", action="store_true", help="the version")
 
 
-def _parser() -> _Parser:
+def make_parser() -> _Parser:
+    """The parser of the switches."""
     parser = _Parser(
         prog="symcheck",
         usage="symcheck MODEL [PROPERTIES] [switches]",
@@ -500,10 +545,10 @@ def _parser() -> _Parser:
         add_help=False,
         allow_abbrev=False,
     )
+    _input(parser)
+    _options(parser, "method")
+    _options(parser, "model")
     for group in (
-        _input,
-        _methods,
-        _model,
         _simulation,
         _imports,
         _exports,
@@ -514,13 +559,8 @@ def _parser() -> _Parser:
     return parser
 
 
-def parse_arguments(words: Sequence[str]) -> argparse.Namespace:
-    """The command line as a namespace. Raises UsageError; `--help` prints and exits with 0.
-
-    Beside the switches: `without_effect` (switches of PRISM that were left out, with reasons) and `folder` (of -dir).
-    """
-    parser = _parser()
+def parse_arguments(words: Sequence[str]) -> Arguments:
+    """The parsed command line. Raises UsageError; `--help` prints the switches and exits with 0."""
+    parser = make_parser()
     adapted = adapt(words, parser.counts())
-    found = parser.parse_args(adapted.words)
-    found.without_effect, found.folder = adapted.without_effect, adapted.folder
-    return found
+    return parser.parse_args(adapted.words, Arguments(adapted))

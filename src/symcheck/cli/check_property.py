@@ -1,191 +1,167 @@
-"""Checking one property of a run: its answer, what is written of it, and its verdict in a test."""
+"""Checking one property: its result in the output, in the table of results and in files, and its verdict in a test."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.check.checker import check
+from symcheck.api import Model
 from symcheck.check.expected_results import Verdict, VerdictKind, judge
-from symcheck.check.property_instance import Question
+from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, Statistical, show_value
-from symcheck.cli.output_paths import Values, own_file
-from symcheck.cli.properties_input import Broken
-from symcheck.cli.report import property_text
-from symcheck.cli.run_state import Job
-from symcheck.cli.simulation import Simulation
-from symcheck.engines.base import Engine
+from symcheck.cli.arguments import Arguments
+from symcheck.cli.output import Output, property_text
+from symcheck.cli.output_paths import ConstantTexts, instance_path
+from symcheck.cli.properties_input import UnparsedProperty
+from symcheck.cli.run_state import RunState
 from symcheck.errors import ResourceError, SymcheckError
 from symcheck.experiment.table import Row
-from symcheck.options import Options
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
+    from symcheck.simulate.statistics import Plan
 
-__all__ = ["Stop", "answer", "broken", "conclude", "internal", "unbuilt"]
-
-
-class Stop(Exception):
-    """A test has failed and -test was asked for."""
+__all__ = ["check_property", "internal_error", "report_unbuilt_model", "report_unparsed"]
 
 
-def answer(
-    job: Job,
-    subject: Engine | Simulation,
-    question: Question,
-    options: Options,
-    constants: Values,
-    choice: Values,
-    varying: Values,
-    shared: SharedQuotient | None = None,
+def check_property(
+    state: RunState,
+    model: Model,
+    instance: PropertyInstance,
+    plan: Plan | None,
+    shared: SharedQuotient | None,
+    varying: ConstantTexts,
 ) -> None:
-    """Check a property and report what comes out; a fault of one property does not stop the others.
+    """Check or (with a plan) estimate a property, and report the result; its fault does not stop other properties.
 
-    constants: of the model. choice: of the property. varying: what is in the names of the files that are written. shared: a
-    quotient by bisimulation for several questions.
-    Raises ResourceError and MemoryError, UsageError for files that cannot be written, and Stop.
+    shared: a quotient for several properties. varying: the constants in the names of files.
+
+    Raises:
+        ResourceError, MemoryError: a limit was reached.
+        UsageError: a file cannot be written.
+        TestFailed: a test failed, and -test ends the run.
     """
-    bound, labels = question.bind(subject.model)
+    bound, _ = instance.bind(model.bound)
     text = property_text(bound)
     name, title = bound.name or text, f'"{bound.name}": {text}' if bound.name else text
-    job.report.property(text, bound.name, constants, choice)
+    of_model = {n: str(v) for n, v in model.constants.items()}
+    of_property = {n: str(v) for n, v in instance.relevant.items()}
+    constants = {**of_model, **of_property}
+    state.output.property(text, bound.name, of_model, of_property)
     outcome: Result | SymcheckError
     try:
-        if isinstance(subject, Simulation):
-            outcome = subject.check(bound.formula, labels)
+        if plan is not None:
+            outcome = model.estimate_instance(instance, plan)
         else:
-            outcome = check(
-                subject,
-                bound.formula,
-                options,
-                labels=labels,
-                rebind=question.formula,
-                shared=shared,
-            )
-        job.report.result(outcome)
+            outcome = model.check_instance(instance, shared=shared)
+        state.output.result(outcome)
     except (ResourceError, MemoryError):
         raise
-    except Exception as error:  # a defect in one property must not take the others along
-        outcome = error if isinstance(error, SymcheckError) else internal(error)
-        job.report.error(outcome)
-        job.failures += not job.testing
-        job.rows.append(
-            Row(
-                name,
-                {**constants, **choice},
-                "Error",
-                str(outcome).splitlines()[0],
-                title=title,
-                fixed=job.fixed,
-            )
-        )
+    except Exception as error:  # a defect in one property must not stop the others
+        outcome = error if isinstance(error, SymcheckError) else internal_error(error)
+        state.output.error(outcome)
+        state.failures += not state.testing
+        value, accuracy = "Error", str(outcome).splitlines()[0]
     else:
-        job.rows.append(
-            Row(
-                name,
-                {**constants, **choice},
-                show_value(outcome.value),
-                str(outcome.accuracy),
-                title=title,
-                fixed=job.fixed,
-            )
-        )
-        _write(job, outcome, varying)
-    if job.testing and isinstance(outcome, Result) and isinstance(outcome.accuracy, Statistical):
-        conclude(job, Verdict(VerdictKind.NOT_TESTED, "the result is an estimate"))
-    elif job.testing:
-        conclude(job, judge(bound.comments, outcome, bound.constants, exact=options.exact))
+        value, accuracy = show_value(outcome.value), str(outcome.accuracy)
+    state.rows.append(Row(name, constants, value, accuracy, title=title, fixed=state.fixed))
+    if isinstance(outcome, Result):
+        _write_files(state.arguments, state.output, outcome, varying)
+    if not state.testing:
+        return
+    if isinstance(outcome, Result) and isinstance(outcome.accuracy, Statistical):
+        state.conclude(Verdict(VerdictKind.NOT_TESTED, "the result is an estimate"))
+    else:
+        exact = state.options.exact
+        state.conclude(judge(bound.comments, outcome, bound.constants, exact=exact))
 
 
-def broken(job: Job, property: Broken) -> None:
+def report_unparsed(state: RunState, property: UnparsedProperty) -> None:
     """Report a property that does not follow the grammar."""
-    job.report.property(property.text, None, {}, {})
-    job.report.error(property.fault)
-    job.failures += 1
-    job.rows.append(Row(property.text, {}, "Error", str(property.fault).splitlines()[0]))
+    state.output.property(property.text, None, {}, {})
+    state.output.error(property.fault)
+    state.failures += 1
+    state.rows.append(Row(property.text, {}, "Error", str(property.fault).splitlines()[0]))
 
 
-def unbuilt(
-    job: Job, questions: list[tuple[str, Values]], constants: Values, error: SymcheckError
+def report_unbuilt_model(
+    state: RunState,
+    instances: Sequence[PropertyInstance],
+    constants: ConstantTexts,
+    error: SymcheckError,
 ) -> None:
-    """Report a model that cannot be built, one of several; its properties have no answers."""
-    job.report.error(error)
-    job.failures += 1
+    """Report that one of several models cannot be built; its properties have no results."""
+    state.output.error(error)
+    state.failures += 1
     reason = str(error).splitlines()[0]
-    job.rows += [
-        Row(name, {**constants, **choice}, "Error", reason, fixed=job.fixed)
-        for name, choice in questions
-    ]
+    for instance in instances:
+        known = {**constants, **{n: str(v) for n, v in instance.relevant.items()}}
+        state.rows.append(Row(instance.title, known, "Error", reason, fixed=state.fixed))
 
 
-def conclude(job: Job, verdict: object) -> None:
-    """Report the comparison with a RESULT line. Raises Stop where -test is to end with it."""
-    job.report.verdict(verdict)
-    kind = getattr(verdict, "kind", None)
-    if kind in (VerdictKind.FAIL, VerdictKind.UNSUPPORTED):
-        job.failures += 1
-        if job.arguments.test and kind is VerdictKind.FAIL:
-            raise Stop
-
-
-def internal(error: Exception) -> SymcheckError:
+def internal_error(error: Exception) -> SymcheckError:
     """A defect of symcheck, as an error that can be reported."""
     import traceback
 
     where = traceback.extract_tb(error.__traceback__)[-1]
     hint = "this is a defect of symcheck; please report it with the model"
     if isinstance(error, ImportError) and (error.name or "").startswith("symcheck."):
-        hint = "sources and compiled modules are of different versions: build again (pip install -e ., or make demo in a checkout)"
+        hint = (
+            "sources and compiled modules are of different versions: build again "
+            "(pip install -e ., or make demo in a checkout)"
+        )
     return SymcheckError(
-        f"internal error: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})\n  hint: {hint}"
+        f"internal error: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
+        f"\n  hint: {hint}"
     )
 
 
-# ------------------------------------------------------------------------------------------------------------------- files
+# ----------------------------------------------------------------------------------- files
 
 
-def _write(job: Job, outcome: Result, varying: Values) -> None:
-    if outcome.strategy is not None:
-        _write_strategy(job, outcome, varying)
-    if job.arguments.exportvector is not None:
-        _write_vector(job, outcome, own_file(job.arguments.exportvector, varying))
+def _write_files(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:
+    if result.strategy is not None and a.exportstrat is not None:
+        _write_strategy(a.exportstrat, output, result, varying)
+    if a.exportvector is not None:
+        path = instance_path(a.exportvector, varying)
+        _write_vector(path, output, result, a.exportprecision)
 
 
-def _write_strategy(job: Job, outcome: Result, varying: Values) -> None:
+def _write_strategy(argument: str, output: Output, result: Result, varying: ConstantTexts) -> None:
     from symcheck.exchange.strategies import strategy_target, strategy_texts
     from symcheck.exchange.text import write_text
 
-    target = strategy_target(job.arguments.exportstrat)
-    path = own_file(target.path, varying)
-    write_text(path, strategy_texts(outcome.strategy, target), job.report.out)
+    target = strategy_target(argument)
+    path = instance_path(target.path, varying)
+    write_text(path, strategy_texts(result.strategy, target), output.out)
     if path != "stdout":
-        job.report.line(f'Strategy written to "{path}" ({target.kind})')
+        output.line(f'Strategy written to "{path}" ({target.kind})')
 
 
-def _write_vector(job: Job, outcome: Result, path: str) -> None:
-    """The values in all states in the order of the exported states: numbers, or true and false."""
+def _write_vector(path: str, output: Output, result: Result, precision: int) -> None:
+    """Write the value in each state, in the order of exported states: numbers, or true and false."""
     from symcheck.exchange.explicit_export import state_order
     from symcheck.exchange.text import lines, write_text
 
-    engine = outcome.engine
-    if engine is None or (outcome.values is None and outcome.satisfying is None):
-        job.report.warn("-exportvector: this property has no values of its own in the states")
+    engine = result.engine
+    if engine is None or (result.values is None and result.satisfying is None):
+        output.warn("-exportvector: this property has no value in each state")
         return
     order = state_order(engine)
-    if outcome.values is not None:
-        low, high = outcome.values.at(engine.all)
-        # Of bounds the middle is taken, as for a result; infinite values are their own middle.
+    if result.values is not None:
+        low, high = result.values.at(engine.all)
+        # The midpoint of bounds, as for a result; equal bounds may be infinite.
         values = (
             np.asarray(low) if low is high else np.where(low == high, low, low + (high - low) / 2)
         )
         column = values if order is None else values[order]
-        text = lines("%s", len(column), column, precision=job.arguments.exportprecision)
+        text = lines("%s", len(column), column, precision=precision)
     else:
-        members = engine.to_bools(outcome.satisfying)
+        members = engine.to_bools(result.satisfying)
         names = np.where(members if order is None else members[order], "true", "false").tolist()
         text = lines("%s", len(names), names)
-    write_text(path, text, job.report.out)
-    if path != "stdout":
-        job.report.line(f"Exported to '{path}'")
+    write_text(path, text, output.out)
+    output.exported(path)

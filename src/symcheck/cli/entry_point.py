@@ -1,4 +1,4 @@
-"""From the words of the command line to an exit status, whatever happens on the way."""
+"""From the words of the command line to an exit status; every error is reported."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import NoReturn
 
 from symcheck import __version__
 from symcheck.cli.arguments import parse_arguments
-from symcheck.cli.check_property import internal
-from symcheck.cli.report import Report
+from symcheck.cli.check_property import internal_error
+from symcheck.cli.output import Output
 from symcheck.cli.run import run
-from symcheck.cli.run_state import Job, results_file, sorted_rows
-from symcheck.cli.signals import Stopping, limited
+from symcheck.cli.run_state import RunState, results_file, sorted_rows
+from symcheck.cli.signals import StopSignals, limited
 from symcheck.errors import (
     Interrupted,
     ResourceError,
@@ -30,7 +30,7 @@ __all__ = ["run_safely"]
 
 def run_safely(words: list[str] | None = None) -> int:
     """Run the command line. Every error ends in a message on standard error and an exit status, never in a traceback."""
-    # Where the caller has closed one of them.
+    # The caller may have closed one of them.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     with ExitStack() as stack:
@@ -41,14 +41,14 @@ def run_safely(words: list[str] | None = None) -> int:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the process, which is ours, without taking everything apart that was built: the system does it at once.
+    """End the process without freeing each object: the system frees its memory at once.
 
-    After an interrupt inside of exec() Python would also end by the signal, and not with the status 130.
+    After an interrupt within exec() Python would otherwise end by the signal, and not with the status 130.
     """
     try:
         print(end="", flush=True)
     except BrokenPipeError:
-        status = 1  # the reader of our output has gone
+        status = 1  # the reader of the output has closed it
     except OSError as error:
         status = (
             _fail(SymcheckError(f"the output cannot be written: {error.strerror}"), 1)
@@ -61,41 +61,41 @@ def _leave(status: int) -> NoReturn:
 
 
 def _guarded(words: list[str], stack: ExitStack) -> int:
-    """The exit status of a run, whatever happens in it; `stack` is left when results have been written."""
-    job: Job | None = None
-    stopping = Stopping()
+    """The exit status of a run; `stack` is closed by the caller after the results have been written."""
+    state: RunState | None = None
+    signals = StopSignals()
     try:
         arguments = parse_arguments(words)
         if arguments.version:
             print(f"symcheck {__version__}")
             return 0
-        stack.enter_context(_inside(arguments.folder))
+        stack.enter_context(_working_folder(arguments.folder))
         if arguments.exportresults is not None:
-            results_file_checked(arguments.exportresults)
-        job = Job(arguments, Report(verbose=arguments.verbose))
-        with stopping, limited(arguments.timeout, lambda: _give_up(job)):
-            status = run(job)
-        _export(job)
+            check_results_file(arguments.exportresults)
+        state = RunState(arguments, Output(verbose=arguments.verbose))
+        with signals, limited(arguments.options.time_limit, lambda: _end_process(state)):
+            status = run(state)
+        _export(state)
         return status
     except UsageError as error:
-        return _fail(_kept(job, error), 2)
+        return _fail(_after_export(state, error), 2)
     except (ResourceError, MemoryError, KeyboardInterrupt) as error:
-        return _stopped(job, _as_resource_error(error, stopping), stopping)
+        return _stopped(state, _as_resource_error(error, signals), signals)
     except SymcheckError as error:
-        return _fail(_kept(job, error), 1)
+        return _fail(_after_export(state, error), 1)
     except RecursionError:
         return _fail(SymcheckError("the input is nested too deeply"), 1)
     except BrokenPipeError:
-        # The reader of our output has gone (`| head`): nothing more to say, and Python must not complain at exit.
+        # The reader of the output has closed it (`| head`): Python must not complain at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except Exception as error:  # never a traceback: the message says that it is ours, and where
-        return _fail(_kept(job, internal(error)), 1)
+    except Exception as error:  # reported as a defect of symcheck, without a traceback
+        return _fail(_after_export(state, internal_error(error)), 1)
 
 
 @contextmanager
-def _inside(folder: str | None) -> Iterator[None]:
-    """Run in the folder of -dir, from which all names of files count. Raises UsageError where there is none."""
+def _working_folder(folder: str | None) -> Iterator[None]:
+    """Run in the folder of -dir, to which names of files are relative. Raises UsageError if there is none."""
     if folder is None:
         yield
         return
@@ -110,15 +110,15 @@ def _inside(folder: str | None) -> Iterator[None]:
         os.chdir(before)
 
 
-def _kept(job: Job | None, error: SymcheckError) -> SymcheckError:
-    """The error that ends a run, after the finished results have been written where that is possible."""
+def _after_export(state: RunState | None, error: SymcheckError) -> SymcheckError:
+    """The error that ends a run, after the finished results have been written if that is possible."""
     with suppress(UsageError):
-        _export(job)
+        _export(state)
     return error
 
 
-def results_file_checked(argument: str) -> None:
-    """Complain about -exportresults before anything is computed. Raises UsageError."""
+def check_results_file(argument: str) -> None:
+    """Find faults of -exportresults before anything is computed. Raises UsageError."""
     path, kinds = results_file(argument)
     render([], kinds)
     if not path.name:
@@ -139,48 +139,48 @@ def _fail(error: SymcheckError, status: int) -> int:
     return status
 
 
-def _as_resource_error(error: BaseException, stopping: Stopping) -> ResourceError:
+def _as_resource_error(error: BaseException, signals: StopSignals) -> ResourceError:
     match error:
         case Interrupted():
-            return Interrupted(f"{error}{stopping.advice}")
+            return Interrupted(f"{error}{signals.advice}")
         case ResourceError():
             return error
         case MemoryError():
             return out_of_memory()
         case _:
-            return Interrupted(f"stopped by {stopping.name}{stopping.advice}")
+            return Interrupted(f"stopped by {signals.name}{signals.advice}")
 
 
-def _stopped(job: Job | None, error: ResourceError, stopping: Stopping) -> int:
-    """The end of a run that a limit or the user has stopped: finished results are kept."""
-    _export(job)
-    if job is not None and job.rows:
+def _stopped(state: RunState | None, error: ResourceError, signals: StopSignals) -> int:
+    """End a run that a limit or the user has stopped; finished results are written."""
+    _export(state)
+    if state is not None and state.rows:
         print(
-            f"{len(job.rows)} finished result{'s are' if len(job.rows) > 1 else ' is'} above",
+            f"{len(state.rows)} finished result{'s are' if len(state.rows) > 1 else ' is'} above",
             file=sys.stderr,
         )
-    return _fail(error, stopping.status if isinstance(error, Interrupted) else 3)
+    return _fail(error, signals.status if isinstance(error, Interrupted) else 3)
 
 
-def _export(job: Job | None) -> None:
-    """Write the results, whole or not at all."""
-    if job is None or not job.arguments.exportresults or not job.rows:
+def _export(state: RunState | None) -> None:
+    """Write the results to their file, completely or not at all."""
+    if state is None or not state.arguments.exportresults or not state.rows:
         return
-    path, kinds = results_file(job.arguments.exportresults)
+    path, kinds = results_file(state.arguments.exportresults)
     if str(path) == "stdout":
-        print(f"\nResults:\n\n{render(list(sorted_rows(job.rows)), kinds)}", end="", flush=True)
+        print(f"\nResults:\n\n{render(list(sorted_rows(state.rows)), kinds)}", end="", flush=True)
         return
     from symcheck.exchange.text import write_text
 
     try:
-        write_text(str(path), [render(list(sorted_rows(job.rows)), kinds)], sys.stdout)
+        write_text(str(path), [render(list(sorted_rows(state.rows)), kinds)], sys.stdout)
     except UsageError as error:
         raise UsageError(f"-exportresults: {error}") from None
 
 
-def _give_up(job: Job | None) -> None:
-    """Compiled code did not notice that time is up: end the process from beside it."""
-    _stopped(job, TimeLimitError("the time limit was reached"), Stopping())
+def _end_process(state: RunState | None) -> None:
+    """End the process from another thread: compiled code did not notice that the time limit was reached."""
+    _stopped(state, TimeLimitError("the time limit was reached"), StopSignals())
     sys.stderr.flush()
     sys.stdout.flush()
     os._exit(3)

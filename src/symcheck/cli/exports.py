@@ -1,223 +1,133 @@
-"""The switches that read models state by state, write models, and compute distributions over states."""
+"""The switches that write models, and those that compute distributions over states."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.check.context import Context
-from symcheck.cli.output_paths import NOTHING, Values, own_file
-from symcheck.cli.report import Report
+from symcheck.api import Model
+from symcheck.cli.arguments import Arguments
+from symcheck.cli.output import Output
+from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
 from symcheck.constant_values import combinations, parse_constants
-from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError, UsageError
-from symcheck.options import Options
 from symcheck.semantics.expressions.literals import format_state
-from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, LabelReference, ModelType
-from symcheck.syntax.declarations import Program
+from symcheck.syntax.declarations import Program, PropertiesFile
+
+if TYPE_CHECKING:
+    from symcheck.check.state_distributions import Distribution
+    from symcheck.exchange.export import Target
 
 __all__ = [
-    "MODEL_EXPORTS",
+    "check_targets",
     "export_constants",
     "export_model",
     "export_program",
-    "imported",
     "report_distributions",
-    "targets",
-    "wanted",
 ]
 
-_IMPORTS = ("importstates", "importlabels", "importstaterewards", "importtransrewards")
-_SINGLE = {
-    "exporttrans": "tra",
-    "exportstates": "sta",
-    "exportlabels": "lab",
-    "exportproplabels": "proplab",
-    "exportstaterewards": "srew",
-    "exporttransrewards": "trew",
-    "exporttransdot": "dot",
-    "exporttransdotstates": "dot",
-    "exportsccs": "sccs",
-    "exportbsccs": "bsccs",
-    "exportmecs": "mecs",
-}
-MODEL_EXPORTS = (
-    *_SINGLE,
-    "exportmodel",
-    "exportrewards",
-    "exportdot",
-    "transient",
-    "steadystate",
-    "exporttransient",
-    "exportsteadystate",
-)
-"""Switches that need the built model."""
 _MOST_NODES = 100_000
 """Nodes of a diagram up to which it is drawn."""
-_FLAG = ""
-"""The value of -exportproplabels without a file: the labels of the properties join those of the model."""
 
 
-def imported(a: argparse.Namespace) -> Engine | None:
-    """The model that the -import switches tell to read, None where there are none. Raises InputError, UsageError."""
-    if a.importmodel is None and a.importtrans is None:
-        alone = next((s for s in _IMPORTS if getattr(a, s) is not None), None)
-        if alone is not None:
-            raise UsageError(f"-{alone} needs -importtrans: the transitions are the model")
-        return None
-    from symcheck.exchange.explicit_data import imported_engine
-    from symcheck.exchange.formats.prism_reader import ModelFiles, read_files, read_model
-
-    if a.importmodel is not None and a.importtrans is not None:
-        raise UsageError("-importmodel and -importtrans both tell which model to read")
-    kind = ModelType(a.model_type) if a.model_type else None
-    if a.engine not in (None, "explicit"):
+def check_targets(a: Arguments) -> None:
+    """Find faults of the export switches before anything is computed. Raises UsageError."""
+    _targets(a)
+    asked = a.transient is not None or a.steadystate
+    if not asked and (a.exporttransient or a.exportsteadystate):
         raise UsageError(
-            f"a model that is read state by state is checked by the explicit engine, not by {a.engine}"
+            "-exporttransient goes with -transient TIME, and -exportsteadystate with -steadystate"
         )
-    if a.importmodel is not None:
-        given = read_files(a.importmodel, kind, check_sums=a.check_sums)
-    else:
-        states, labels, state_rewards, rewards = (
-            Path(x) if x else None for x in (getattr(a, s) for s in _IMPORTS)
-        )
-        pairs = ((state_rewards, rewards),) if state_rewards or rewards else ()
-        given = read_model(
-            ModelFiles(Path(a.importtrans), states, labels, pairs), kind, check_sums=a.check_sums
-        )
-    engine = imported_engine(given, fix_deadlocks=a.fix_deadlocks)
-    return engine.rational() if a.exact else engine
 
 
-def targets(a: argparse.Namespace, varying: Values = NOTHING) -> list:  # type: ignore[type-arg]
-    """What the export switches ask to be written, for one choice of the constants that vary.
-
-    Raises UsageError for what cannot be understood.
-    """
-    if (
-        not any(getattr(a, s) is not None for s in (*_SINGLE, "exportrewards"))
-        and not a.exportmodel
-    ):
+def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target]:
+    """The parts of the model to be written, for one combination of the constants that vary. Raises UsageError."""
+    if not a.exports:
         return []
-    from dataclasses import replace
-
     from symcheck.exchange.export import ExportOptions, Target, file_options, parse_target
 
     options = ExportOptions(
         precision=a.exportprecision,
         headers=not a.noexportheaders,
         rows=a.exportrows,
-        proplabels=a.exportproplabels == _FLAG,
+        proplabels=any(e.kind == "proplab" and not e.argument for e in a.exports),
         matlab=a.exportmatlab,
     )
-    found = [
-        t
-        for text in a.exportmodel
-        for t in parse_target(text, a.model or a.importmodel or a.importtrans, options)
-    ]
-    for switch, kind in _SINGLE.items():
-        if getattr(a, switch):
-            path, own = file_options(getattr(a, switch), options)
-            found.append(Target(kind, path, replace(own, states=switch == "exporttransdotstates")))
-    if a.exportrewards:
-        found += [
-            Target(kind, path, options)
-            for kind, path in zip(("srew", "trew"), a.exportrewards, strict=True)
-        ]
-    for target in found:
-        if not Path(target.path).parent.is_dir():
-            raise UsageError(
-                f"there is no folder '{Path(target.path).parent}' to write '{Path(target.path).name}' to"
-            )
-    return [replace(t, path=own_file(t.path, varying)) for t in found]
+    targets: list[Target] = []
+    for kind, argument in a.exports:
+        if kind == "model":
+            source = a.model or a.importmodel or a.importtrans or "model"
+            targets += parse_target(argument, source, options)
+        elif argument:
+            path, own = file_options(argument, options)
+            if kind in ("dot", "dotstates"):
+                kind, own = "dot", replace(own, states=kind == "dotstates")
+            targets.append(Target(kind, path, own))
+    for target in targets:
+        where = Path(target.path)
+        if not where.parent.is_dir():
+            raise UsageError(f"there is no folder '{where.parent}' to write '{where.name}' to")
+    return [replace(t, path=instance_path(t.path, varying)) for t in targets]
 
 
-def wanted(a: argparse.Namespace) -> bool:
-    """Whether some switch needs the built model, beside properties."""
-    return any(getattr(a, s) not in (None, False, []) for s in MODEL_EXPORTS)
-
-
-def export_program(a: argparse.Namespace, report: Report, program: Program) -> None:
-    """Write the text of the model for -exportprism."""
+def export_program(a: Arguments, output: Output, program: Program) -> None:
+    """Write the text of the model for -exportprism. Raises UsageError."""
     if a.exportprism is not None:
-        _write_program(a.exportprism, report, program)
+        _write_program(a, a.exportprism, output, program)
 
 
 def export_constants(
-    a: argparse.Namespace, report: Report, model: BoundModel, varying: Values = NOTHING
+    a: Arguments, output: Output, model: Model, varying: ConstantTexts = NO_CONSTANTS
 ) -> None:
-    """Write the text of the model with the values of its constants for -exportprismconst."""
-    if a.exportprismconst is None:
-        return
-    from dataclasses import replace
-
-    from symcheck.semantics.expressions.literals import as_expression
-
-    constants = tuple(
-        replace(c, value=as_expression(model.constants[c.name], c.type, c.span))
-        for c in model.program.constants
-    )
-    _write_program(
-        own_file(a.exportprismconst, varying), report, replace(model.program, constants=constants)
-    )
+    """Write the text of the model with the values of its constants for -exportprismconst. Raises UsageError."""
+    if a.exportprismconst is not None:
+        path = instance_path(a.exportprismconst, varying)
+        _write_program(a, path, output, model.instantiated())
 
 
-def _write_program(path: str, report: Report, program: Program) -> None:
+def _write_program(a: Arguments, path: str, output: Output, program: Program) -> None:
     from symcheck.exchange.text import write_text
     from symcheck.syntax.printer import pretty
 
-    if not any(getattr(m, "commands", True) for m in program.modules):
+    if a.imports_model:
         raise UsageError(
-            "a model that is read state by state has no text in the PRISM language; -exportmodel writes it"
+            "a model read from explicit files has no text in the PRISM language; -exportmodel writes it"
         )
-    write_text(path, [pretty(program)], report.out)
-    if path != "stdout":
-        report.line(f"Exported to '{path}'")
-
-
-Labels = Mapping[str, Expression]
+    write_text(path, [pretty(program)], output.out)
+    output.exported(path)
 
 
 def export_model(
-    a: argparse.Namespace,
-    report: Report,
-    engine: Engine,
-    options: Options,
-    bound: Callable[[], Labels],
-    varying: Values = NOTHING,
+    a: Arguments,
+    output: Output,
+    model: Model,
+    file: PropertiesFile,
+    constants: Mapping[str, Sequence[str]],
+    varying: ConstantTexts = NO_CONSTANTS,
 ) -> None:
-    """Write what the switches ask for, and tell of each file. `bound` gives the labels of the model and of the properties."""
+    """Write the parts of the model that switches name, and print the name of each file.
+
+    file, constants: the properties, whose labels may be written too, with the first of the values of each constant.
+    """
     if a.exportdot is not None:
-        _export_dot(a.exportdot, report, engine, varying)
-    files = targets(a, varying)
-    if not files:
+        _export_dot(a.exportdot, output, model.engine, varying)
+    targets = _targets(a, varying)
+    if not targets:
         return
-    labels = bound()
-    from symcheck.check.state_formulas import satisfying
-    from symcheck.exchange.explicit_export import explicit_export
-    from symcheck.exchange.export import export
+    from symcheck.exchange.api_io import export_targets
 
-    context = Context(engine, options, labels)
-
-    def states(name: str) -> StateSet:
-        return satisfying(context, LabelReference(name), engine.all)
-
-    every = any(t.options.proplabels or t.kind == "proplab" for t in files)
-    own = [n for n in engine.model.labels if n not in ("init", "deadlock")]
-    others = [n for n in labels if n not in (*own, "init", "deadlock")] if every else []
-    report.line()
-    for path in export(
-        explicit_export(engine, own, states, property_labels=others), files, report.out
-    ):
-        if path != "stdout":
-            report.line(f"Exported to '{path}'")
+    labels = model.properties(file, {n: v[0] for n, v in constants.items()}).labels
+    output.line()
+    for path in export_targets(model, targets, output.out, labels):
+        output.exported(path)
 
 
-def _export_dot(path: str, report: Report, engine: Engine, varying: Values) -> None:
+def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantTexts) -> None:
     """Write the diagrams of the matrix, one for each choice slot. Raises UnsupportedError on engines without diagrams."""
     from symcheck.engines.symbolic.engine import SymbolicEngine
     from symcheck.exchange.text import write_text
@@ -230,7 +140,7 @@ def _export_dot(path: str, report: Report, engine: Engine, varying: Values) -> N
     matrices = engine.diagrams.roots
     for i, matrix in enumerate(matrices):
         own = {**varying, **({"slot": str(i + 1)} if len(matrices) > 1 else {})}
-        target = own_file(path, own)
+        target = instance_path(path, own)
         write_text(
             target,
             [
@@ -241,64 +151,42 @@ def _export_dot(path: str, report: Report, engine: Engine, varying: Values) -> N
                     title="transitions",
                 )
             ],
-            report.out,
+            output.out,
         )
-        if target != "stdout":
-            report.line(f"Exported to '{target}'")
+        output.exported(target)
 
 
-# ----------------------------------------------------------------------------------------------------------- distributions
+# --------------------------------------------------------------------------- distributions
 
 
 def report_distributions(
-    a: argparse.Namespace,
-    report: Report,
-    engine: Engine,
-    options: Options,
-    varying: Values = NOTHING,
+    a: Arguments, output: Output, model: Model, varying: ConstantTexts = NO_CONSTANTS
 ) -> None:
     """Compute and print, or write, the distributions that -transient and -steadystate ask for."""
     if a.transient is None and not a.steadystate:
-        if a.exporttransient or a.exportsteadystate:
-            raise UsageError(
-                "-exporttransient goes with -transient TIME, and -exportsteadystate with -steadystate"
-            )
         return
-    from symcheck.check.state_distributions import Distribution, steady_state, transient
-
-    def tell(kind: str, found: Distribution, path: str | None) -> None:
-        _tell(
-            report,
-            kind,
-            found,
-            None if path is None else own_file(path, varying),
-            a.exportprecision,
-        )
-
     start = None if a.importinitdist is None else _read_distribution(Path(a.importinitdist))
-    times = list(_times(a.transient)) if a.transient is not None else []
+    times = [] if a.transient is None else list(_times(a.transient))
     for text, time in times:
-        report.line(f"\nComputing transient probabilities (time = {text})...")
-        tell(
-            "transient",
-            transient(engine, time, options, start),
-            _named(a.exporttransient, text if len(times) > 1 else None),
-        )
+        output.line(f"\nComputing transient probabilities (time = {text})...")
+        path = _path_for_time(a.exporttransient, text if len(times) > 1 else None)
+        _report(a, output, "transient", model.transient(time, start), path, varying)
     if a.steadystate:
-        report.line("\nComputing steady-state probabilities...")
-        tell("steady-state", steady_state(engine, options, start), a.exportsteadystate)
+        output.line("\nComputing steady-state probabilities...")
+        found = model.steady_state(start)
+        _report(a, output, "steady-state", found, a.exportsteadystate, varying)
 
 
 def _times(argument: str) -> Iterator[tuple[str, float]]:
-    """The times that `2`, `0:5` or `0.1:0.01:0.2` means."""
-    for choice in combinations(parse_constants([f"T={argument}"])):
+    """The times that `2`, `0:5` or `0.1:0.01:0.2` denotes. Raises UsageError."""
+    for choice in combinations(parse_constants([f"T={argument}"], "-transient")):
         try:
             yield choice["T"], float(choice["T"])
         except ValueError:
             raise UsageError(f"-transient: '{choice['T']}' is not a time") from None
 
 
-def _named(path: str | None, time: str | None) -> str | None:
+def _path_for_time(path: str | None, time: str | None) -> str | None:
     """The file of one of several times."""
     if path is None or time is None or path == "stdout":
         return path
@@ -306,48 +194,62 @@ def _named(path: str | None, time: str | None) -> str | None:
     return str(whole.with_name(f"{whole.stem}_{time}{whole.suffix}"))
 
 
-def _tell(report: Report, kind: str, found: object, path: str | None, precision: int) -> None:
-    from symcheck.check.state_distributions import Distribution
-    from symcheck.exchange.explicit_export import state_order
-    from symcheck.exchange.text import lines, number_text, write_text
-
-    assert isinstance(found, Distribution)
-    # The numbers are those of the exported states, whatever the order of the variables in diagrams.
-    order = state_order(found.engine)
+def _report(
+    a: Arguments,
+    output: Output,
+    kind: str,
+    distribution: Distribution,
+    path: str | None,
+    varying: ConstantTexts,
+) -> None:
+    """Print or write a distribution, its accuracy and time."""
     if path is None or path == "stdout":
-        report.line(f"\nPrinting {kind} probabilities in plain text format below:")
-        place = np.arange(len(found)) if order is None else np.argsort(order)
-        for own, state, value in (
-            found if order is None else sorted(found, key=lambda entry: int(place[entry[0]]))
-        ):
-            number = place[own]
-            report.line(f"{number}:{format_state(state)}={number_text(value, precision)}")
+        _print_distribution(output, kind, distribution, a.exportprecision)
     else:
-        write_text(
-            path,
-            lines(
-                "%s",
-                len(found),
-                found.values if order is None else found.values[order],
-                precision=precision,
-            ),
-            report.out,
-        )
-        report.line(f"Exported to '{path}'")
-    report.line()
-    if found.certified:
-        report.line(
-            f"Accuracy: each probability is certified: +/- {found.error:.1E} ({found.explanation})"
+        _write_distribution(instance_path(path, varying), output, distribution, a.exportprecision)
+    output.line()
+    if distribution.certified:
+        output.line(
+            f"Accuracy: each probability is certified: +/- {distribution.error:.1E} "
+            f"({distribution.explanation})"
         )
     else:
-        report.warn(
-            f"the probabilities are an estimate: their error is unknown ({found.explanation})"
+        output.warn(
+            "the probabilities are an estimate: their error is unknown "
+            f"({distribution.explanation})"
         )
-    report.line(f"Time for {kind} probability computation: {found.seconds:.3f} seconds.")
+    output.line(f"Time for {kind} probability computation: {distribution.seconds:.3f} seconds.")
+
+
+def _print_distribution(
+    output: Output, kind: str, distribution: Distribution, precision: int
+) -> None:
+    """Print the states with positive probability, numbered as exported states are."""
+    from symcheck.exchange.explicit_export import state_order
+    from symcheck.exchange.text import number_text
+
+    output.line(f"\nPrinting {kind} probabilities in plain text format below:")
+    order = state_order(distribution.engine)
+    numbers = np.arange(len(distribution)) if order is None else np.argsort(order)
+    for index, state, value in sorted(distribution, key=lambda entry: int(numbers[entry[0]])):
+        output.line(f"{numbers[index]}:{format_state(state)}={number_text(value, precision)}")
+
+
+def _write_distribution(
+    path: str, output: Output, distribution: Distribution, precision: int
+) -> None:
+    """Write a probability per state, in the order of exported states."""
+    from symcheck.exchange.explicit_export import state_order
+    from symcheck.exchange.text import lines, write_text
+
+    order = state_order(distribution.engine)
+    values = distribution.values if order is None else distribution.values[order]
+    write_text(path, lines("%s", len(values), values, precision=precision), output.out)
+    output.exported(path)
 
 
 def _read_distribution(path: Path) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """A probability per line. Raises UsageError, SyntaxFault."""
+    """The distribution of a file with one probability per line. Raises UsageError, SyntaxFault."""
     from symcheck.exchange.column_reader import read_columns
 
     file = read_columns(path)

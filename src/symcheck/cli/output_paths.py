@@ -1,4 +1,4 @@
-"""Names of files that are written once for every choice of constants."""
+"""Names of files that are written once for each combination of constants."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-__all__ = ["NOTHING", "Values", "own_file"]
+__all__ = ["NO_CONSTANTS", "ConstantTexts", "instance_path"]
 
-Values = Mapping[str, str]
+ConstantTexts = Mapping[str, str]
+"""Values of constants, as they are printed."""
 
-NOTHING: Values = MappingProxyType({})
-"""No constants."""
+NO_CONSTANTS: ConstantTexts = MappingProxyType({})
 
 
-def own_file(path: str, varying: Values) -> str:
-    """The file for one choice of the constants that vary: `out.tra` becomes `out_N=3_p=0.5.tra`; 'stdout' stays."""
+def instance_path(path: str, varying: ConstantTexts) -> str:
+    """The file for one combination of the constants that vary: `out_N=3_p=0.5.tra` for `out.tra`; 'stdout' stays."""
     if path == "stdout" or not varying:
         return path
     whole = Path(path)
-    choice = "".join(
+    suffix = "".join(
         f"_{name}={re.sub(r'[^-+.,=0-9A-Za-z]', '_', value)}" for name, value in varying.items()
     )
-    return str(whole.with_name(f"{whole.stem}{choice}{whole.suffix}"))
+    return str(whole.with_name(f"{whole.stem}{suffix}{whole.suffix}"))

@@ -1,17 +1,19 @@
-"""The properties of a run, from a file and from -pf: what does not follow the grammar is left out, and reported in its place."""
+"""The properties of a run, from a file and from -pf. Those that do not follow the grammar are reported in their place."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_properties, parse_properties_file
 
-__all__ = ["Broken", "Texts", "read_texts"]
+__all__ = ["PropertiesInput", "UnparsedProperty", "read_properties"]
 
 _WORDS = re.compile(r'//[^\n]*|"[^"\n]*"?|;')
 _DECLARATION = re.compile(r"\s*(?:const|label|formula)\b")
@@ -19,72 +21,73 @@ _COMMENT = re.compile(r"//[^\n]*")
 
 
 @dataclass(frozen=True)
-class Broken:
-    """A property that does not follow the grammar: its text on one line, and what is wrong."""
+class UnparsedProperty:
+    """A property that does not follow the grammar: its text on one line, and the fault."""
 
     text: str
     fault: SyntaxFault
 
 
 @dataclass(frozen=True)
-class Texts:
-    """All properties, in order. broken: those that do not follow the grammar, by their place; in `file` they are the number 0.
+class PropertiesInput:
+    """All properties of a run, in order.
 
-    declarations: what is wrong with constants, labels and formulas; `file` is without them.
+    file: the parsed properties; the number 0 stands in the place of one that does not follow the grammar.
+    unparsed: the latter, by their index. declarations: faults of constants, labels and formulas, which `file` lacks.
     """
 
     file: PropertiesFile
-    broken: Mapping[int, Broken] = field(default_factory=dict)
+    unparsed: Mapping[int, UnparsedProperty] = field(default_factory=dict)
     declarations: Sequence[SyntaxFault] = ()
 
 
-def read_texts(path: str | None, texts: Sequence[str]) -> Texts:
-    """The properties of a file and of -pf. Raises UsageError, and SyntaxFault where nothing can be told apart."""
-    parts = [*([_read(path)] if path else []), *(_parsed(text) for text in texts)]
-    broken: dict[int, Broken] = {}
+def read_properties(path: str | None, texts: Sequence[str]) -> PropertiesInput:
+    """The properties of a file, followed by those of some texts.
+
+    Raises:
+        UsageError: the file cannot be read.
+        SyntaxFault: no property of a text follows the grammar.
+    """
+    parts = [] if path is None else [_parsed(partial(parse_properties_file, Path(path)))]
+    parts += [_parsed(partial(parse_properties, text, "-pf")) for text in texts]
+    unparsed: dict[int, UnparsedProperty] = {}
     count = 0
     for part in parts:
-        broken |= {count + i: fault for i, fault in part.broken.items()}
+        unparsed |= {count + i: fault for i, fault in part.unparsed.items()}
         count += len(part.file.properties)
-    return Texts(
-        _joined([p.file for p in parts]), broken, [f for p in parts for f in p.declarations]
-    )
+    declarations = [fault for part in parts for fault in part.declarations]
+    return PropertiesInput(_joined([part.file for part in parts]), unparsed, declarations)
 
 
 def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
-    def all_of(part: str) -> tuple:  # type: ignore[type-arg]
-        return tuple(x for f in files for x in getattr(f, part))
-
     return PropertiesFile(
-        *(all_of(part) for part in ("constants", "formulas", "labels", "properties"))
+        tuple(chain.from_iterable(f.constants for f in files)),
+        tuple(chain.from_iterable(f.formulas for f in files)),
+        tuple(chain.from_iterable(f.labels for f in files)),
+        tuple(chain.from_iterable(f.properties for f in files)),
     )
 
 
-def _read(path: str) -> Texts:
+def _parsed(parse: Callable[[], PropertiesFile]) -> PropertiesInput:
     try:
-        return Texts(parse_properties_file(Path(path)))
+        return PropertiesInput(parse())
     except SyntaxFault as fault:
-        return _without(fault)
+        return _without_faults(fault)
 
 
-def _parsed(text: str) -> Texts:
-    try:
-        return Texts(parse_properties(text, "-pf"))
-    except SyntaxFault as fault:
-        return _without(fault)
+def _without_faults(fault: SyntaxFault) -> PropertiesInput:
+    """The properties of a text without its faulty parts (between semicolons). Raises the fault if none is left.
 
-
-def _without(fault: SyntaxFault) -> Texts:
-    """What is left of a text without the parts, between semicolons, that have a fault. Raises the fault if that is nothing.
-
-    A parser tells of one fault a line: what is left is parsed again until no part is at fault.
+    A parser reports one fault per line: the remaining text is parsed again until no part has a fault.
     """
     source = fault.diagnostics[0].span.source
     parts = list(_parts(source.text))
-    text, wrong, declarations, found = source.text, dict[int, Broken](), list[SyntaxFault](), fault
+    text, current = source.text, fault
+    removed: dict[int, UnparsedProperty] = {}
+    declarations: list[SyntaxFault] = []
     for _ in parts:
         for start, end in parts:
-            own = [_moved(d, source) for d in found.diagnostics if start <= d.span.start < end]
+            own = [_moved(d, source) for d in current.diagnostics if start <= d.span.start < end]
             if own:
                 whole = source.text[start:end]
                 blank, place = _blank(whole)
@@ -92,34 +95,36 @@ def _without(fault: SyntaxFault) -> Texts:
                 if place is None:
                     declarations.append(SyntaxFault(*own))
                 else:
-                    wrong[start + place] = Broken(" ".join(_bare(whole).split()), SyntaxFault(*own))
+                    removed[start + place] = UnparsedProperty(
+                        " ".join(_bare(whole).split()), SyntaxFault(*own)
+                    )
         try:
-            left = parse_properties(text, source.name)
+            file = parse_properties(text, source.name)
             break
         except SyntaxFault as another:
-            found = another
+            current = another
     else:
         raise fault
-    broken = {
-        i: wrong[p.span.start] for i, p in enumerate(left.properties) if p.span.start in wrong
+    unparsed = {
+        i: removed[p.span.start] for i, p in enumerate(file.properties) if p.span.start in removed
     }
-    if len(broken) == len(left.properties) or len(broken) < len(wrong):
+    if len(unparsed) == len(file.properties) or len(unparsed) < len(removed):
         raise fault
-    return Texts(left, broken, declarations)
+    return PropertiesInput(file, unparsed, declarations)
 
 
 def _moved(diagnostic: Diagnostic, source: Source) -> Diagnostic:
-    """The same, pointing into the text as it was written."""
+    """The same fault, with its place in the original text."""
     return replace(diagnostic, span=Span(source, diagnostic.span.start, diagnostic.span.end))
 
 
 def _bare(part: str) -> str:
-    """A part without its comments and its semicolon; as long as before, or shorter by that."""
+    """A part without its semicolon, and with blanks for its comments."""
     return _COMMENT.sub(lambda m: " " * len(m[0]), part).removesuffix(";")
 
 
 def _blank(part: str) -> tuple[str, int | None]:
-    """A part of the same length that says nothing; in the place of a property stands the number 0, and where that is."""
+    """A blank part of the same length, with the number 0 in the place of a property, and the index of that number."""
     blank, bare = re.sub(r"\S", " ", part), _bare(part)
     if _DECLARATION.match(bare) or not bare.strip():
         return blank, None
@@ -128,7 +133,7 @@ def _blank(part: str) -> tuple[str, int | None]:
 
 
 def _parts(text: str) -> Iterator[tuple[int, int]]:
-    """Where the parts of a text begin and end, semicolon included; the last ends behind the text."""
+    """Start and end of each part of a text, semicolon included; the last part ends one behind the text."""
     start = 0
     for word in _WORDS.finditer(text):
         if word[0] == ";":

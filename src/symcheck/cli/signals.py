@@ -1,4 +1,4 @@
-"""What ends a run from outside: Ctrl-C, SIGTERM (from a scheduler, say), and the limit of time."""
+"""Signals that end a run: Ctrl-C, SIGTERM (from a scheduler, for example), and the time limit."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from typing import Any
 
 from symcheck.errors import TimeLimitError
 
-__all__ = ["Stopping", "limited"]
+__all__ = ["StopSignals", "limited"]
 
-_GRACE = 5.0  # seconds that compiled code has to notice that time is up
-_PATIENCE = 1.0  # seconds until a signal that has had no effect is repeated
+_GRACE = 5.0  # seconds in which compiled code has to notice that the limit was reached
+_PATIENCE = 1.0  # seconds until a signal without effect is repeated
 _HANDLED: dict[signal.Signals, Any] = {
     signal.SIGINT: signal.default_int_handler,
     signal.SIGTERM: signal.SIG_DFL,
 }
 
 
-class Stopping:
-    """While it is entered, Ctrl-C and SIGTERM raise KeyboardInterrupt in the main thread, again and again until that has an effect.
+class StopSignals:
+    """A context in which Ctrl-C and SIGTERM raise KeyboardInterrupt in the main thread, repeatedly until it takes effect.
 
-    What they interrupt may be code that cannot raise, such as a destructor. Signals that somebody else handles are left alone.
+    The code that they interrupt may be unable to raise, such as a destructor. Signals with another handler are left alone.
     """
 
     def __init__(self) -> None:
         self.signal = signal.SIGINT
-        """The one that came last."""
+        """The last signal."""
         self._timers: list[threading.Timer] = []
         self._taken: list[signal.Signals] = []
 
-    def __enter__(self) -> Stopping:
+    def __enter__(self) -> StopSignals:
         if threading.current_thread() is threading.main_thread():
             self._taken = [
                 number for number, usual in _HANDLED.items() if signal.getsignal(number) == usual
@@ -59,25 +59,28 @@ class Stopping:
 
     @property
     def name(self) -> str:
-        """What the user calls it."""
+        """The name of the signal for the user."""
         return "Ctrl-C" if self.signal is signal.SIGINT else self.signal.name
 
     @property
     def advice(self) -> str:
-        """A hint, as it is appended to messages, for whoever did not press a key."""
+        """A hint to append to a message, if the signal did not come from the keyboard."""
         if self.signal is signal.SIGINT:
             return ""
-        return f"\n  hint: {self.name} came from outside, as from a scheduler; -timeout and -cuddmaxmem end a run before that, and say why"
+        return (
+            f"\n  hint: {self.name} was sent by another process, such as a scheduler; "
+            "-timeout and -cuddmaxmem end a run earlier, with a message"
+        )
 
     @property
     def status(self) -> int:
-        """The exit status of what it has stopped: 130 or 143, as shells have it."""
+        """The exit status of a run that the signal has stopped: 130 or 143, as in shells."""
         return 128 + self.signal
 
 
 @contextmanager
 def limited(seconds: float | None, last_resort: Callable[[], None]) -> Iterator[None]:
-    """Raise TimeLimitError in the main thread after some seconds; `last_resort` is called where that has no effect."""
+    """Raise TimeLimitError in the main thread after some seconds; `last_resort` is called if that has no effect."""
     if seconds is None or threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from symcheck.engines.base import Engine
-from symcheck.errors import UnsupportedError, told_in_memory
+from symcheck.errors import told_in_memory
+from symcheck.options import EngineName
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
 
@@ -20,7 +21,7 @@ class BuildOptions(BuildSettings, Protocol):
     """What building an engine needs to be told; the options of a check fit this protocol."""
 
     @property
-    def engine(self) -> str:
+    def engine(self) -> EngineName:
         """Name of an engine, or 'auto'."""
         ...
 
@@ -85,7 +86,7 @@ def _mtbdd(model: BoundModel, options: Any, observer: Observer | None) -> Engine
     return _compressed(MtbddEngine, model, options, observer)
 
 
-BUILDERS: Mapping[str, Builder] = {
+BUILDERS: Mapping[EngineName, Builder] = {
     "auto": _auto,
     "explicit": _explicit,
     "exact": _exact,
@@ -100,15 +101,12 @@ def build(model: BoundModel, options: BuildOptions, observer: Observer | None = 
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 
     `observer` gets what the builders tell on the way: progress, iterations, and the Choice of 'auto'.
-    Raises UnsupportedError for an unknown engine, UsageError for an order of unknown variables, ModelFault for a faulty model,
+    Raises UsageError for an order of unknown variables, ModelFault for a faulty model,
     and ResourceError.
     """
-    name = "exact" if options.exact else options.engine
-    builder = BUILDERS.get(name)
-    if builder is None:
-        raise UnsupportedError(f"there is no engine '{name}'; there are {', '.join(BUILDERS)}")
+    name: EngineName = "exact" if options.exact else options.engine
     if options.order is not None:  # said also where no diagram is going to be made
         from symcheck.symbolic.ordering.order import check_order
 
         check_order(model, options.order)
-    return builder(model, options, observer)
+    return BUILDERS[name](model, options, observer)

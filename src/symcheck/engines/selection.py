@@ -92,7 +92,9 @@ def choose(model: BoundModel, options: BuildSettings, observer: Observer | None 
     exploration = Exploration(model, options)
     wall, busy = perf_counter(), process_time()
     if exploration.run(_SMALL) or _a_little_more(exploration):
-        return _explicit(exploration, observer, f"{exploration.progress.states:,} states are few")
+        return _explicit(
+            exploration, observer, f"the model has only {exploration.progress.states:,} states"
+        )
     if any(v.low is None for v in model.variables):
         exploration.run(None, observer)
         return _explicit(exploration, observer, "there are integers without bounds")

@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO, Unpack
 
-from symcheck.api import Model
+from symcheck.api import Model, takes_options
 from symcheck.check.context import Context
+from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
-from symcheck.errors import UnsupportedError, told_in_memory
+from symcheck.errors import UnsupportedError, UsageError, told_in_memory
 from symcheck.exchange import export as targets
-from symcheck.exchange.explicit_data import ExplicitData, imported_engine
+from symcheck.exchange.explicit_data import ExplicitData, imported_engine, imported_program
 from symcheck.exchange.explicit_export import explicit_export
-from symcheck.exchange.formats.prism_reader import read_files
-from symcheck.options import Options
+from symcheck.exchange.formats.prism_reader import ModelFiles, read_files, read_model
+from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import LabelReference, ModelType
+from symcheck.syntax.ast import Expression, LabelReference, ModelType
 
-__all__ = ["ReadModel", "export", "load_explicit"]
+__all__ = ["ImportedModel", "export", "export_targets", "imported_model", "load_explicit"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ReadModel(Model):
-    """A model that was read state by state. Its program declares names and has no commands."""
+class ImportedModel(Model):
+    """A model that was read from explicit files: its program declares names, and has no commands."""
 
-    given: ExplicitData | None = None
+    data: ExplicitData | None = None
 
     @cached_property
     def bound(self) -> BoundModel:
@@ -37,13 +39,13 @@ class ReadModel(Model):
     @cached_property
     def engine(self) -> Engine:
         """The explicit engine, or the rational one. Raises ModelFault, UnsupportedError."""
-        assert self.given is not None
-        engine = imported_engine(self.given, fix_deadlocks=self.options.fix_deadlocks)
+        assert self.data is not None
+        engine = imported_engine(self.data, fix_deadlocks=self.options.fix_deadlocks)
         return engine.rational() if self.options.exact else engine
 
-    def with_options(self, **changes: Any) -> Model:
-        """The same model, to be checked otherwise."""
-        return replace(self, options=replace(self.options, **changes))
+    def reduced_for(self, *_: object, **__: object) -> Model:
+        """The model itself: reduction rewrites commands, and there are none."""
+        return self
 
     def simulate(self, *_: Any, **__: Any) -> NoReturn:
         """Not offered. Raises UnsupportedError."""
@@ -52,59 +54,91 @@ class ReadModel(Model):
             "and a model in explicit files has none"
         )
 
-    def estimate(self, *_: Any, **__: Any) -> NoReturn:
+    def estimate_instance(self, instance: PropertyInstance, plan: object) -> NoReturn:  # noqa: ARG002
         """Not offered. Raises UnsupportedError."""
         self.simulate()
 
 
 @told_in_memory()
 def export(model: Model, target: str) -> list[str]:
-    """Write a model to files.
+    """Write a built model to files.
 
     Args:
         model: the model.
-        target: the files, as for `-exportmodel`: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`,
-            `die.umb`.
+        target: FILES[:OPTIONS] as for -exportmodel: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`, `die.umb`.
 
     Returns:
-        The names of the files that were written.
+        The names of the files.
 
     Raises:
-        UsageError: a format is unknown, or a file cannot be written.
+        UsageError: a file cannot be written.
         SymcheckError: the model cannot be built.
 
     Example:
         >>> symcheck.export(model, "die.tra,sta")  # doctest: +SKIP
         ['die.tra', 'die.sta']
     """
-    wanted, context = targets.parse_target(target, "model"), Context(model.engine, model.options)
+    return list(export_targets(model, targets.parse_target(target, "model"), sys.stdout))
+
+
+def export_targets(
+    model: Model,
+    parts: Sequence[targets.Target],
+    out: TextIO,
+    labels: Mapping[str, Expression] | None = None,
+) -> Iterator[str]:
+    """Write parts of a built model, one after the other; gives the name of each file that is complete.
+
+    Args:
+        model: the model.
+        parts: what is written where.
+        out: the stream that 'stdout' stands for.
+        labels: those of the model and of properties, if the latter may be written too.
+    """
+    engine = model.engine
+    labels = labels or {}
+    context = Context(engine, model.options, labels)
 
     def states(name: str) -> StateSet:
-        return satisfying(context, LabelReference(name), model.engine.all)
+        return satisfying(context, LabelReference(name), engine.all)
 
-    return list(
-        targets.export(
-            explicit_export(model.engine, list(model.engine.model.labels), states),
-            wanted,
-            sys.stdout,
-        )
-    )
+    predefined = ("init", "deadlock")
+    with_properties = any(t.options.proplabels or t.kind == "proplab" for t in parts)
+    own = [n for n in engine.model.labels if n not in predefined]
+    others = [n for n in labels if n not in (*own, *predefined)] if with_properties else []
+    data = explicit_export(engine, own, states, property_labels=others)
+    yield from targets.export(data, parts, out)
+
+
+@takes_options
+def load_explicit(
+    files: str, *, type: ModelType | None = None, **options: Unpack[OptionValues]
+) -> Model:
+    """Read a model from PRISM's explicit files, such as `die.all` or `die.tra,lab`, or from `die.umb`.
+
+    Args:
+        files: the files, as for -importmodel.
+        type: of the model; None for the type that the files imply.
+        options: see `symcheck.Options`.
+
+    Raises:
+        SyntaxFault: a file is faulty; the error names the place.
+        UsageError: a file cannot be read, or an option has a wrong value.
+    """
+    return imported_model(files, make_options(options), type)
 
 
 @told_in_memory("reading a .umb file needs less memory than reading text")
-def load_explicit(files: str, *, type: ModelType | None = None, **options: Any) -> Model:
-    """Read a model from explicit files.
-
-    Args:
-        files: PRISM's explicit files, such as `die.all` or `die.tra,lab`, or a UMB file.
-        type: the model type. None: as the files say.
-        options: the fields of `symcheck.Options`.
-
-    Raises:
-        SyntaxFault: a file is faulty; the error points at the place.
-        UsageError: a file cannot be read.
-    """
-    chosen = Options(**options)
-    given = read_files(files, type, check_sums=chosen.check_sums)
-    program = imported_engine(given).model.program
-    return ReadModel(program, {}, chosen, given.type, given)
+def imported_model(
+    files: str | ModelFiles, options: Options, type: ModelType | None = None
+) -> Model:
+    """A model from explicit files, named as for -importmodel or one by one. Raises SyntaxFault, UsageError."""
+    if options.engine not in ("auto", "explicit", "exact"):
+        raise UsageError(
+            f"a model read from explicit files is checked by the explicit engine, not by {options.engine}"
+        )
+    if isinstance(files, str):
+        data = read_files(files, type, check_sums=options.check_sums)
+    else:
+        data = read_model(files, type, check_sums=options.check_sums)
+    return ImportedModel(imported_program(data), {}, options, data.type, data=data)

@@ -26,7 +26,14 @@ from symcheck.syntax.declarations import (
     VariableDeclaration,
 )
 
-__all__ = ["ExplicitData", "ExplicitRewards", "ImportedEngine", "imported_engine", "row_rewards"]
+__all__ = [
+    "ExplicitData",
+    "ExplicitRewards",
+    "ImportedEngine",
+    "imported_engine",
+    "imported_program",
+    "row_rewards",
+]
 
 _LARGEST_DENOMINATOR = 10**6
 _TRUE = Literal(True, Type.BOOL)
@@ -214,7 +221,8 @@ def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> Impor
     )
 
 
-def _model(given: ExplicitData, marks: Mapping[str, Expression]) -> BoundModel:
+def imported_program(given: ExplicitData) -> Program:
+    """The declarations of a model that was read: variables, labels and reward structures, but no commands."""
     declared = []
     for name, kind, column in given.columns:
         low, high = (Literal(int(x), Type.INT) for x in (column.min(), column.max()))
@@ -222,13 +230,16 @@ def _model(given: ExplicitData, marks: Mapping[str, Expression]) -> BoundModel:
         declared.append(
             VariableDeclaration(name, kind, low if whole else None, high if whole else None, None)
         )
-    program = Program(
+    return Program(
         given.type,
-        labels=tuple(Label(name, _TRUE) for name in marks),
+        labels=tuple(Label(n, _TRUE) for n in given.labels if n not in ("init", "deadlock")),
         modules=(Module("imported", tuple(declared), ()),),
         rewards=tuple(RewardStructure(r.name, ()) for r in given.rewards),
     )
-    bound = bind(program)
+
+
+def _model(given: ExplicitData, marks: Mapping[str, Expression]) -> BoundModel:
+    bound = bind(imported_program(given))
     values = {f.name: getattr(bound, f.name) for f in fields(bound)}
     return _ImportedModel(**{**values, "labels": dict(marks)}, names=given.actions)
 

@@ -1,10 +1,10 @@
-"""A model checked for many choices of constants: one process per instance, finished ones kept in a journal.
+"""A sweep checks a model for many values of its constants: one process per instance, and a journal of finished instances.
 
     for done in sweep(Instance.read("model.pm", "model.pctl"), {"N": ("2", "3")}, journal=Path("sweep.jsonl")):
         print(done.constants, done.rows)
 
-An instance has a process of its own, so that its memory is its own and is given back. The journal is a file of JSON
-lines, one for each finished instance; a sweep that was stopped and is started again does only what is missing.
+Each instance has a process of its own, whose memory is measured and returned to the system. The journal is a file of JSON
+lines, one for each finished instance; a sweep that was stopped and is started again checks only the missing instances.
 """
 
 from __future__ import annotations
@@ -20,18 +20,20 @@ from dataclasses import asdict, dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter, process_time
+from typing import TYPE_CHECKING
 
 from symcheck import __version__
-from symcheck.check.checker import check
-from symcheck.check.property_instance import Question, lumped, reduced
+from symcheck.api import Model
+from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import show_value
 from symcheck.constant_values import combinations
-from symcheck.engines import registry
 from symcheck.errors import SymcheckError
 from symcheck.experiment.table import Row
 from symcheck.options import Options
-from symcheck.semantics.binding.bind import bind, needed_constants
 from symcheck.syntax.parse import parse_model, parse_properties
+
+if TYPE_CHECKING:
+    from symcheck.check.bisimulation.on_quotient import SharedQuotient
 
 __all__ = ["Finished", "Instance", "check_instance", "read_journal", "sweep"]
 
@@ -41,9 +43,14 @@ _BYTES = 1 if sys.platform == "darwin" else 1024  # unit of ru_maxrss
 
 @dataclass(frozen=True, slots=True)
 class Instance:
-    """What one process is asked to do: model and properties as texts, all constants, and the options.
+    """The task of one process.
 
-    varying: values of constants of the properties; a property is checked for each choice of those that it needs.
+    Args:
+        model, properties: texts.
+        constants: one value for each constant that the model leaves open.
+        varying: values of the constants of the properties; a property is checked for each combination of those on which
+            it depends.
+        options: how the model is built and checked.
     """
 
     model: str = field(repr=False)
@@ -61,8 +68,8 @@ class Instance:
 
     @property
     def key(self) -> str:
-        """The same for the same task under the same version of the program."""
-        told = [
+        """A hash of the task and of the version of the program."""
+        task = [
             __version__,
             self.model,
             self.properties,
@@ -70,13 +77,17 @@ class Instance:
             {n: list(v) for n, v in self.varying.items()},
         ]
         return hashlib.sha256(
-            json.dumps([*told, asdict(self.options)], sort_keys=True).encode()
+            json.dumps([*task, asdict(self.options)], sort_keys=True).encode()
         ).hexdigest()[:20]
 
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A checked instance. Times in seconds (of its own process), peak memory in bytes; `error`: why there are no rows."""
+    """The results of an instance.
+
+    rows: one for each property and combination of its constants. seconds, cpu_seconds: time of its process.
+    memory: largest memory of its process, in bytes. error: why there are no rows; None if there are.
+    """
 
     key: str
     constants: Mapping[str, str]
@@ -89,7 +100,7 @@ class Finished:
     error: str | None = None
 
     def value(self, property: str, **constants: str) -> float:
-        """The numeric value of a property (true is 1). Raises KeyError where there is none."""
+        """The numeric value of a property; true is 1. Raises KeyError if there is no such row."""
         for row in self.rows:
             if row.property == property and all(
                 row.constants.get(n) == v for n, v in constants.items()
@@ -103,54 +114,37 @@ class Finished:
 
 
 def check_instance(instance: Instance) -> Finished:
-    """Build and check an instance in this process. A model or property at fault gives an `error` or a row that says so."""
+    """Build and check an instance in this process; a fault becomes the `error`, or the value of a row."""
     started, used = perf_counter(), process_time()
-    found = Finished(instance.key, instance.constants)
+    finished = Finished(instance.key, instance.constants)
     try:
-        program, file = parse_model(instance.model), parse_properties(instance.properties)
-        model = bind(program, instance.constants, exact=instance.options.exact)
-        needed = needed_constants(program, file)
-        asked = [
-            (
-                Question(file, i, {**{n: v[0] for n, v in instance.varying.items()}, **choice}),
-                choice,
-            )
-            for i in range(len(file.properties))
-            for choice in combinations(
-                {n: v for n, v in instance.varying.items() if n in needed[i]}
-            )
-        ]
-        # Which strategies are fair depends on the states: the reduced model would answer another question.
-        if instance.options.reduce and not instance.options.fairness:
-            model = reduced(model, [q for q, _ in asked], steps=False).model
-        engine = registry.build(model, instance.options)
-        shared = lumped(engine, [q for q, _ in asked], instance.options)
-        rows = []
-        for question, choice in asked:
-            bound, labels = question.bind(model)
-            name = bound.name or " ".join(bound.span.text.split())
-            given = {**instance.constants, **choice}
-            try:
-                result = check(
-                    engine,
-                    bound.formula,
-                    instance.options,
-                    labels=labels,
-                    rebind=question.formula,
-                    shared=shared,
-                )
-                rows.append(Row(name, given, show_value(result.value), str(result.accuracy)))
-            except SymcheckError as error:
-                rows.append(Row(name, given, "Error", str(error).splitlines()[0]))
-        found = replace(
-            found, states=engine.states, transitions=engine.transitions, rows=tuple(rows)
+        whole = Model(parse_model(instance.model), instance.constants, instance.options)
+        properties = whole.instances(parse_properties(instance.properties), instance.varying)
+        model = whole.reduced_for(properties)
+        shared = model.shared_quotient(properties)
+        rows = [_row(model, p, shared) for p in properties]
+        finished = replace(
+            finished,
+            states=model.engine.states,
+            transitions=model.engine.transitions,
+            rows=tuple(rows),
         )
     except SymcheckError as error:
-        found = replace(found, error=str(error))
+        finished = replace(finished, error=str(error))
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _BYTES
     return replace(
-        found, seconds=perf_counter() - started, cpu_seconds=process_time() - used, memory=memory
+        finished, seconds=perf_counter() - started, cpu_seconds=process_time() - used, memory=memory
     )
+
+
+def _row(model: Model, property: PropertyInstance, shared: SharedQuotient | None) -> Row:
+    """The answer to a property, or the first line of its error."""
+    constants = {n: str(v) for n, v in {**model.constants, **property.relevant}.items()}
+    try:
+        result = model.check_instance(property, shared=shared)
+    except SymcheckError as error:
+        return Row(property.title, constants, "Error", str(error).splitlines()[0])
+    return Row(property.title, constants, show_value(result.value), str(result.accuracy))
 
 
 def sweep(
@@ -161,11 +155,20 @@ def sweep(
     workers: int = 2,
     journal: Path | None = None,
 ) -> Iterator[Finished]:
-    """Every choice of constants, as each is finished; those that the journal has come first.
+    """Check every combination of constants; results come in the order in which they are finished.
 
-    constants: values for each constant of the model (added to those of `instance`); varying: of the properties.
-    workers: processes at a time. Instances at fault are among the results, and are tried again by the next sweep.
-    Raises OSError where the journal cannot be written, and what breaks a process (BrokenProcessPool).
+    Results that the journal holds come first. An instance with an error is a result too; the next sweep tries it again.
+
+    Args:
+        instance: the model, its properties and options.
+        constants: values for each constant of the model, besides those of `instance`.
+        varying: values for each constant of the properties.
+        workers: number of processes at a time.
+        journal: a file of finished instances, read at first and appended to.
+
+    Raises:
+        OSError: the journal cannot be written.
+        BrokenProcessPool: a process was killed.
     """
     tasks = [
         replace(instance, constants={**instance.constants, **c}, varying=varying or {})
@@ -176,7 +179,7 @@ def sweep(
     missing = [t for t in tasks if t.key not in kept]
     if not missing:
         return
-    # Fresh processes: a forked one would share what this one holds, and count it as its own memory.
+    # Spawned processes: a forked one would share the memory of this one, and count it as its own.
     with ProcessPoolExecutor(
         min(workers, len(missing)), mp_context=get_context("spawn"), max_tasks_per_child=1
     ) as pool:
@@ -192,7 +195,7 @@ def sweep(
 
 
 def read_journal(journal: Path) -> dict[str, Finished]:
-    """The finished instances by key. A last line that was not written to its end is passed over."""
+    """The finished instances by key; an incomplete last line is ignored."""
     if not journal.exists():
         return {}
     found = {}
@@ -209,7 +212,7 @@ def read_journal(journal: Path) -> dict[str, Finished]:
 
 
 def _append(journal: Path, done: Finished) -> None:
-    """One line in one write, on the disk when this returns; after a torn line it begins a new one."""
+    """Append one line in one write, and flush it to the disk; after an incomplete line, begin a new one."""
     line = json.dumps({**asdict(done), "constants": dict(done.constants)}).encode() + b"\n"
     descriptor = os.open(journal, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
     try:

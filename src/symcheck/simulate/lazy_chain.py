@@ -19,7 +19,6 @@ from symcheck.kernels.tables.state_table import StateSet
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.rewards import Reward
 from symcheck.simulate.state_predicates import StatePredicate
 from symcheck.syntax.ast import ModelType
 
@@ -53,7 +52,7 @@ class LazyChain:
     are equally likely.
 
     Args:
-        reward: the reward that is sampled; None: rewards are 0.
+        structure: index of the reward structure whose rewards are sampled; None: rewards are 0.
         predicates: state predicates; `satisfies(i, ids)` tells where number i holds.
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
         max_branches: branches beyond which the chain is dropped and begun again.
@@ -62,7 +61,7 @@ class LazyChain:
     def __init__(
         self,
         model: BoundModel,
-        reward: Reward | None = None,
+        structure: int | None = None,
         predicates: tuple[StatePredicate, ...] = (),
         *,
         fix_deadlocks: bool = True,
@@ -72,7 +71,7 @@ class LazyChain:
         self.continuous = model.type is ModelType.CTMC
         self.layout = Layout.of(model.variables)
         self._predicates, self._fix_deadlocks = predicates, fix_deadlocks
-        self._generator = SuccessorGenerator(model, self.layout, reward)
+        self._generator = SuccessorGenerator(model, self.layout, structure)
         self._begin()
 
     def _begin(self) -> None:

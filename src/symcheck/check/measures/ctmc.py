@@ -22,7 +22,6 @@ from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.matrices.rows import Floats
-from symcheck.semantics.rewards import Reward
 
 __all__ = [
     "bounded_complement",
@@ -123,22 +122,22 @@ def prob_greater_zero(
 
 
 def cumulative_reward(
-    context: Context, reward: Reward, window: Window, direction: Direction | None
+    context: Context, structure: int, window: Window, direction: Direction | None
 ) -> Values:
     """Expected reward up to time t: state rewards per unit of time, transition rewards per jump."""
     _, time = window.times()
     assert time is not None
     system = context.engine.system(context.engine.all)
-    states, rows = system.rewards(reward)
+    states, rows = system.rewards(structure)
     return _signed(context, None, states + rows, time)
 
 
 def instantaneous_reward(
-    context: Context, reward: Reward, time: Fraction, direction: Direction | None
+    context: Context, structure: int, time: Fraction, direction: Direction | None
 ) -> Values:
     """Expected state reward at time t."""
     system = context.engine.system(context.engine.all)
-    states, _ = system.rewards(reward)
+    states, _ = system.rewards(structure)
     return system.lift(states, None) if time == 0 else _signed(context, states, None, float(time))
 
 

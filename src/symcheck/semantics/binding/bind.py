@@ -10,6 +10,7 @@ from symcheck.semantics.binding.bind_properties import (
     bind_expression,
     bind_properties,
     needed_constants,
+    reward_index,
     split_constants,
 )
 
@@ -21,6 +22,7 @@ __all__ = [
     "bind_expression",
     "bind_properties",
     "needed_constants",
+    "reward_index",
     "split_constants",
     "undefined_constants",
 ]

@@ -1,4 +1,4 @@
-"""What the command line prints: PRISM's wording where other tools read it, and the accuracy of every number."""
+"""The output of the command line: PRISM's wording for what scripts read, and the accuracy of every number."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.state_faults import describe_state
 
-__all__ = ["Report", "property_text"]
+__all__ = ["Output", "property_text"]
 
 _RULE = "-" * 69
 
 
-class Report:
-    """Writes a run to a stream, line by line, flushed after each result so that a stopped run keeps what it found."""
+class Output:
+    """Writes a run to a stream line by line, flushed after each result: a stopped run keeps its results."""
 
     def __init__(self, out: TextIO | None = None, verbose: bool = False) -> None:
         self.out = out or sys.stdout
@@ -65,7 +65,7 @@ class Report:
         self.line()
         self.line(
             f"Engine:      {engine.name}"
-            + (f" (chosen: {choice.reason})" if choice is not None else "")
+            + (f" (chosen automatically: {choice.reason})" if choice is not None else "")
         )
         self.line(f"States:      {engine.states} ({initial} initial)")
         self.line(f"Transitions: {engine.transitions}")
@@ -75,7 +75,8 @@ class Report:
         deadlocks = engine.deadlocks.count
         if deadlocks:
             self.warn(
-                f"deadlocks were given self-loops in {deadlocks} state{'s' if deadlocks > 1 else ''}, such as {_example(engine)}"
+                f"deadlocks were given self-loops in {deadlocks} state{'s' if deadlocks > 1 else ''}, "
+                f"such as {_example(engine)}"
             )
         self.out.flush()
 
@@ -97,7 +98,7 @@ class Report:
             self.line(f"Property constants: {_assignment(constants)}")
 
     def result(self, result: Result) -> None:
-        """A result, with what print filters ask for, a witness, and (-v) how it was computed."""
+        """A result, with the lines of print filters, a witness, and with -v how it was computed."""
         for line in result.lines:
             self.line(str(line))
         for warning in result.warnings:
@@ -118,6 +119,11 @@ class Report:
         self.line(f"Result: {result}" + (f" ({result.explanation})" if result.explanation else ""))
         self.out.flush()
 
+    def exported(self, path: str) -> None:
+        """The name of a file that was written; nothing for 'stdout'."""
+        if path != "stdout":
+            self.line(f"Exported to '{path}'")
+
     def error(self, error: object) -> None:
         """An error that stops one property."""
         self.line()
@@ -130,7 +136,7 @@ class Report:
         self.out.flush()
 
     def end(self) -> None:
-        """The last words."""
+        """The number of warnings, at the end of a run."""
         if self.warnings:
             plural = "were" if self.warnings > 1 else "was"
             self.line()

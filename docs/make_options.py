@@ -1,0 +1,35 @@
+"""Write the table of options in command_line.md, from their declaration in `symcheck.options`.
+
+.venv/bin/python docs/make_options.py
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from symcheck.options import OPTIONS, Option
+
+PAGE = Path(__file__).parent / "command_line.md"
+TABLE = re.compile(r"(?<=<!-- options -->\n).*?(?=<!-- end of options -->)", re.DOTALL)
+
+
+def table() -> str:
+    """The table: switches, keyword parameter with its default, and what the option does."""
+    rows = "".join(
+        f"| {_switches(o)} | `{o.name}={o.default!r}` | {o.sentence} |\n" for o in OPTIONS
+    )
+    return f"| switches | `symcheck.load(…)` | |\n|---|---|---|\n{rows}"
+
+
+def _switches(option: Option) -> str:
+    """The switches of an option; those with the same effect stand together."""
+    return ", ".join(
+        " ".join(f"`-{name}`" for name in s.names)
+        + (f" {option.values.metavar}".replace("|", " or ") if s.value is None else "")
+        for s in option.switches
+    )
+
+
+if __name__ == "__main__":
+    PAGE.write_text(TABLE.sub(lambda _: table(), PAGE.read_text()))

@@ -1,0 +1,69 @@
+"""The model of a run: a text in the PRISM language, or explicit files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from symcheck.api import Model
+from symcheck.cli.arguments import Arguments
+from symcheck.errors import UsageError
+from symcheck.syntax.parse import parse_model_file
+
+__all__ = ["choose_model_file", "read_model"]
+
+_MODEL_ENDINGS = (".pm", ".sm", ".nm", ".prism")
+_EXPLICIT_ENDINGS = (".all", ".umb")
+
+
+def choose_model_file(a: Arguments) -> str:
+    """The file of the model; the files that stand without a switch are assigned to model and properties.
+
+    A first file `*.all` or `*.umb` is an explicit model. If an -import switch names the model, the first file is that of the
+    properties.
+
+    Raises:
+        UsageError: there is no model, or there are two.
+    """
+    if a.importmodel is None and a.model is not None and a.model.endswith(_EXPLICIT_ENDINGS):
+        a.model, a.properties, a.importmodel = a.properties, None, a.model
+    if a.importmodel is not None and a.importtrans is not None:
+        raise UsageError("-importmodel and -importtrans both name a model to read")
+    for switch, file in (
+        ("importstates", a.importstates),
+        ("importlabels", a.importlabels),
+        ("importstaterewards", a.importstaterewards),
+        ("importtransrewards", a.importtransrewards),
+    ):
+        if file is not None and not a.imports_model:
+            raise UsageError(f"-{switch} needs -importtrans, which names the transitions")
+    if a.imports_model and a.properties is None:
+        if a.model is not None and a.model.endswith(_MODEL_ENDINGS):
+            raise UsageError(f"'{a.model}' and -import… both name a model to read")
+        a.model, a.properties = None, a.model
+    source = a.model or a.importmodel or a.importtrans
+    if source is None:
+        raise UsageError(
+            "no model file is given"
+            "\n  hint: symcheck MODEL [PROPERTIES] [switches]; --help lists the switches"
+        )
+    return source
+
+
+def read_model(a: Arguments) -> Model:
+    """The model that the arguments name, without values of its constants. Raises InputError, UsageError."""
+    if not a.imports_model:
+        assert a.model is not None
+        return Model(parse_model_file(a.model), {}, a.options, a.model_type)
+    from symcheck.exchange.api_io import imported_model
+    from symcheck.exchange.formats.prism_reader import ModelFiles
+
+    if a.importmodel is not None:
+        return imported_model(a.importmodel, a.options, a.model_type)
+    assert a.importtrans is not None
+    states, labels, state_rewards, transition_rewards = (
+        None if name is None else Path(name)
+        for name in (a.importstates, a.importlabels, a.importstaterewards, a.importtransrewards)
+    )
+    rewards = ((state_rewards, transition_rewards),) if state_rewards or transition_rewards else ()
+    files = ModelFiles(Path(a.importtrans), states, labels, rewards)
+    return imported_model(files, a.options, a.model_type)
