@@ -17,9 +17,15 @@ TABLE = re.compile(r"(?<=<!-- options -->\n).*?(?=<!-- end of options -->)", re.
 def table() -> str:
     """The table: switches, keyword parameter with its default, and what the option does."""
     rows = "".join(
-        f"| {_switches(o)} | `{o.name}={o.default!r}` | {o.sentence} |\n" for o in OPTIONS
+        f"| {_switches(o)} | `{o.name}={o.default!r}` | {_sentence(o)} |\n" for o in OPTIONS
     )
     return f"| switches | `symcheck.load(…)` | |\n|---|---|---|\n{rows}"
+
+
+def _sentence(option: Option) -> str:
+    """What the option does, and its values if these are names."""
+    expected = option.values.expected
+    return option.sentence + (f" O{expected[1:]}." if expected.startswith("one of") else "")
 
 
 def _switches(option: Option) -> str:
