@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal, TypedDict, TypeVar, cast, get_args
+from typing import Literal, NamedTuple, TypedDict, TypeVar, cast, get_args
 
 from symcheck.errors import UsageError
 
@@ -54,8 +54,7 @@ _TIME_UNITS = {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}
 # ------------------------------------------------------------------------------ values
 
 
-@dataclass(frozen=True, slots=True)
-class ValueType:
+class ValueType(NamedTuple):
     """The values that an option accepts.
 
     expected: what a value has to be, for messages. accepts: whether a Python value is one.
@@ -171,8 +170,7 @@ _ORDER = ValueType(
 # ------------------------------------------------------------------------------- table
 
 
-@dataclass(frozen=True, slots=True)
-class Switch:
+class Switch(NamedTuple):
     """A switch of the command line that sets an option.
 
     names: with the usual one first, without dashes. help: one line of `symcheck --help`.
@@ -184,8 +182,7 @@ class Switch:
     value: object = None
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
+class Option(NamedTuple):
     """One row of the table. type: as it is annotated. group: the part of the documentation it is in."""
 
     name: str
