@@ -1,20 +1,20 @@
-"""Errors of symcheck, and where in a text they are.
+"""The errors that symcheck raises, and the places in texts at which they point.
 
 The tree::
 
-    SymcheckError
-    ├── InputError            something is wrong with a text that the user wrote; carries one or more diagnostics
+    SymcheckError             root of all errors
+    ├── InputError            a text of the user is faulty; `diagnostics` says what and where
     │   ├── SyntaxFault       the text does not follow the grammar
-    │   ├── NameFault         an unknown, repeated or undefined name
-    │   ├── TypeFault         an expression of the wrong type
-    │   └── ModelFault        the model breaks a rule at some state (sums, ranges, rates, deadlocks)
-    ├── UsageError            a command line or call that cannot be understood
-    ├── UnsupportedError      a meaningful request that this engine, method or version does not answer
-    ├── NumericalError        a computation that did not reach the accuracy wanted
-    └── ResourceError         stopped before the end
-        ├── MemoryLimitError
-        ├── TimeLimitError
-        └── Interrupted
+    │   ├── NameFault         a name is unknown, repeated or undefined
+    │   ├── TypeFault         an expression has the wrong type
+    │   └── ModelFault        the model breaks a rule in some state (sums, ranges, rates, deadlocks)
+    ├── UsageError            a switch, option, file name or argument is wrong
+    ├── UnsupportedError      the request is meaningful, but not supported; the message says what is
+    ├── NumericalError        a computation did not reach the requested accuracy
+    └── ResourceError         the computation was stopped before its end
+        ├── MemoryLimitError  by the memory limit, or because memory is exhausted
+        ├── TimeLimitError    by the time limit
+        └── Interrupted       by the user
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ __all__ = [
     "TypeFault",
     "UnsupportedError",
     "UsageError",
+    "converts_memory_error",
     "out_of_memory",
-    "told_in_memory",
 ]
 
 
@@ -100,14 +100,22 @@ class Span:
 
 
 _WIDEST = 160
-"""Of longer lines an excerpt shows only this many characters around the mark."""
+"""The most characters of a line that an excerpt shows, around the mark."""
 
 NO_SPAN = Span(Source("<built>", ""), 0, 0)
 
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One thing that is wrong: where, of which kind (a short slug such as 'update-sum'), what, and a hint."""
+    """One fault of a text.
+
+    Attributes:
+        message: what is wrong, in one sentence.
+        span: the place in the text.
+        code: the kind of fault, a short slug such as 'update-sum'.
+        hint: what to write instead, if that is known.
+        severity: 'error' or 'warning'.
+    """
 
     message: str
     span: Span = NO_SPAN
@@ -132,17 +140,17 @@ class Diagnostic:
             line, column = line[first : first + _WIDEST], column - first
             width = max(1, min(width, len(line) - column + 1))
         line = "".join(c if c.isprintable() or c == "\t" else "\ufffd" for c in line)
-        # A tab stays a tab under the line, so that the mark stands under the text whatever the tab width is.
+        # Tabs are copied, so that the mark stands under the text whatever the width of a tab is.
         lead = "".join("\t" if c == "\t" else " " for c in line[: column - 1])
         return f"  {number} | {line}\n  {' ' * len(str(number))}   {lead}{'^' * width}"
 
 
 class SymcheckError(Exception):
-    """Root of all errors that symcheck raises on purpose."""
+    """Root of all errors that symcheck raises intentionally."""
 
 
 class InputError(SymcheckError):
-    """Something is wrong with a text that the user wrote. `diagnostics` tells what, in the order of the text."""
+    """A text of the user is faulty. `diagnostics` lists the faults in the order of the text."""
 
     def __init__(self, *diagnostics: Diagnostic) -> None:
         super().__init__(*diagnostics)
@@ -157,58 +165,60 @@ class SyntaxFault(InputError):
 
 
 class NameFault(InputError):
-    """An unknown, repeated or undefined name."""
+    """A name is unknown, repeated or undefined."""
 
 
 class TypeFault(InputError):
-    """An expression of the wrong type."""
+    """An expression has the wrong type."""
 
 
 class ModelFault(InputError):
-    """The model breaks a rule at some state: probability sums, negative rates, ranges, deadlocks."""
+    """The model breaks a rule in some state: probability sums, rates, ranges, deadlocks."""
 
 
 class UsageError(SymcheckError):
-    """A command line or a call that cannot be understood."""
+    """A switch, option, file name or argument is wrong."""
 
 
 class UnsupportedError(SymcheckError):
-    """A meaningful request that this engine, method or version does not answer; the text says what would."""
+    """The request is meaningful, but not supported; the message says what is."""
 
 
 class NumericalError(SymcheckError):
-    """A computation that did not reach the accuracy wanted."""
+    """A computation did not reach the requested accuracy."""
 
 
 class ResourceError(SymcheckError):
-    """Stopped before the end: memory, time or the user."""
+    """The computation was stopped before its end: by a limit or by the user."""
 
 
 class MemoryLimitError(ResourceError):
-    """The memory limit was reached."""
+    """The memory limit was reached, or memory is exhausted."""
 
 
 SMALLER_ENGINES = "the engines -h and -m need less than -s and -ex"
-"""What helps nearly everything that does not fit into memory."""
+"""The usual advice when memory is exhausted."""
 
 
 def out_of_memory(hint: str = SMALLER_ENGINES) -> MemoryLimitError:
-    """What a MemoryError is told as: arrays know no other limit than that of the process."""
+    """The error for Python's MemoryError, which arrays raise at the limit of the process."""
     return MemoryLimitError(f"there is not enough memory\n  hint: {hint}")
 
 
-def told_in_memory(hint: str = SMALLER_ENGINES) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """A decorator: MemoryLimitError, with advice, where Python's MemoryError would leave a function."""
+def converts_memory_error(
+    hint: str = SMALLER_ENGINES,
+) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """A decorator: a MemoryError that leaves the function becomes a MemoryLimitError with a hint."""
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         @wraps(function)
-        def told(*args: P.args, **keywords: P.kwargs) -> T:
+        def converting(*args: P.args, **keywords: P.kwargs) -> T:
             try:
                 return function(*args, **keywords)
             except MemoryError as error:
                 raise out_of_memory(hint) from error
 
-        return told
+        return converting
 
     return decorate
 

@@ -25,7 +25,7 @@ from symcheck.check.result import (
 )
 from symcheck.check.state_formulas import filter_outcome, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
-from symcheck.errors import NumericalError, UnsupportedError, told_in_memory
+from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 __all__ = ["check"]
 
 
-@told_in_memory()
+@converts_memory_error()
 def check(
     engine: Engine,
     formula: Expression | Property,

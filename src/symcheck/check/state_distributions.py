@@ -15,7 +15,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.engines.base import ROUNDING, Engine
-from symcheck.errors import NumericalError, UnsupportedError, UsageError, told_in_memory
+from symcheck.errors import NumericalError, UnsupportedError, UsageError, converts_memory_error
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
@@ -65,7 +65,7 @@ def initial_distribution(engine: Engine) -> Floats:
     return np.asarray(members / members.sum())
 
 
-@told_in_memory()
+@converts_memory_error()
 def transient(
     engine: Engine, time: float, options: Options | None = None, start: Floats | None = None
 ) -> Distribution:
@@ -143,7 +143,7 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
     return x * (1 - error), x * (1 + error), text
 
 
-@told_in_memory()
+@converts_memory_error()
 def steady_state(
     engine: Engine, options: Options | None = None, start: Floats | None = None
 ) -> Distribution:

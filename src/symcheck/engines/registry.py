@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from symcheck.engines.base import Engine
-from symcheck.errors import told_in_memory
+from symcheck.errors import converts_memory_error
 from symcheck.options import EngineName
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
@@ -96,7 +96,7 @@ BUILDERS: Mapping[EngineName, Builder] = {
 }
 
 
-@told_in_memory()
+@converts_memory_error()
 def build(model: BoundModel, options: BuildOptions, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 

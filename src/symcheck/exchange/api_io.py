@@ -13,7 +13,7 @@ from symcheck.check.context import Context
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
-from symcheck.errors import UnsupportedError, UsageError, told_in_memory
+from symcheck.errors import UnsupportedError, UsageError, converts_memory_error
 from symcheck.exchange import export as targets
 from symcheck.exchange.explicit_data import ExplicitData, imported_engine, imported_program
 from symcheck.exchange.explicit_export import explicit_export
@@ -59,7 +59,7 @@ class ImportedModel(Model):
         self.simulate()
 
 
-@told_in_memory()
+@converts_memory_error()
 def export(model: Model, target: str) -> list[str]:
     """Write a built model to files.
 
@@ -128,7 +128,7 @@ def load_explicit(
     return imported_model(files, make_options(options), type)
 
 
-@told_in_memory("reading a .umb file needs less memory than reading text")
+@converts_memory_error("reading a .umb file needs less memory than reading text")
 def imported_model(
     files: str | ModelFiles, options: Options, type: ModelType | None = None
 ) -> Model:

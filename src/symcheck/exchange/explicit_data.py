@@ -11,7 +11,7 @@ import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, told_in_memory
+from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, converts_memory_error
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
@@ -186,7 +186,7 @@ def _rational(value: float) -> Fraction | float:
     return near if float(near) == value else Fraction(repr(value))
 
 
-@told_in_memory("an explicit file is stored row by row: no other engine needs less memory")
+@converts_memory_error("an explicit file is stored row by row: no other engine needs less memory")
 def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> ImportedEngine:
     """The explicit engine on a model that was read.
 

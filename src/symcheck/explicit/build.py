@@ -22,7 +22,7 @@ from symcheck.errors import (
     ResourceError,
     TimeLimitError,
     UnsupportedError,
-    told_in_memory,
+    converts_memory_error,
 )
 from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.initial import initial_rows
@@ -293,7 +293,7 @@ class Exploration:
         )
 
 
-@told_in_memory()
+@converts_memory_error()
 def explore(
     model: BoundModel,
     options: BuildSettings,

@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from symcheck.check.result import Exact, Result, Statistical
-from symcheck.errors import NumericalError, UnsupportedError, told_in_memory
+from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.semantics.binding.bound_conditions import reward_index
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
@@ -30,7 +30,7 @@ __all__ = ["check_by_sampling"]
 _UNIFORM = "nondeterminism is resolved by equally likely choices: this is the value of that strategy, not the minimum or maximum"
 
 
-@told_in_memory("fewer samples need less")
+@converts_memory_error("fewer samples need less")
 def check_by_sampling(
     model: BoundModel,
     formula: Expression,

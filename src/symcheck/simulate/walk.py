@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from symcheck.errors import told_in_memory
+from symcheck.errors import converts_memory_error
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Layout
 from symcheck.semantics.interpreter import Choice, State, choices, state_rewards
@@ -15,7 +15,7 @@ from symcheck.syntax.ast import ModelType
 __all__ = ["simulate"]
 
 
-@told_in_memory("a shorter path needs less")
+@converts_memory_error("a shorter path needs less")
 def simulate(
     model: BoundModel,
     steps: int | None = None,

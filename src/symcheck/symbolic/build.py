@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from symcheck.errors import told_in_memory
+from symcheck.errors import converts_memory_error
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.encoding.translate import Limits
@@ -22,7 +22,7 @@ __all__ = ["Observer", "build", "chosen_order", "construct", "explored"]
 Observer = Callable[[object], None]
 
 
-@told_in_memory()
+@converts_memory_error()
 def build(
     model: BoundModel,
     options: BuildSettings,

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from symcheck.errors import told_in_memory
+from symcheck.errors import converts_memory_error
 from symcheck.symbolic.checks import check_initial
 from symcheck.symbolic.events.commands import encode_event, knowledge
 from symcheck.symbolic.events.relations import group_relations
@@ -46,7 +46,7 @@ class Found:
     schedule: str
 
 
-@told_in_memory()
+@converts_memory_error()
 def reach(
     symbolic: SymbolicModel,
     observer: Callable[[object], None] | None = None,
