@@ -13,6 +13,7 @@ from scipy.linalg import expm
 from checking import check_text, engine_of
 from generate import random_model
 from symcheck.errors import InputError, UnsupportedError
+from symcheck.semantics.rewards import Structure
 
 
 def dense(engine):
@@ -75,7 +76,7 @@ def test_until(bound, lower, upper, engine):
 @given(engine=chains(), time=st.sampled_from([0.1, 1.0, 3.5]))
 def test_rewards(engine, time):
     rates, n = dense(engine), engine.states
-    states, rows = engine.rewards(0)
+    states, rows = engine.rewards(Structure(0))
     q = generator(rates, np.ones(n, bool))
     instant = expm(q * time) @ states
     # The integral of exp(Qu) r over u from 0 to t is in the corner of the exponential of a larger matrix.

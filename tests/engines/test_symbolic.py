@@ -16,6 +16,7 @@ from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.rewards import Structure
 from symcheck.symbolic.build import construct
 from symcheck.syntax.ast import Type
 from symcheck.syntax.parse import parse_expression, parse_model
@@ -173,11 +174,16 @@ def test_systems(name: str, kind: type[SymbolicEngine]) -> None:
             (s.one_step_values(values[0])[1], t.one_step_values(values[1])[1]),
             (s.row_sums(), t.row_sums()),
             (s.operator.multiply(x), t.operator.multiply(x)),
-            *((s.rewards(i)[1], t.rewards(i)[1]) for i in range(len(a.model.rewards))),
+            *(
+                (s.rewards(Structure(i))[1], t.rewards(Structure(i))[1])
+                for i in range(len(a.model.rewards))
+            ),
         ):
             assert rows_by_state(t.matrix, right) == rows_by_state(s.matrix, left)
         for i in range(len(a.model.rewards)):
-            np.testing.assert_allclose(t.rewards(i)[0], s.rewards(i)[0], rtol=1e-14)
+            np.testing.assert_allclose(
+                t.rewards(Structure(i))[0], s.rewards(Structure(i))[0], rtol=1e-14
+            )
         np.testing.assert_array_equal(t.restrict(q.diagram), s.restrict(q.array))
         np.testing.assert_array_equal(t.restrict(values[1]), s.restrict(values[0]))
         rest = (q, 7.0), (sets[4], 9.0)

@@ -14,6 +14,7 @@ from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.settings import Accuracy
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.rewards import Structure
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_expression as parse
 from symcheck.syntax.parse import parse_model
@@ -60,11 +61,11 @@ def test_rewards_are_those_of_rows() -> None:
     symbolic, explicit = engines()
     states = symbolic.where(parse("depth<5"))
     found = symbolic.solve_acyclic(
-        states, None, 0, [(symbolic.where(parse("depth=5 & place>3")), 7.0)]
+        states, None, Structure(0), [(symbolic.where(parse("depth=5 & place>3")), 7.0)]
     )
     assert found is not None
     inside = explicit.where(parse("depth<5")).members
-    per_state, per_row = explicit.system(explicit.all).rewards(0)
+    per_state, per_row = explicit.system(explicit.all).rewards(Structure(0))
     expected = among(explicit, inside, per_state + per_row)
     expected[explicit.where(parse("depth=5 & place>3")).members] = 7.0
     low, high = found.values.at(symbolic.all)
@@ -99,9 +100,9 @@ def test_probabilities_and_a_part_of_the_states() -> None:
 @pytest.mark.usefixtures("small")
 def test_cycles_are_left_to_others() -> None:
     symbolic, _ = engines("0.5 : (depth'=0) + 0.5 : true")
-    assert symbolic.solve_acyclic(symbolic.all, None, 0, []) is None
+    assert symbolic.solve_acyclic(symbolic.all, None, Structure(0), []) is None
 
 
 def test_few_states_are_left_to_arrays() -> None:
     symbolic, _ = engines()
-    assert symbolic.solve_acyclic(symbolic.where(parse("depth<5")), None, 0, []) is None
+    assert symbolic.solve_acyclic(symbolic.where(parse("depth<5")), None, Structure(0), []) is None

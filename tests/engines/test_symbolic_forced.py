@@ -28,6 +28,7 @@ from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.settings import Accuracy
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.rewards import Structure
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_expression, parse_model
 
@@ -257,7 +258,7 @@ def test_formulas_where_diagrams_take_long(
                     engine.from_bools(np.isin(np.arange(SIZE), list(s))) for s in (left, right)
                 ]
                 probability = until(context, *members, direction).at(engine.all)
-                reward = reach_reward(context, 0, members[1], direction).at(engine.all)
+                reward = reach_reward(context, Structure(0), members[1], direction).at(engine.all)
                 values.append((probability, reward))
             for (low, high), (other_low, other_high) in zip(*values, strict=True):
                 assert np.all(low <= other_high * (1 + 1e-8))
@@ -276,14 +277,22 @@ def test_rewards_on_forced_ways_are_added_up(
     symbolic, explicit = both(source)
     for patience in (-1e6, 1e6):
         monkeypatch.setattr(symbolic_graph, "PATIENCE", patience)
-        found = symbolic.shorter_reward(0, symbolic.where(parse_expression("x=9")), direction)
+        found = symbolic.shorter_reward(
+            Structure(0), symbolic.where(parse_expression("x=9")), direction
+        )
         assert found is not None
         assert found.n == 1
         values = reach_reward(
-            Context(symbolic, Options()), 0, symbolic.where(parse_expression("x=9")), direction
+            Context(symbolic, Options()),
+            Structure(0),
+            symbolic.where(parse_expression("x=9")),
+            direction,
         )
         expected = reach_reward(
-            Context(explicit, Options()), 0, explicit.where(parse_expression("x=9")), direction
+            Context(explicit, Options()),
+            Structure(0),
+            explicit.where(parse_expression("x=9")),
+            direction,
         )
         assert values.at(symbolic.all)[0] == pytest.approx(expected.at(explicit.all)[0], rel=1e-12)
         assert values.rounded(symbolic.initial)
@@ -295,7 +304,10 @@ def test_negative_rewards_are_left_to_others() -> None:
         "mdp module m x : [0..9] init 0; [] x<9 -> (x'=x+1); [] x=1 -> (x'=0); endmodule rewards x=2 : -1; endrewards"
     )
     assert (
-        symbolic.shorter_reward(0, symbolic.where(parse_expression("x=9")), Direction.MAX) is None
+        symbolic.shorter_reward(
+            Structure(0), symbolic.where(parse_expression("x=9")), Direction.MAX
+        )
+        is None
     )
 
 

@@ -19,6 +19,7 @@ from symcheck.engines.symbolic.bisimulation import lump_diagrams
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.numerics.bisimulation import lump
 from symcheck.semantics.binding.bind import bind_properties
+from symcheck.semantics.rewards import Structure
 from symcheck.syntax.parse import parse_properties
 
 SLOW = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
@@ -87,7 +88,7 @@ def test_the_partition_of_listed_states(seed, kind, rewarded):
     system = engine.system(engine.all)
     colours, rows = [engine.to_bools(states)], []
     for structure in structures:
-        of_states, of_rows = system.rewards(structure)
+        of_states, of_rows = system.rewards(Structure(structure))
         colours.append(of_states)
         rows.append(of_rows)
     want = lump(system.matrix, colours, rows)
@@ -140,7 +141,7 @@ def test_components_that_are_alike():
     assert (
         found.matrix.entries
         == lump(
-            engine.system(engine.all).matrix, [engine.system(engine.all).rewards(0)[0]]
+            engine.system(engine.all).matrix, [engine.system(engine.all).rewards(Structure(0))[0]]
         ).matrix.entries
     )
 

@@ -11,6 +11,7 @@ from engines.twins import MODELS, Pair, explicit, pairs, symbolic
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.engine import SymbolicEngine
 from symcheck.engines.symbolic.hybrid import HybridEngine
+from symcheck.semantics.rewards import Structure
 
 
 @dataclass(frozen=True)
@@ -112,9 +113,9 @@ def test_products_agree(name: str, size: int) -> None:
     np.testing.assert_allclose(dense[0][0], dense[1][0], rtol=1e-12)
     assert dense[0][1] == dense[1][1]
     for i in range(len(a.model.rewards)):
-        one_rewards = p.engine.system(p.engine.all).rewards(i)[0]
+        one_rewards = p.engine.system(p.engine.all).rewards(Structure(i))[0]
         np.testing.assert_allclose(
-            q.engine.system(q.engine.all).rewards(i)[0][order], one_rewards, rtol=1e-13
+            q.engine.system(q.engine.all).rewards(Structure(i))[0][order], one_rewards, rtol=1e-13
         )
 
 

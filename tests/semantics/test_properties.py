@@ -11,9 +11,9 @@ from symcheck.semantics.binding.bind import (
     bind_expression,
     bind_properties,
     needed_constants,
-    reward_index,
     split_constants,
 )
+from symcheck.semantics.rewards import Structure, operator_reward
 from symcheck.syntax.ast import RewardOperator, Type
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
 
@@ -183,7 +183,7 @@ def test_conditions(kind: str, text: str, code: str | None) -> None:
     assert (p.bound is None) == (code is not None)
 
 
-def test_reward_index() -> None:
+def test_the_reward_of_an_operator() -> None:
     model = bind(parse_model(f"dtmc {MODEL}"), {"N": 2})
     for text, index in (
         ("R=? [ C ]", 0),
@@ -193,7 +193,7 @@ def test_reward_index() -> None:
     ):
         (p,) = bind_properties(parse_properties(text), model).properties
         assert isinstance(p.formula, RewardOperator)
-        assert reward_index(p.formula.structure, model) == index
+        assert operator_reward(p.formula, model) == Structure(index)
 
 
 def test_bind_expression() -> None:

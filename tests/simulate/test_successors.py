@@ -19,6 +19,7 @@ from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.interpreter import state_rewards, transitions
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Structure
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.walk import simulate
 from symcheck.syntax.ast import ModelType
@@ -43,7 +44,7 @@ def test_successors_are_those_of_the_interpreter(seed: int, kind: str) -> None:
     model = model_of(seed, kind)
     table = explore(model, Options()).states
     states, layout = list(table), table.layout
-    generator = SuccessorGenerator(model, layout, 0)
+    generator = SuccessorGenerator(model, layout, Structure(0))
     found, rewards = generator.successors(table.rows), generator.state_rewards(table.rows)
     for i, state in enumerate(states):
         rows = transitions(model, state)

@@ -27,6 +27,7 @@ from generate import Generated, random_model, random_property
 from symcheck.check.result import Certified, Result
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, UnsupportedError
+from symcheck.semantics.rewards import Structure
 
 __all__ = ["KINDS", "Comparison", "compare"]
 
@@ -107,7 +108,7 @@ def by_exponentials(engine: ExplicitEngine, formula: str) -> float | None:
     )
     q = rates - np.diag(rates.sum(axis=1))
     if kind is not None:
-        states, rows = engine.rewards(0)
+        states, rows = engine.rewards(Structure(0))
         larger = np.block([[q, (states + rows)[:, None]], [np.zeros((1, engine.states + 1))]])
         values = (
             expm(q * float(time)) @ states if kind == "I" else expm(larger * float(time))[:-1, -1]

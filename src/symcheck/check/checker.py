@@ -184,7 +184,7 @@ def _boolean(context: Context, formula: Expression) -> Result:
 def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
     """Look for a path that shows why E holds, or why A does not."""
     if value == (formula.quantifier == "E"):
-        path = resolve(formula.path, states_of(context), context.engine.all)
+        path = resolve(formula.path, states_of(context), context.engine)
         context.log.witness = ctl.witness(context, path if value else negated(path))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from symcheck.check.time_bounds import Count, Window, counts, window
-from symcheck.engines.base import StateSet
+from symcheck.engines.base import Engine, StateSet
 from symcheck.syntax.ast import (
     Binary,
     Conditional,
@@ -128,28 +128,30 @@ def temporal(path: PathFormula, states_of: StatesOf) -> TemporalPath:
     return TemporalPath(path, tuple(letters.items()))
 
 
-def resolve(path: PathFormula, states_of: StatesOf, everything: StateSet) -> Path:
+def resolve(path: PathFormula, states_of: StatesOf, engine: Engine) -> Path:
     """Read a path formula, asking `states_of` for the states of its state formulas."""
     if is_state_formula(path):
         return StatePath(states_of(path))  # type: ignore[arg-type]
     parts = [getattr(path, name) for name in ("operand", "left", "right") if hasattr(path, name)]
     if isinstance(path, Unary):
-        return negated(resolve(path.operand, states_of, everything))
+        return negated(resolve(path.operand, states_of, engine))
     if isinstance(path, Binary | Conditional) or not all(is_state_formula(p) for p in parts):
         return temporal(path, states_of)
     bound = getattr(path, "bound", None)
     if isinstance(bound, RewardBound | RewardBounds):
-        inner = resolve(replace(path, bound=None), states_of, everything)  # type: ignore[arg-type]
+        inner = resolve(replace(path, bound=None), states_of, engine)  # type: ignore[arg-type]
         assert isinstance(inner, NextPath | UntilPath)
-        return RewardPath(replace(inner, negative=False), counts(bound), inner.negative)
+        return RewardPath(
+            replace(inner, negative=False), counts(bound, engine.model), inner.negative
+        )
     sets = [states_of(p) for p in parts]
     match path:
         case Next(_, bound):
             return NextPath(sets[0], window(bound))
         case Eventually(_, bound):
-            return UntilPath(everything, sets[0], window(bound))
+            return UntilPath(engine.all, sets[0], window(bound))
         case Globally(_, bound):
-            return UntilPath(everything, ~sets[0], window(bound), negative=True)
+            return UntilPath(engine.all, ~sets[0], window(bound), negative=True)
         case Until(_, _, bound):
             return UntilPath(sets[0], sets[1], window(bound))
         case WeakUntil(_, _, bound):

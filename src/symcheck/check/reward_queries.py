@@ -9,7 +9,7 @@ from symcheck.check.time_bounds import bound_value, window
 from symcheck.direction import Direction
 from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
-from symcheck.semantics.binding.bound_conditions import reward_index
+from symcheck.semantics.rewards import Reward, operator_reward
 from symcheck.syntax.ast import (
     CumulativeReward,
     Eventually,
@@ -20,18 +20,18 @@ from symcheck.syntax.ast import (
     TotalReward,
 )
 
-__all__ = ["reward_values", "structure_number"]
+__all__ = ["reward_of", "reward_values"]
 
 
-def structure_number(context: Context, formula: RewardOperator) -> int:
-    """The number (from 0) of the reward structure that a formula names, by name or number (from 1), or the first."""
-    return reward_index(formula.structure, context.engine.model)
+def reward_of(context: Context, formula: RewardOperator) -> Reward:
+    """The reward that an operator asks for."""
+    return operator_reward(formula, context.engine.model)
 
 
 def reward_values(
     context: Context,
     formula: RewardOperator,
-    structure: int,
+    reward: Reward,
     states_of: StatesOf,
     direction: Direction | None,
 ) -> Values:
@@ -43,30 +43,30 @@ def reward_values(
             time = window(bound)
             if time.upper is None or time.lower or time.lower_strict:
                 raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
-            return who.cumulative_reward(context, structure, time, direction)
+            return who.cumulative_reward(context, reward, time, direction)
         case TotalReward():
             if (
                 direction == Direction.MIN
             ):  # waiting for free for ever is not fair; the greatest is that of all strategies
                 _refuse_fairness(context)
-            return who.total_reward(context, structure, direction)
+            return who.total_reward(context, reward, direction)
         case InstantaneousReward(time_of):
-            return who.instantaneous_reward(context, structure, bound_value(time_of), direction)
+            return who.instantaneous_reward(context, reward, bound_value(time_of), direction)
         case SteadyStateReward():
-            return who.steady_reward(context, structure, direction)
+            return who.steady_reward(context, reward, direction)
         case Eventually():
-            target = resolve(query, states_of, context.engine.all)
+            target = resolve(query, states_of, context.engine)
             if isinstance(target, UntilPath) and target.window.trivial:
                 _refuse_fairness(context)
-                return who.reach_reward(context, structure, target.right, direction)
-            return _until_shown(context, structure, query, states_of, direction)
+                return who.reach_reward(context, reward, target.right, direction)
+            return _until_shown(context, reward, query, states_of, direction)
         case _:
-            return _until_shown(context, structure, query, states_of, direction)
+            return _until_shown(context, reward, query, states_of, direction)
 
 
 def _until_shown(
     context: Context,
-    structure: int,
+    reward: Reward,
     path: PathFormula,
     states_of: StatesOf,
     direction: Direction | None,
@@ -75,7 +75,7 @@ def _until_shown(
     from symcheck.check.omega_regular.ltl import co_safe_reward
 
     _refuse_fairness(context)
-    return co_safe_reward(context, structure, temporal(path, states_of), direction)
+    return co_safe_reward(context, reward, temporal(path, states_of), direction)
 
 
 def _refuse_fairness(context: Context) -> None:

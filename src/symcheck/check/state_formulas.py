@@ -11,7 +11,7 @@ from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import StatesOf, resolve
 from symcheck.check.path_probabilities import probability, qualitative
 from symcheck.check.rational.rebind_exact import exact_twin
-from symcheck.check.reward_queries import reward_values, structure_number
+from symcheck.check.reward_queries import reward_of, reward_values
 from symcheck.check.steady_state import steady_values
 from symcheck.check.thresholds import decide
 from symcheck.direction import Direction
@@ -94,7 +94,7 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
         case SteadyState(Bound()):
             return _bounded_steady(context, formula, matter)
         case PathQuantifier(quantifier, path):
-            read = resolve(path, states_of(context), context.engine.all)
+            read = resolve(path, states_of(context), context.engine)
             return ctl.forall(context, read) if quantifier == "A" else ctl.exists(context, read)
         case Filter() | StateFilter():
             return filter_outcome(context, formula, matter).everywhere  # type: ignore[return-value]
@@ -122,16 +122,16 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
         case LabelReference():
             return numbers(context.inside(formula), context.referred(formula), matter)
         case ProbabilityOperator(direction, _, path):
-            read = resolve(path, states_of(context), context.engine.all)
+            read = resolve(path, states_of(context), context.engine)
             return _clipped(
                 context, probability(context, read, _direction(context, formula, direction, None))
             )
         case RewardOperator(_, direction, _, _):
-            structure = structure_number(context, formula)
+            reward = reward_of(context, formula)
             return reward_values(
                 context,
                 formula,
-                structure,
+                reward,
                 states_of(context),
                 _direction(context, formula, direction, None),
             )
@@ -226,7 +226,7 @@ def _bounded_probability(
     assert formula.bound is not None
     operator, threshold = formula.bound.operator, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
-    path = resolve(formula.path, states_of(context), context.engine.all)
+    path = resolve(formula.path, states_of(context), context.engine)
     context = context.relevant_at(matter)
     by_graph = qualitative(context, path, operator, threshold, direction)
     if by_graph is not None:
@@ -245,11 +245,11 @@ def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet)
     assert formula.bound is not None
     operator, threshold = formula.bound.operator, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
-    structure = structure_number(context, formula)
+    reward = reward_of(context, formula)
     context = context.relevant_at(matter)
 
     def compute(c: Context) -> Values:
-        return reward_values(c, formula, structure, states_of(c), direction)
+        return reward_values(c, formula, reward, states_of(c), direction)
 
     return decide(
         context, compute, operator, threshold, matter, partial(_exactly, context, formula)

@@ -8,6 +8,8 @@ from math import ceil, floor, isfinite
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span, UnsupportedError
 from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward, bounded_reward
 from symcheck.syntax.ast import Expression, PathBound, RewardBound, RewardBounds, TimeBound
 
 __all__ = ["Count", "Steps", "Window", "bound_value", "counts", "window"]
@@ -56,9 +58,9 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How much of a reward (None: how many steps) there may be."""
+    """How much of a reward there may be."""
 
-    structure: str | Expression | None
+    reward: Reward
     window: Window
 
 
@@ -89,10 +91,10 @@ def window(bound: PathBound | None) -> Window:
     return _extent(bound)
 
 
-def counts(bound: RewardBound | RewardBounds) -> tuple[Count, ...]:
+def counts(bound: RewardBound | RewardBounds, model: BoundModel) -> tuple[Count, ...]:
     """The rewards that a bound allows. Raises InputError where one is negative or none is left."""
     parts = bound.parts if isinstance(bound, RewardBounds) else (bound,)
-    return tuple(Count(p.structure, _extent(p)) for p in parts)
+    return tuple(Count(bounded_reward(p, model), _extent(p)) for p in parts)
 
 
 def _extent(bound: TimeBound | RewardBound) -> Window:

@@ -16,6 +16,7 @@ from symcheck.direction import Direction
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
 from symcheck.numerics.settings import ROUNDING
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, Type
 
 __all__ = [
@@ -163,7 +164,7 @@ class System(Protocol):
         """Per row: the total probability (exit rate), successors outside of `states` included."""
         ...
 
-    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
         """State rewards per state [n], and transition rewards per row.
 
         The latter is the probability-(rate-)weighted sum over the row's transitions.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from symcheck.engines.base import Engine, StateSet
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.semantics.model import Variable
+from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import ModelType, Type
 
 __all__ = ["ExplicitExport", "Rewards", "explicit_export", "state_order"]
@@ -254,7 +255,7 @@ def _columns(engine: Engine) -> list[Int64s]:
 def _rewards(engine: Any, system: Any, structure: int) -> tuple[NDArray[Any], NDArray[Any]]:
     if system is None:
         return engine.state_rewards[structure], engine.row_rewards[structure]
-    states, rows = system.rewards(structure)
+    states, rows = system.rewards(Structure(structure))
     return states, rows
 
 

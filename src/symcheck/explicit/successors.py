@@ -18,6 +18,7 @@ from symcheck.kernels.explore.successors import Expander
 from symcheck.matrices.rows import Bools, Floats, Int64s
 from symcheck.semantics.interpreter import state_rewards
 from symcheck.semantics.model import BoundModel, BoundReward
+from symcheck.semantics.rewards import Reward, reward_items
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["SuccessorGenerator", "Successors"]
@@ -49,13 +50,13 @@ class SuccessorGenerator:
 
     Args:
         layout: how states are packed.
-        structure: index of the reward structure whose rewards are computed; None: rewards are 0.
+        reward: the reward that is computed; None: rewards are 0.
     """
 
-    def __init__(self, model: BoundModel, layout: Layout, structure: int | None = None) -> None:
+    def __init__(self, model: BoundModel, layout: Layout, reward: Reward | None = None) -> None:
         self._model, self._layout = model, layout
         self._expander = Expander(tables(replace(model, rewards=()), layout, separate_choices=True))
-        items = () if structure is None else model.rewards[structure].items
+        items = () if reward is None else reward_items(reward, model)
         self._state_reward = self._sum([i for i in items if i.on_states])
         self._action_rewards = {
             number: code

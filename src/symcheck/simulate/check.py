@@ -16,10 +16,10 @@ import numpy as np
 
 from symcheck.check.result import Exact, Result, Statistical
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
-from symcheck.semantics.binding.bound_conditions import reward_index
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward, operator_reward
 from symcheck.simulate.monitors import Question, path_question, reward_question
 from symcheck.simulate.sampling import Sampler
 from symcheck.simulate.statistics import Estimated, Plan, estimate, sequential_test
@@ -48,7 +48,7 @@ def check_by_sampling(
     """
     started = perf_counter()
     plan = plan or Plan()
-    question, structure, bound = _read(model, formula)
+    question, reward, bound = _read(model, formula)
     if model.type is ModelType.MDP and bound is not None:
         raise UnsupportedError(
             "-sim does not decide thresholds of an mdp: they speak of all strategies, and sampling takes one, with equally likely "
@@ -63,12 +63,12 @@ def check_by_sampling(
         model,
         question,
         np.random.default_rng(seed),
-        structure,
+        reward,
         labels or {},
         plan.max_steps,
         fix_deadlocks,
     )
-    probability = structure is None
+    probability = reward is None
     result = (
         _by_test(sampler, plan, bound, probability)
         if plan.method == "sprt"
@@ -81,12 +81,12 @@ def check_by_sampling(
     )
 
 
-def _read(model: BoundModel, formula: Expression) -> tuple[Question, int | None, Bound | None]:
+def _read(model: BoundModel, formula: Expression) -> tuple[Question, Reward | None, Bound | None]:
     match formula:
         case ProbabilityOperator(_, bound, path):
             return path_question(path, model), None, bound
-        case RewardOperator(structure, _, bound, query):
-            return reward_question(query, model), reward_index(structure, model), bound
+        case RewardOperator(_, _, bound, query):
+            return reward_question(query, model), operator_reward(formula, model), bound
         case _:
             raise UnsupportedError(
                 f"-sim answers a single P or R operator, and this is a {type(formula).__name__}; without -sim it is checked numerically"

@@ -19,6 +19,7 @@ from symcheck.kernels.tables.state_table import StateSet
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward
 from symcheck.simulate.state_predicates import StatePredicate
 from symcheck.syntax.ast import ModelType
 
@@ -52,7 +53,7 @@ class LazyChain:
     are equally likely.
 
     Args:
-        structure: index of the reward structure whose rewards are sampled; None: rewards are 0.
+        reward: the reward that is sampled; None: rewards are 0.
         predicates: state predicates; `satisfies(i, ids)` tells where number i holds.
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
         max_branches: branches beyond which the chain is dropped and begun again.
@@ -61,7 +62,7 @@ class LazyChain:
     def __init__(
         self,
         model: BoundModel,
-        structure: int | None = None,
+        reward: Reward | None = None,
         predicates: tuple[StatePredicate, ...] = (),
         *,
         fix_deadlocks: bool = True,
@@ -71,7 +72,7 @@ class LazyChain:
         self.continuous = model.type is ModelType.CTMC
         self.layout = Layout.of(model.variables)
         self._predicates, self._fix_deadlocks = predicates, fix_deadlocks
-        self._generator = SuccessorGenerator(model, self.layout, structure)
+        self._generator = SuccessorGenerator(model, self.layout, reward)
         self._begin()
 
     def _begin(self) -> None:

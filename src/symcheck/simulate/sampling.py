@@ -12,6 +12,7 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Layout, Rows
 from symcheck.matrices.rows import Floats, Int32s, Int64s
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward
 from symcheck.simulate.lazy_chain import MAX_BRANCHES, LazyChain
 from symcheck.simulate.monitors import Paths, Question
 from symcheck.simulate.state_predicates import compile_predicate
@@ -38,7 +39,7 @@ class Sampler:
     model: BoundModel
     question: Question
     generator: np.random.Generator
-    structure: int | None = None
+    reward: Reward | None = None
     labels: Mapping[str, Expression] = field(default_factory=dict)
     max_steps: int = 10_000
     fix_deadlocks: bool = True
@@ -52,7 +53,7 @@ class Sampler:
         layout = Layout.of(self.model.variables)
         self._chain = LazyChain(
             self.model,
-            self.structure,
+            self.reward,
             tuple(compile_predicate(a, self.model, layout, labels) for a in self.question.atoms),
             fix_deadlocks=self.fix_deadlocks,
             max_branches=self.max_branches,

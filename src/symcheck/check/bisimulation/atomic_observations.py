@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import assert_never
 
 from symcheck.check.context import Context
 from symcheck.check.state_formulas import is_plain
 from symcheck.errors import UnsupportedError
-from symcheck.semantics.binding.bound_conditions import reward_index
+from symcheck.semantics.rewards import (
+    Reward,
+    Steps,
+    Structure,
+    Time,
+    bounded_reward,
+    operator_reward,
+)
 from symcheck.syntax.ast import (
     Binary,
     Expression,
@@ -102,15 +110,25 @@ def _parts(context: Context, formula: Expression) -> Iterator[AtomicObservations
         case LabelReference():
             yield from _parts(context.inside(formula), context.referred(formula))
             return
-        case RewardOperator() | RewardBound():
-            if not (isinstance(formula, RewardBound) and formula.structure is None):
-                yield AtomicObservations(
-                    structures=frozenset([reward_index(formula.structure, context.engine.model)])
-                )
+        case RewardOperator():
+            yield _earned(operator_reward(formula, context.engine.model))
+        case RewardBound():
+            yield _earned(bounded_reward(formula, context.engine.model))
         case _:
             pass
     for child in children(formula):
         yield from _parts(context, child)  # type: ignore[arg-type]
+
+
+def _earned(reward: Reward) -> AtomicObservations:
+    """What a reward tells apart: steps and time are the same in every state."""
+    match reward:
+        case Structure(index):
+            return AtomicObservations(structures=frozenset([index]))
+        case Steps() | Time():
+            return AtomicObservations()
+        case _:
+            assert_never(reward)
 
 
 def _condition(context: Context, formula: Expression) -> Expression | None:

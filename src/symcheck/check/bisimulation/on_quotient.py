@@ -30,6 +30,7 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, NumericalError, UnsupportedError
 from symcheck.numerics.bisimulation import lump
 from symcheck.options import Options
+from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import Expression, Filter, LabelReference, Name, StateFilter, Type
 
 if TYPE_CHECKING:
@@ -192,7 +193,7 @@ def _listed(
         *(s.members for s in sets),
         *(engine.values(part, context.type(part)).lower for part in values),
     ]
-    rewards = [engine.rewards(i) for i in sorted(observed.structures)]
+    rewards = [engine.rewards(Structure(i)) for i in sorted(observed.structures)]
     colours += [states for states, _ in rewards]
     return make(engine, lump(engine.matrix, colours, [rows for _, rows in rewards]), **more)
 

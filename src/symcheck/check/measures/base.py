@@ -10,6 +10,7 @@ from symcheck.check.context import Context
 from symcheck.check.time_bounds import Count, Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
+from symcheck.semantics.rewards import Reward
 
 __all__ = ["Measures"]
 
@@ -17,8 +18,7 @@ __all__ = ["Measures"]
 class Measures(Protocol):
     """The measures of one type of model: each gives a value per reachable state.
 
-    `direction` is 'min' or 'max' over the strategies of an MDP, and None otherwise. `structure` is the number of a reward
-    structure, from 0. Accuracy: `context.options.epsilon`, certified; what graph analysis decides is exact. Raises
+    `direction` is 'min' or 'max' over the strategies of an MDP, and None otherwise. Accuracy: `context.options.epsilon`, certified; what graph analysis decides is exact. Raises
     UnsupportedError for a measure that the type of model does not have, and NumericalError where the accuracy is missed.
     """
 
@@ -78,23 +78,23 @@ class Measures(Protocol):
         ...
 
     def reach_reward(
-        self, context: Context, structure: int, target: StateSet, direction: Direction | None
+        self, context: Context, reward: Reward, target: StateSet, direction: Direction | None
     ) -> Values:
         """Expected reward until `target`; infinite where it is missed with positive probability."""
         ...
 
     def cumulative_reward(
-        self, context: Context, structure: int, window: Window, direction: Direction | None
+        self, context: Context, reward: Reward, window: Window, direction: Direction | None
     ) -> Values:
         """Expected reward up to the end of the window."""
         ...
 
-    def total_reward(self, context: Context, structure: int, direction: Direction | None) -> Values:
+    def total_reward(self, context: Context, reward: Reward, direction: Direction | None) -> Values:
         """Expected reward for ever."""
         ...
 
     def instantaneous_reward(
-        self, context: Context, structure: int, time: Fraction, direction: Direction | None
+        self, context: Context, reward: Reward, time: Fraction, direction: Direction | None
     ) -> Values:
         """Expected state reward at a time."""
         ...
@@ -106,7 +106,7 @@ class Measures(Protocol):
         ...
 
     def steady_reward(
-        self, context: Context, structure: int, direction: Direction | None
+        self, context: Context, reward: Reward, direction: Direction | None
     ) -> Values:
         """Long-run average of the reward per step or unit of time."""
         ...

@@ -22,6 +22,7 @@ from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.matrices.rows import Floats
+from symcheck.semantics.rewards import Reward
 
 __all__ = [
     "bounded_complement",
@@ -122,22 +123,22 @@ def prob_greater_zero(
 
 
 def cumulative_reward(
-    context: Context, structure: int, window: Window, direction: Direction | None
+    context: Context, reward: Reward, window: Window, direction: Direction | None
 ) -> Values:
     """Expected reward up to time t: state rewards per unit of time, transition rewards per jump."""
     _, time = window.times()
     assert time is not None
     system = context.engine.system(context.engine.all)
-    states, rows = system.rewards(structure)
+    states, rows = system.rewards(reward)
     return _signed(context, None, states + rows, time)
 
 
 def instantaneous_reward(
-    context: Context, structure: int, time: Fraction, direction: Direction | None
+    context: Context, reward: Reward, time: Fraction, direction: Direction | None
 ) -> Values:
     """Expected state reward at time t."""
     system = context.engine.system(context.engine.all)
-    states, _ = system.rewards(structure)
+    states, _ = system.rewards(reward)
     return system.lift(states, None) if time == 0 else _signed(context, states, None, float(time))
 
 

@@ -17,10 +17,11 @@ from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.matrices.rows import Bools, Floats
 from symcheck.numerics import graph
+from symcheck.semantics.rewards import Reward
 
 __all__ = ["steady_probability", "steady_reward"]
 
-Reward = Callable[[System], Floats]
+Earned = Callable[[System], Floats]
 
 
 def steady_probability(
@@ -34,20 +35,20 @@ def steady_probability(
     return _average(context, lambda system: system.restrict(states))
 
 
-def steady_reward(context: Context, structure: int, direction: Direction | None = None) -> Values:
+def steady_reward(context: Context, reward: Reward, direction: Direction | None = None) -> Values:
     """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
 
-    def reward(system: System) -> Floats:
-        states, rows = system.rewards(structure)
+    def earned(system: System) -> Floats:
+        states, rows = system.rewards(reward)
         return states + rows
 
-    return _average(context, reward)
+    return _average(context, earned)
 
 
-def _average(context: Context, reward: Reward) -> Values:
+def _average(context: Context, earned: Earned) -> Values:
     engine = context.engine
     recurrent, low, high = engine.none, np.zeros(engine.states), np.zeros(engine.states)
-    for states, members, lower, upper in _components(context, reward):
+    for states, members, lower, upper in _components(context, earned):
         recurrent = recurrent | states
         low[members], high[members] = lower, upper
     system = engine.system(recurrent)
@@ -57,7 +58,7 @@ def _average(context: Context, reward: Reward) -> Values:
 
 
 def _components(
-    context: Context, reward: Reward
+    context: Context, earned: Earned
 ) -> Iterator[tuple[StateSet, Bools, Floats, Floats]]:
     """Sets of bottom components with their members, and bounds on the average at each member."""
     engine = context.engine
@@ -67,7 +68,7 @@ def _components(
         members = np.zeros(engine.states, bool)
         members[[int(p[0]) for p in parts if len(p) == 1]] = True
         absorbing = engine.from_bools(members)
-        own = reward(engine.system(absorbing))
+        own = earned(engine.system(absorbing))
         yield absorbing, members, own, own
         larger = [_indices(p, engine.states) for p in parts if len(p) > 1]
         sets = (engine.from_bools(m) for m in larger)
@@ -75,7 +76,7 @@ def _components(
         sets = (s for s in engine.graph.bsccs())
     for states in sets:
         system = engine.system(states)
-        lower, upper = _component_average(context, system, reward(system))
+        lower, upper = _component_average(context, system, earned(system))
         yield states, engine.to_bools(states), np.full(system.n, lower), np.full(system.n, upper)
 
 

@@ -18,6 +18,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Floats
+from symcheck.semantics.rewards import Reward
 
 if TYPE_CHECKING:
     from symcheck.numerics.long_run.mean_payoff import Gains
@@ -33,10 +34,10 @@ def steady_probability(context: Context, states: StateSet, direction: Direction 
     )
 
 
-def steady_reward(context: Context, structure: int, direction: Direction | None) -> Values:
+def steady_reward(context: Context, reward: Reward, direction: Direction | None) -> Values:
     """Long-run average of the reward per step, at least or at most: certified."""
     system = context.engine.system(context.engine.all)
-    states, rows = system.rewards(structure)
+    states, rows = system.rewards(reward)
     return _average(
         context, system, np.asarray(per_row(system, states) + rows), direction, share=False
     )

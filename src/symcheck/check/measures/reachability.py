@@ -24,6 +24,7 @@ from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, starts_o
 from symcheck.numerics.linear.masked_problem import Embedded
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
 __all__ = [
@@ -109,11 +110,11 @@ class Equations:
         known: list[tuple[StateSet, float]],
         direction: Direction | None,
         *,
-        structure: int | None = None,
+        reward: Reward | None = None,
     ) -> Embedded | None:
         """The same equations among the rows of all states, where the engine has these at hand and most of them are needed.
 
-        structure: of rewards, which are finite; None for probabilities. Values outside are those that are `known`, else 0.
+        reward: of rewards, which are finite; None for probabilities. Values outside are those that are `known`, else 0.
         """
         engine = self.context.engine
         matrix = getattr(engine, "matrix", None)
@@ -124,14 +125,14 @@ class Equations:
         ):
             return None
         constant = None
-        if structure is not None:
+        if reward is not None:
             whole = engine.system(engine.all)
-            states, rows = whole.rewards(structure)
+            states, rows = whole.rewards(reward)
             constant = per_row(whole, states) + rows
         outside = [(engine.to_bools(where), value) for where, value in known]
         unknown = engine.to_bools(self.system.states)
         return Embedded(
-            matrix, unknown, outside, constant, direction, structure is None, self.rates is not None
+            matrix, unknown, outside, constant, direction, reward is None, self.rates is not None
         )
 
     def solve(
@@ -228,11 +229,11 @@ def _shorter(
 
 
 def _shorter_reward(
-    context: Context, structure: int, target: StateSet, direction: Direction | None
+    context: Context, reward: Reward, target: StateSet, direction: Direction | None
 ) -> Values | None:
     """The same for expected rewards."""
     find = getattr(context.engine, "shorter_reward", None)
-    found = None if find is None else find(structure, target, direction)
+    found = None if find is None else find(reward, target, direction)
     if found is None:
         return None
     problem, allowed = found.problem()
@@ -251,7 +252,7 @@ def boundary_values(context: Context, states: StateSet, outside: Values) -> Valu
 
 
 def reach_reward(
-    context: Context, structure: int, target: StateSet, direction: Direction | None
+    context: Context, reward: Reward, target: StateSet, direction: Direction | None
 ) -> Values:
     """Expected reward until `target` is reached.
 
@@ -259,30 +260,30 @@ def reach_reward(
     where an infinite reward is met before.
     """
     engine = context.engine
-    shorter = _shorter_reward(context, structure, target, direction)
+    shorter = _shorter_reward(context, reward, target, direction)
     if shorter is not None:
         return shorter
     # The least expected reward is finite where some strategy reaches almost surely, the greatest where all do.
     certain = engine.graph.prob1(engine.all, target, direction and direction.dual)
-    found = _acyclic(context, certain - target, None, structure, [(~certain, np.inf)])
+    found = _acyclic(context, certain - target, None, reward, [(~certain, np.inf)])
     if found is not None:
         return found
     part = equations(context, certain - target)
-    reward = step_rewards(part, structure)
-    if np.isinf(reward).any():
-        certain = certain - _meets_infinity(context, part, reward, target, direction)
+    per_step = step_rewards(part, reward)
+    if np.isinf(per_step).any():
+        certain = certain - _meets_infinity(context, part, per_step, target, direction)
         part = equations(context, certain - target)
-        reward = step_rewards(part, structure)
+        per_step = step_rewards(part, reward)
     # A choice that may lead to where the reward is infinite is never best.
     allowed = (
         part.system.one_step_probability(~certain) == 0 if direction == Direction.MIN else None
     )
     everything = allowed is None or bool(allowed.all())
-    embedded = part.among_all([], direction, structure=structure) if everything else None
+    embedded = part.among_all([], direction, reward=reward) if everything else None
     if embedded is not None:
-        del reward, allowed
+        del per_step, allowed
         return part.solve(embedded, [(~certain, np.inf)])
-    problem = part.problem(reward, None, direction, probability=False)
+    problem = part.problem(per_step, None, direction, probability=False)
     if allowed is not None and not everything:
         problem = chosen_rows(problem, part.system.matrix, allowed)
     return part.solve(problem, [(~certain, np.inf)])
@@ -292,7 +293,7 @@ def _acyclic(
     context: Context,
     states: StateSet,
     target: StateSet | None,
-    reward: int | None,
+    reward: Reward | None,
     rest: list[tuple[StateSet, float]],
 ) -> Values | None:
     """The solution over very many states without cycles, where the engine can find it without an array."""
@@ -312,9 +313,9 @@ def _acyclic(
     return values
 
 
-def step_rewards(part: Equations, structure: int) -> Floats:
+def step_rewards(part: Equations, reward: Reward) -> Floats:
     """Per row: the expected reward of a step (state rewards of a CTMC are earned per unit of time)."""
-    states, rows = part.system.rewards(structure)
+    states, rows = part.system.rewards(reward)
     return part.scaled(per_row(part.system, states) + rows)
 
 

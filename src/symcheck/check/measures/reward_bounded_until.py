@@ -24,8 +24,8 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
-from symcheck.semantics.binding.bound_conditions import reward_index
 from symcheck.semantics.model import BoundReward
+from symcheck.semantics.rewards import Reward, Steps, reward_items
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
 
 if TYPE_CHECKING:
@@ -114,28 +114,27 @@ def _supported(context: Context, direction: Direction | None) -> None:
 
 def row_rewards(context: Context, system: System, count: Count) -> Floats:
     """The reward of a step by each row: float64[rows]."""
-    if count.structure is None:
+    if isinstance(count.reward, Steps):
         return np.ones(len(system.row_sums()))
     kind = context.engine.model.type
-    structure = reward_index(count.structure, context.engine.model)
-    states, rows = system.rewards(structure)
+    states, rows = system.rewards(count.reward)
     if kind is ModelType.CTMC and states.any():
         raise UnsupportedError(
             "a bound on state rewards of a ctmc, which are gathered per unit of time, is not supported; one on rewards of transitions is"
         )
-    check_even(context, structure, paying=bool(rows.any()))
+    check_even(context, count.reward, paying=bool(rows.any()))
     if kind is ModelType.CTMC:
         rows = rows / system.row_sums()
     return np.asarray(per_row(system, states) + rows)
 
 
-def check_even(context: Context, structure: int, *, paying: bool) -> None:
+def check_even(context: Context, reward: Reward, *, paying: bool) -> None:
     """Raise UnsupportedError where transitions of one state (choice) have different rewards: only their average is known here.
 
     In a chain, commands of different actions are one row. `paying`: whether some row has a transition reward.
     """
     model = context.engine.model
-    items = [i for i in model.rewards[structure].items if not i.on_states]
+    items = [i for i in reward_items(reward, model) if not i.on_states]
     if not items:
         if paying:
             raise UnsupportedError(

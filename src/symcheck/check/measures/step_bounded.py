@@ -18,6 +18,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.problem import Step
+from symcheck.semantics.rewards import Reward
 
 __all__ = [
     "Until",
@@ -167,27 +168,27 @@ def _delayed(
 
 
 def cumulative_reward(
-    context: Context, structure: int, window: Window, direction: Direction | None
+    context: Context, reward: Reward, window: Window, direction: Direction | None
 ) -> Values:
     """Expected reward of the first k steps: rewards of the states that are left and of the transitions taken."""
     steps = window.steps().upper
     assert steps is not None
     engine = context.engine
     system = engine.system(engine.all)
-    states, rows = system.rewards(structure)
-    reward = per_row(system, states) + rows
-    return _repeat(context, system, np.zeros(system.n), steps, direction, reward)
+    states, rows = system.rewards(reward)
+    per_step = per_row(system, states) + rows
+    return _repeat(context, system, np.zeros(system.n), steps, direction, per_step)
 
 
 def instantaneous_reward(
-    context: Context, structure: int, time: Fraction, direction: Direction | None
+    context: Context, reward: Reward, time: Fraction, direction: Direction | None
 ) -> Values:
     """Expected state reward after k steps."""
     engine = context.engine
     steps = Window(upper=time).steps().upper
     assert steps is not None
     system = engine.system(engine.all)
-    return _repeat(context, system, system.rewards(structure)[0], steps, direction, None)
+    return _repeat(context, system, system.rewards(reward)[0], steps, direction, None)
 
 
 def per_row(system: System, states: Floats) -> Floats:

@@ -12,11 +12,12 @@ from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Floats
 from symcheck.numerics import graph
+from symcheck.semantics.rewards import Reward
 
 __all__ = ["total_reward"]
 
 
-def total_reward(context: Context, structure: int, direction: Direction | None) -> Values:
+def total_reward(context: Context, reward: Reward, direction: Direction | None) -> Values:
     """Expected reward for ever, from each state; rewards must not be negative.
 
     Without choices: infinite unless the states from which no reward comes any more are reached almost surely, so that it
@@ -25,16 +26,16 @@ def total_reward(context: Context, structure: int, direction: Direction | None) 
     """
     engine = context.engine
     whole = engine.system(engine.all)
-    states, rows = whole.rewards(structure)
-    reward = per_row(whole, states) + rows
-    if len(reward) and reward.min() < 0:
+    states, rows = whole.rewards(reward)
+    per_step = per_row(whole, states) + rows
+    if len(per_step) and per_step.min() < 0:
         raise UnsupportedError("a total reward with negative rewards is not supported; C<=k is")
     if direction == Direction.MAX:
-        return _greatest(context, structure, whole, reward)
+        return _greatest(context, reward, whole, per_step)
     if direction == Direction.MIN:
-        return reach_reward(context, structure, _free(context, whole, reward == 0), direction)
-    rewarding = engine.from_bools(reward > 0)
-    return reach_reward(context, structure, ~engine.graph.exists_until(engine.all, rewarding), None)
+        return reach_reward(context, reward, _free(context, whole, per_step == 0), direction)
+    rewarding = engine.from_bools(per_step > 0)
+    return reach_reward(context, reward, ~engine.graph.exists_until(engine.all, rewarding), None)
 
 
 def _free(context: Context, whole: System, costless: Bools) -> StateSet:
@@ -43,18 +44,18 @@ def _free(context: Context, whole: System, costless: Bools) -> StateSet:
     return context.engine.from_bools(parts.of >= 0)
 
 
-def _greatest(context: Context, structure: int, whole: System, reward: Floats) -> Values:
+def _greatest(context: Context, reward: Reward, whole: System, per_step: Floats) -> Values:
     """The greatest total reward: end components without reward become places where a run may stay, with value 0."""
     engine = context.engine
     parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool))
     paying = engine.from_bools(
-        best((parts.rows & (reward > 0)).astype(np.float64), whole, Direction.MAX) > 0
+        best((parts.rows & (per_step > 0)).astype(np.float64), whole, Direction.MAX) > 0
     )
     infinite = engine.graph.exists_until(engine.all, paying)
-    rewarding = engine.from_bools(best(reward, whole, Direction.MAX) > 0)
+    rewarding = engine.from_bools(best(per_step, whole, Direction.MAX) > 0)
     nothing = ~engine.graph.exists_until(engine.all, rewarding)
     part = equations(context, ~(infinite | nothing))
-    own_states, own_rows = part.system.rewards(structure)
+    own_states, own_rows = part.system.rewards(reward)
     problem = part.problem(
         part.scaled(per_row(part.system, own_states) + own_rows),
         None,

@@ -14,7 +14,7 @@ from symcheck.check.context import Context
 from symcheck.check.measures.step_bounded import per_row
 from symcheck.check.omega_regular.ltl import linear_product
 from symcheck.check.path_formulas import StatesOf, TemporalPath, temporal
-from symcheck.check.reward_queries import structure_number
+from symcheck.check.reward_queries import reward_of
 from symcheck.check.time_bounds import window
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.product import Product
@@ -24,6 +24,7 @@ from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.multi_objective import linear_program as numerics
 from symcheck.numerics.multi_objective.rational_program import ExactFlow
+from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import CumulativeReward, ProbabilityOperator, RewardOperator
 
 __all__ = ["Objective", "flow_of"]
@@ -116,7 +117,7 @@ def _equations(
             else np.full(matrix.rows, Fraction(0), dtype=object)
         )
         if isinstance(o.formula, RewardOperator):
-            own = _row_rewards(engine, structure_number(chain.context, o.formula))
+            own = _row_rewards(engine, reward_of(chain.context, o.formula))
             if (own < 0).any():
                 raise UnsupportedError("negative rewards in multi(...) are not supported")
             if k is not None:
@@ -150,17 +151,15 @@ def _equations(
     )
 
 
-def _row_rewards(engine: Engine, structure: int) -> Any:
+def _row_rewards(engine: Engine, reward: Reward) -> Any:
     """The reward of each row: doubles, or Fractions."""
     if isinstance(engine, ExactEngine):
         groups = engine.matrix.groups
         assert groups is not None
-        return (
-            np.repeat(engine.state_rewards[structure], np.diff(groups))
-            + engine.row_rewards[structure]
-        )
+        of_states, of_rows = engine.rewards(reward)
+        return np.repeat(of_states, np.diff(groups)) + of_rows
     system = engine.system(engine.all)
-    states, rows = system.rewards(structure)
+    states, rows = system.rewards(reward)
     return np.asarray(per_row(system, states) + rows, dtype=np.float64)
 
 

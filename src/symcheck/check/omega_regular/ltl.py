@@ -21,6 +21,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.engines.product import Product
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
+from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, ModelType
 
 __all__ = ["as_until", "co_safe_reward", "linear_product", "path_probability_ltl"]
@@ -90,7 +91,7 @@ def linear_product(
 
 
 def co_safe_reward(
-    context: Context, structure: int, path: TemporalPath, direction: Direction | None
+    context: Context, reward: Reward, path: TemporalPath, direction: Direction | None
 ) -> Values:
     """Expected reward until a run shows that it satisfies a co-safe formula; infinite where that may never be.
 
@@ -117,7 +118,7 @@ def co_safe_reward(
     product: Product = context.engine.product(alphabet.sets, automaton)
     inner = replace(context, engine=product.engine)
     target = product.edges(automaton.entering(automaton.accepting))
-    return product.project(measures(inner).reach_reward(inner, structure, target, direction))
+    return product.project(measures(inner).reach_reward(inner, reward, target, direction))
 
 
 @dataclass(frozen=True)

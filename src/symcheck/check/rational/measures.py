@@ -28,6 +28,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.numerics.linear.rational import stationary_distribution
+from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["MEASURES", "ExactMeasures"]
@@ -153,7 +154,7 @@ class ExactMeasures:
         return ctmc.prob_greater_zero(context, left, right, window, direction)
 
     def reach_reward(
-        self, context: Context, structure: int, target: StateSet, direction: Direction | None
+        self, context: Context, reward: Reward, target: StateSet, direction: Direction | None
     ) -> Values:
         """Expected reward until `target`; infinite where it is missed with positive probability."""
         engine = _engine(context)
@@ -164,14 +165,14 @@ class ExactMeasures:
             context,
             _probabilities(engine),
             unknown,
-            _reward(engine, structure),
+            _reward(engine, reward),
             direction,
             rest,
             proper=direction == Direction.MIN,
         )
 
     def cumulative_reward(
-        self, context: Context, structure: int, window: Window, direction: Direction | None
+        self, context: Context, reward: Reward, window: Window, direction: Direction | None
     ) -> Values:
         """Expected reward of the first k steps."""
         engine = _engine(context)
@@ -179,17 +180,17 @@ class ExactMeasures:
             raise _transient()
         steps = window.steps().upper
         assert steps is not None
-        reward, x = _reward(engine, structure), _array(engine.constant(0))
+        per_step, x = _reward(engine, reward), _array(engine.constant(0))
         for _ in range(steps):
-            x = _step(engine, _probabilities(engine), x, direction, reward)
+            x = _step(engine, _probabilities(engine), x, direction, per_step)
         return RationalValues(x)
 
     def instantaneous_reward(
-        self, context: Context, structure: int, time: Fraction, direction: Direction | None
+        self, context: Context, reward: Reward, time: Fraction, direction: Direction | None
     ) -> Values:
         """Expected state reward after k steps."""
         engine = _engine(context)
-        x = engine.state_rewards[structure]
+        x, _ = engine.rewards(reward)
         if self.type is ModelType.CTMC:
             if time > 0:
                 raise _transient()
@@ -200,29 +201,29 @@ class ExactMeasures:
             x = _step(engine, _probabilities(engine), x, direction)
         return RationalValues(x)
 
-    def total_reward(self, context: Context, structure: int, direction: Direction | None) -> Values:
+    def total_reward(self, context: Context, reward: Reward, direction: Direction | None) -> Values:
         """Expected reward for ever, as `symcheck.check.measures.total_reward` defines it."""
         engine = _engine(context)
-        reward = _reward(engine, structure)
-        if any(r < 0 for r in reward):
+        per_step = _reward(engine, reward)
+        if any(r < 0 for r in per_step):
             raise UnsupportedError("a total reward with negative rewards is not supported; C<=k is")
-        paying = np.array([r > 0 for r in reward], dtype=bool)
+        paying = np.array([r > 0 for r in per_step], dtype=bool)
         rewarding = ArraySet(_any_row(engine, paying))
         if direction is None:
             return self.reach_reward(
-                context, structure, ~engine.graph.exists_until(engine.all, rewarding), None
+                context, reward, ~engine.graph.exists_until(engine.all, rewarding), None
             )
         everywhere = np.ones(engine.states, bool)
         if direction == Direction.MIN:
             free = graph.maximal_end_components(engine.matrix, everywhere, ~paying)
-            return self.reach_reward(context, structure, ArraySet(free.of >= 0), Direction.MIN)
+            return self.reach_reward(context, reward, ArraySet(free.of >= 0), Direction.MIN)
         parts = graph.maximal_end_components(engine.matrix, everywhere)
         infinite = engine.graph.exists_until(
             engine.all, ArraySet(_any_row(engine, parts.rows & paying))
         )
         rest = RationalValues(_pick(infinite.members, inf, Fraction(0)))
         unknown = engine.graph.exists_until(engine.all, rewarding) - infinite
-        return _solve(context, _probabilities(engine), unknown, reward, Direction.MAX, rest)
+        return _solve(context, _probabilities(engine), unknown, per_step, Direction.MAX, rest)
 
     def steady_probability(
         self, context: Context, states: StateSet, direction: Direction | None
@@ -237,17 +238,16 @@ class ExactMeasures:
         return _average(context, _array(_engine(context).indicator(_own(states))))
 
     def steady_reward(
-        self, context: Context, structure: int, direction: Direction | None
+        self, context: Context, reward: Reward, direction: Direction | None
     ) -> Values:
         """Long-run average of the reward per step or unit of time."""
         engine = _engine(context)
         if self.type is ModelType.MDP:
             from symcheck.check.rational.long_run_mdp import mean_payoff
 
-            return RationalValues(
-                mean_payoff(context, engine, _reward(engine, structure), direction)
-            )
-        return _average(context, engine.state_rewards[structure] + engine.row_rewards[structure])
+            return RationalValues(mean_payoff(context, engine, _reward(engine, reward), direction))
+        states, rows = engine.rewards(reward)
+        return _average(context, states + rows)
 
 
 MEASURES: Mapping[ModelType, ExactMeasures] = {t: ExactMeasures(t) for t in ModelType}
@@ -292,9 +292,10 @@ def _probabilities(engine: ExactEngine) -> RationalMatrix:
     return engine.rationals if rates is None else engine.rationals.scaled(rates)
 
 
-def _reward(engine: ExactEngine, structure: int) -> Rationals:
+def _reward(engine: ExactEngine, reward: Reward) -> Rationals:
     """Per row: the expected reward of a step."""
-    total = _per_row(engine, engine.state_rewards[structure]) + engine.row_rewards[structure]
+    states, rows = engine.rewards(reward)
+    total = _per_row(engine, states) + rows
     rates = _rates(engine)
     return np.asarray(total if rates is None else total / rates)
 

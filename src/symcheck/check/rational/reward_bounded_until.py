@@ -27,7 +27,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools
 from symcheck.numerics.reward_bounds.epoch_system import Epochs, Layer, layer_of
 from symcheck.numerics.reward_bounds.epochs import unfold
-from symcheck.semantics.binding.bound_conditions import reward_index
+from symcheck.semantics.rewards import Steps
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["counted_limits", "counted_values"]
@@ -42,11 +42,10 @@ def counted_limits(context: Context, engine: ExactEngine, counts: Sequence[Count
 
 def _limits(context: Context, engine: ExactEngine, count: Count) -> Limits:
     rows, groups = engine.matrix.rows, engine.matrix.groups
-    if count.structure is None:
+    if isinstance(count.reward, Steps):
         return Limits(np.ones(rows, np.int64), *in_steps(count.window, Fraction(1)))
-    structure = reward_index(count.structure, engine.model)
-    states, own = engine.state_rewards[structure], engine.row_rewards[structure]
-    check_even(context, structure, paying=any(own))
+    states, own = engine.rewards(count.reward)
+    check_even(context, count.reward, paying=any(own))
     if engine.model.type is ModelType.CTMC:
         if any(states):
             raise UnsupportedError(

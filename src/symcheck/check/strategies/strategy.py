@@ -31,7 +31,7 @@ from symcheck.check.path_formulas import (
     resolve,
     temporal,
 )
-from symcheck.check.reward_queries import structure_number
+from symcheck.check.reward_queries import reward_of
 from symcheck.check.strategies.to_explicit import listed
 from symcheck.direction import Direction
 from symcheck.engines.base import OwnSet
@@ -41,6 +41,7 @@ from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, spans
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import (
     Eventually,
     Expression,
@@ -130,7 +131,7 @@ def strategy_of(
 def _probability(
     context: Context, formula: ProbabilityOperator, states_of: StatesOf, direction: Direction
 ) -> Strategy:
-    path = resolve(formula.path, states_of, context.engine.all)
+    path = resolve(formula.path, states_of, context.engine)
     towards = direction
     if isinstance(path, NextPath | UntilPath) and path.negative:
         path, towards = negated(path), direction.dual
@@ -169,11 +170,11 @@ def _reward(
     context: Context, formula: RewardOperator, states_of: StatesOf, direction: Direction
 ) -> Strategy:
     query = formula.query
-    path = resolve(query, states_of, context.engine.all) if isinstance(query, Eventually) else None
+    path = resolve(query, states_of, context.engine) if isinstance(query, Eventually) else None
     if not isinstance(path, UntilPath) or not path.window.trivial:
         raise UnsupportedError("strategies for rewards are supported with R [ F states ] only")
     chooser = _Chooser(context, direction)
-    chooser.reward(structure_number(context, formula), path.right)
+    chooser.reward(reward_of(context, formula), path.right)
     return chooser.strategy(direction)
 
 
@@ -239,18 +240,18 @@ class _Chooser:
             known |= good
         return self.engine.from_bools(known)
 
-    def reward(self, structure: int, target: OwnSet) -> None:
+    def reward(self, reward: Reward, target: OwnSet) -> None:
         """Rows for the greatest (least) expected reward until the target."""
         everything = self.engine.all
         questions = self.engine.graph
         certain = questions.prob1(everything, target, self.direction.dual)
         part = equations(self.context, certain - target)
-        reward = step_rewards(part, structure)
-        if np.isinf(reward).any():
+        per_step = step_rewards(part, reward)
+        if np.isinf(per_step).any():
             raise UnsupportedError(
                 "strategies where some reward of a single step is infinite are not supported"
             )
-        problem = part.problem(reward, None, self.direction, probability=False)
+        problem = part.problem(per_step, None, self.direction, probability=False)
         if self.direction == Direction.MAX:
             self._miss(target)
             self._solve(part.system.states, problem)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,8 @@ from symcheck.kernels.rows.sparse import multiply
 from symcheck.kernels.rows.submatrix import select_groups, select_states, sum_columns, take_rows
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, Type
+from symcheck.semantics.rewards import Reward, Steps, Structure, Time
+from symcheck.syntax.ast import Expression, ModelType, Type
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.product import ExplicitProduct
@@ -111,9 +112,17 @@ class ExplicitEngine(Enumerated):
             self.graph.forget()
         return ExplicitSystem(self, states)
 
-    def rewards(self, structure: int) -> tuple[Floats, Floats]:
-        """State rewards [states] and transition rewards per row [rows] of a reward structure (from 0)."""
-        return self.explored.state_rewards[structure], self.explored.choice_rewards[structure]
+    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
+        """State rewards [states] and transition rewards, weighted by probabilities (rates), per row [rows]."""
+        match reward:
+            case Structure(index):
+                return self.explored.state_rewards[index], self.explored.choice_rewards[index]
+            case Time() if self.model.type is ModelType.CTMC:
+                return np.ones(self.states), np.zeros(self.matrix.rows)
+            case Steps() | Time():
+                return np.zeros(self.states), self.system(self.all).row_sums()
+            case _:
+                assert_never(reward)
 
     def valuations(
         self, states: ArraySet, limit: int | None = None
@@ -224,9 +233,9 @@ class ExplicitSystem:
         """Per row: the total probability (exit rate)."""
         return self.one_step_probability(self.engine.all)
 
-    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
         """State rewards per state and transition rewards per row."""
-        states, rows = self.engine.rewards(structure)
+        states, rows = self.engine.rewards(reward)
         if self._whole:
             return states, rows
         groups, inside = self.engine.matrix.groups, self.states.members

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from math import isinf
-from typing import Any
+from typing import Any, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from symcheck.semantics.interpreter import (
     valuation,
 )
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.syntax.ast import Expression, ModelType, Type
 
 __all__ = ["ExactEngine", "explore_exactly"]
@@ -90,6 +91,19 @@ class ExactEngine(Enumerated):
     def valuations(self, states: ArraySet, limit: int | None = None) -> Iterator[State]:
         """The states' variable values, in index order."""
         return (self.table[i] for i in np.flatnonzero(states.members)[:limit])
+
+    def rewards(self, reward: Reward) -> tuple[Rationals, Rationals]:
+        """State rewards, and transition rewards per row, weighted by probabilities (rates)."""
+        match reward:
+            case Structure(index):
+                return self.state_rewards[index], self.row_rewards[index]
+            case Time() if self.model.type is ModelType.CTMC:
+                return self.constant(1).array, _objects([Fraction(0)] * self.matrix.rows)
+            case Steps() | Time():
+                sums = self.rationals.multiply(self.constant(1).array)
+                return self.constant(0).array, sums
+            case _:
+                assert_never(reward)
 
     def system(self, states: ArraySet) -> Any:  # noqa: ARG002
         """Not offered: the exact measures work on `rationals`."""

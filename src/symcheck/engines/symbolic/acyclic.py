@@ -30,6 +30,7 @@ from symcheck.engines.symbolic.sets import (
     merged,
 )
 from symcheck.matrices.rows import Floats
+from symcheck.semantics.rewards import Reward
 
 __all__ = ["Acyclic", "solve_acyclic"]
 
@@ -53,7 +54,7 @@ def solve_acyclic(
     d: Diagrams,
     states: SymbolicSet,
     target: SymbolicSet | None,
-    reward: int | None,
+    reward: Reward | None,
     rest: Sequence[tuple[SymbolicSet, float]],
 ) -> Acyclic | None:
     """Solve x = A x + b over `states` of a DTMC, b the probability of entering `target` next, or a reward structure's reward of a step.
@@ -98,7 +99,7 @@ def _levels(d: Diagrams, relation: Bdd, states: Bdd, allowed: int, budget: int) 
 
 
 def _constant(
-    d: Diagrams, states: Bdd, target: SymbolicSet | None, reward: int | None
+    d: Diagrams, states: Bdd, target: SymbolicSet | None, reward: Reward | None
 ) -> Mtbdd | None:
     """The constants b as a function of the row bits, on the states; None where it is negative or infinite somewhere."""
     if target is not None:
@@ -108,7 +109,8 @@ def _constant(
             .times_bdd(states)
         )
     assert reward is not None
-    found = (d.state_rewards[reward] + d.transition_rewards[reward][0]).times_bdd(states)
+    earned, (transitions, *_) = d.rewards(reward)
+    found = (earned + transitions).times_bdd(states)
     return found if found.minimum_leaf >= 0.0 and found.maximum_leaf < np.inf else None
 
 

@@ -35,6 +35,7 @@ from symcheck.matrices.blocks import BUDGET, RowLayout, flatten, quad_dag
 from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.semantics.rewards import Reward
 
 __all__ = ["Shorter", "ShorterReward", "ShorterUntil", "Ways", "forced_states", "shorter"]
 
@@ -122,7 +123,7 @@ class Shorter:
 
 
 def shorter(
-    d: Diagrams, left: Bdd, right: Bdd, limit: int, reward: int | None = None
+    d: Diagrams, left: Bdd, right: Bdd, limit: int, reward: Reward | None = None
 ) -> Shorter | None:
     """The problem left U right without its forced states, and with a reward structure if one is given.
 
@@ -161,12 +162,13 @@ def shorter(
     )
 
 
-def _plain(d: Diagrams, reward: int) -> bool:
-    functions = (d.state_rewards[reward], *d.transition_rewards[reward])
+def _plain(d: Diagrams, reward: Reward) -> bool:
+    states, transitions = d.rewards(reward)
+    functions = (states, *transitions)
     return all(f.minimum_leaf >= 0.0 and f.maximum_leaf < np.inf for f in functions)
 
 
-def _bytes(d: Diagrams, kept: Bdd, reward: int | None) -> int:
+def _bytes(d: Diagrams, kept: Bdd, reward: Reward | None) -> int:
     """What `shorter` takes at most, graph questions included."""
     both = d.manager.cube([*d.rows, *d.columns])
     entries = sum(d.manager.count(relation & kept, both) for relation in d.slot_relations)
@@ -174,7 +176,7 @@ def _bytes(d: Diagrams, kept: Bdd, reward: int | None) -> int:
     return 20 * (d.count + entries) + 16 * rows + (0 if reward is None else 8 * (d.count + rows))
 
 
-def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: int | None) -> Ways:
+def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: Reward | None) -> Ways:
     n, along = kept.count, None
     place = np.empty(d.count, np.int32)
     if forced:
@@ -195,12 +197,15 @@ def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: int | None) -
     return Ways(d, place, along)
 
 
-def _step_rewards(d: Diagrams, reward: int) -> list[Mtbdd]:
+def _step_rewards(d: Diagrams, reward: Reward) -> list[Mtbdd]:
     """Per slot: what a step earns."""
-    return [d.state_rewards[reward] + each for each in d.transition_rewards[reward]]
+    states, transitions = d.rewards(reward)
+    return [states + each for each in transitions]
 
 
-def _add_step(d: Diagrams, kept: Odd, layout: RowLayout | None, reward: int, out: Floats) -> None:
+def _add_step(
+    d: Diagrams, kept: Odd, layout: RowLayout | None, reward: Reward, out: Floats
+) -> None:
     """Add to each row what its step earns."""
     functions = _step_rewards(d, reward)
     if layout is None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 from symcheck.dd.odd import Odd
+from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.symbolic.model import Step
+from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import (
@@ -35,6 +37,7 @@ class Diagrams:
     roots: the matrices on reachable rows, loops included: one, or one per choice slot of an MDP; `guards` (None unless an
     MDP): the states that have a choice in each slot. actions: (slot, action or None) to the states whose choice it is.
     state_rewards: per structure. transition_rewards: per structure and slot, weighted by probability (rate).
+    continuous: whether time is (of a CTMC).
     """
 
     manager: DiagramManager = field(repr=False)
@@ -50,6 +53,19 @@ class Diagrams:
     actions: Mapping[tuple[int, str | None], Bdd] = field(repr=False)
     state_rewards: Sequence[Mtbdd] = field(repr=False)
     transition_rewards: Sequence[tuple[Mtbdd, ...]] = field(repr=False)
+    continuous: bool = False
+
+    def rewards(self, reward: Reward) -> tuple[Mtbdd, Sequence[Mtbdd]]:
+        """State rewards, and per slot the transition rewards, weighted by probabilities (rates)."""
+        match reward:
+            case Structure(index):
+                return self.state_rewards[index], self.transition_rewards[index]
+            case Time() if self.continuous:
+                return self.states.to_mtbdd(), [self.manager.zero] * len(self.roots)
+            case Steps() | Time():
+                return self.manager.zero, [r.sum_over(self.column_cube) for r in self.roots]
+            case _:
+                assert_never(reward)
 
     @cached_property
     def odd(self) -> Odd:
@@ -144,4 +160,5 @@ def diagrams_of(transitions: Transitions) -> Diagrams:
         transitions.action_sets,
         transitions.state_rewards,
         transitions.transition_rewards,
+        symbolic.model.type is ModelType.CTMC,
     )

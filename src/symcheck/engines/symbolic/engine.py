@@ -16,6 +16,7 @@ from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues, constant
 from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, ModelType, Type
 
 if TYPE_CHECKING:
@@ -172,7 +173,7 @@ class SymbolicEngine:
         self,
         states: SymbolicSet,
         target: SymbolicSet | None,
-        reward: int | None,
+        reward: Reward | None,
         rest: Sequence[tuple[SymbolicSet, float]],
     ) -> Acyclic | None:
         """The equations over very many states of a chain without cycles, solved on diagrams; None elsewhere (symbolic_acyclic.py)."""
@@ -191,10 +192,10 @@ class SymbolicEngine:
         return self.graph.until(left, right, direction)
 
     def shorter_reward(
-        self, structure: int, target: SymbolicSet, direction: Direction | None
+        self, reward: Reward, target: SymbolicSet, direction: Direction | None
     ) -> ShorterReward | None:
         """The same for the expected reward until `target` is reached."""
-        return self.graph.reach_reward(structure, target, direction)
+        return self.graph.reach_reward(reward, target, direction)
 
     def valuations(
         self, states: SymbolicSet, limit: int | None = None

@@ -28,6 +28,7 @@ from symcheck.engines.symbolic.steps import Steps, TooSlowError, check
 from symcheck.machine import memory
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
+from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Owner", "SymbolicGraph"]
@@ -169,7 +170,7 @@ class SymbolicGraph:
         unlimited = self.observer is None and self.engine.rows_limit is None
         return unlimited and self.engine.model.type is not ModelType.CTMC and self._d.count >= LARGE
 
-    def _shorter(self, left: Bdd, right: Bdd, reward: int | None = None) -> Shorter | None:
+    def _shorter(self, left: Bdd, right: Bdd, reward: Reward | None = None) -> Shorter | None:
         """The question without its forced states, where memory reaches."""
         return (
             shorter(self._d, left, right, int(SHORTER_SHARE * memory()), reward)
@@ -201,7 +202,7 @@ class SymbolicGraph:
         )
 
     def reach_reward(
-        self, structure: int, target: SymbolicSet, direction: Direction | None
+        self, reward: Reward, target: SymbolicSet, direction: Direction | None
     ) -> ShorterReward | None:
         """The same for the expected reward until `target` is reached; None too where a reward is negative or infinite."""
         if not self._shortens or self._affordable:
@@ -215,7 +216,7 @@ class SymbolicGraph:
         else:
             if not self._mostly_forced(certain - target.bdd):
                 return None
-        parts = self._shorter(certain, target.bdd, structure)
+        parts = self._shorter(certain, target.bdd, reward)
         return None if parts is None else ShorterReward.of(parts, direction)
 
     def _mostly_forced(self, unknown: Bdd) -> bool:

@@ -24,6 +24,7 @@ from symcheck.kernels.diagrams.quad_dag import Quad
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward
 
 __all__ = ["Owner", "SymbolicSystem"]
 
@@ -183,11 +184,10 @@ class SymbolicSystem:
         """Per row: the total probability (exit rate)."""
         return self.per_row([root.sum_over(self._d.column_cube) for root in self.roots])
 
-    def rewards(self, structure: int) -> tuple[Floats, Floats]:
+    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
         """State rewards per state and transition rewards per row."""
-        return self.odd.to_vector(self._d.state_rewards[structure]), self.per_row(
-            self._d.transition_rewards[structure]
-        )
+        states, transitions = self._d.rewards(reward)
+        return self.odd.to_vector(states), self.per_row(transitions)
 
     def restrict(self, values: SymbolicValues | SymbolicSet) -> Floats:
         """A lower value (or 0/1 membership) per state of the system."""

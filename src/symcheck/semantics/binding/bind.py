@@ -10,7 +10,6 @@ from symcheck.semantics.binding.bind_properties import (
     bind_expression,
     bind_properties,
     needed_constants,
-    reward_index,
     split_constants,
 )
 
@@ -22,7 +21,6 @@ __all__ = [
     "bind_expression",
     "bind_properties",
     "needed_constants",
-    "reward_index",
     "split_constants",
     "undefined_constants",
 ]

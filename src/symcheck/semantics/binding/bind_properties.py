@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
-from symcheck.semantics.binding.bound_conditions import check_conditions, reward_index
+from symcheck.semantics.binding.bound_conditions import check_conditions
 from symcheck.semantics.binding.names import Given, Names, Table, undefined
 from symcheck.semantics.binding.property_references import PropertyTexts
 from symcheck.semantics.binding.static_checks import check_constants, check_labels, give
@@ -28,7 +28,6 @@ __all__ = [
     "bind_expression",
     "bind_properties",
     "needed_constants",
-    "reward_index",
     "split_constants",
 ]
 

@@ -1,9 +1,8 @@
-"""What the bounds in a formula must fulfil once they are numbers, and which reward structures there are."""
+"""What the bounds in a formula must fulfil once they are numbers."""
 
 from __future__ import annotations
 
 from math import isfinite
-from typing import cast
 
 from symcheck.errors import InputError
 from symcheck.semantics.diagnostics import Report, suggest
@@ -30,14 +29,7 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.traversal import Tree, nodes
 
-__all__ = ["check_conditions", "reward_index"]
-
-
-def reward_index(structure: str | Expression | None, model: BoundModel) -> int:
-    """The number, from 0, of the reward structure that a bound formula asks for."""
-    if isinstance(structure, str):
-        return [r.name for r in model.rewards].index(structure)
-    return 0 if structure is None else cast(int, evaluate(structure, {})) - 1
+__all__ = ["check_conditions"]
 
 
 def check_conditions(formula: Expression, model: BoundModel) -> None:

@@ -1,0 +1,75 @@
+"""What a reward operator or a bound on a reward counts: the rewards of a structure, steps, or time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import assert_never, cast
+
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.model import BoundModel, BoundReward
+from symcheck.syntax.ast import Expression, Literal, ModelType, RewardBound, RewardOperator, Type
+
+__all__ = [
+    "Reward",
+    "Steps",
+    "Structure",
+    "Time",
+    "bounded_reward",
+    "operator_reward",
+    "reward_items",
+]
+
+
+_ALWAYS = Literal(True, Type.BOOL)
+_ONE = Literal(Fraction(1), Type.DOUBLE)
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """The rewards of reward structure number `index` of the model, from 0."""
+
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """One for each transition."""
+
+
+@dataclass(frozen=True, slots=True)
+class Time:
+    """One for each unit of time: in discrete time a transition takes one."""
+
+
+Reward = Structure | Steps | Time
+
+
+def operator_reward(formula: RewardOperator, model: BoundModel) -> Reward:
+    """The reward that `R` asks for: of the named or numbered structure, or of the first one."""
+    return Structure(0) if formula.structure is None else _structure(formula.structure, model)
+
+
+def bounded_reward(bound: RewardBound, model: BoundModel) -> Reward:
+    """The reward that a bound within a path formula limits: of a structure, or steps where none is given."""
+    return Steps() if bound.structure is None else _structure(bound.structure, model)
+
+
+def reward_items(reward: Reward, model: BoundModel) -> tuple[BoundReward, ...]:
+    """A reward as the items of a reward structure."""
+    match reward:
+        case Structure(index):
+            return model.rewards[index].items
+        case Time() if model.type is ModelType.CTMC:
+            return (BoundReward(True, None, _ALWAYS, _ONE),)
+        case Steps() | Time():
+            return tuple(BoundReward(False, a, _ALWAYS, _ONE) for a in (None, *model.actions))
+        case _:
+            assert_never(reward)
+
+
+def _structure(structure: str | Expression, model: BoundModel) -> Structure:
+    """The structure with a name or a number (from 1); binding has checked that it exists."""
+    if isinstance(structure, str):
+        return Structure([r.name for r in model.rewards].index(structure))
+    return Structure(cast(int, evaluate(structure, {})) - 1)
