@@ -77,7 +77,7 @@ def test_set_operations(name: str) -> None:
 @pytest.mark.parametrize("patience", [-1.0, 1000.0])
 def test_graph_questions(name: str, patience: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "symcheck.engines.symbolic.graph.PATIENCE", patience
+        "symcheck.engines.tuning.PATIENCE", patience
     )  # so on rows, or so on diagrams
     a, b = explicit(name), fresh(name, SparseEngine)
     directions = ("min", "max") if name == "mdp" else (None,)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import measures
 from symcheck.check.measures import step_bounded
-from symcheck.check.measures.reachability import equations
 from symcheck.check.path_formulas import UntilPath
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
@@ -53,9 +52,7 @@ def _least(context: Context, left: StateSet, right: StateSet) -> Values:
     """
     graph = context.engine.graph
     never, surely = graph.prob0(left, right, Direction.MAX), graph.prob1(left, right, Direction.MAX)
-    part = equations(context, ~(never | surely))
-    if part.system.n == 0:
-        return context.engine.indicator(never)
-    problem = part.problem(part.one_step_probability(never), None, Direction.MIN, probability=True)
-    stays = next(graph.end_components(part.system.states), None) is not None
-    return part.solve(problem, [(never, 1.0)], allow_stay=stays)
+    system = context.engine.system(~(never | surely), Direction.MIN)
+    constant = system.embedded(system.one_step_probability(never))
+    equations = system.equations(constant, probability=True, allow_stay=True)
+    return context.solve(equations, known=[(never, 1.0)])

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from time import perf_counter
 
 from symcheck.check.result import Line, SolverRun
-from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.base import Engine, Equations, StateSet, Values
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
@@ -90,6 +91,29 @@ class Context:
     def with_epsilon(self, epsilon: float) -> Context:
         """The same with another accuracy wanted; the log is shared."""
         return replace(self, options=replace(self.options, epsilon=epsilon))
+
+    def solve(self, equations: Equations, known: Sequence[tuple[StateSet, float]]) -> Values:
+        """The solution of equations on all states; `known`: constants on other sets, 0 elsewhere. The run is logged."""
+        started = perf_counter()
+        solved = equations.solve(known, self.options, self.observer)
+        if solved.unknowns:
+            if solved.width > self.options.epsilon:
+                self.log.warn(
+                    f"the bounds are {solved.width:.1E} apart, further than asked for: {solved.explanation}"
+                )
+            seconds = perf_counter() - started
+            self.log.runs.append(
+                SolverRun(
+                    "linear",
+                    solved.method,
+                    solved.unknowns,
+                    solved.iterations,
+                    seconds,
+                    solved.explanation,
+                    solved.certified,
+                )
+            )
+        return solved.values
 
     def example(self, states: StateSet) -> str:
         """One of the states, of which there must be one, as it is shown."""

@@ -8,13 +8,15 @@ A set never holds a state that is not reachable: `~s` is the complement within t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, nextafter
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from symcheck.direction import Direction
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
-from symcheck.numerics.settings import ROUNDING
+from symcheck.numerics.linear.problem import LinearProblem, Observer
+from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, Type
@@ -22,9 +24,11 @@ from symcheck.syntax.ast import Expression, Type
 __all__ = [
     "ROUNDING",
     "Engine",
+    "Equations",
     "Graph",
     "OwnSet",
     "OwnValues",
+    "SolvedValues",
     "StateSet",
     "System",
     "Values",
@@ -42,6 +46,8 @@ def bracket(threshold: float | Fraction) -> tuple[float, float]:
         return near, near
     return (near, nextafter(near, inf)) if near < threshold else (nextafter(near, -inf), near)
 
+
+CapabilityT = TypeVar("CapabilityT")
 
 OwnSet = Any
 """A set of the same engine (an engine takes no other engine's sets, which a protocol cannot say)."""
@@ -171,6 +177,37 @@ class System(Protocol):
         """
         ...
 
+    def embedded(self, rows: Floats) -> Floats:
+        """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the values themselves."""
+        ...
+
+    def step_rewards(self, reward: Reward) -> Floats:
+        """Per row: the expected reward of a step (a CTMC gains its state rewards per unit of time)."""
+        ...
+
+    def reachability(self, target: OwnSet) -> Equations:
+        """The equations of the probability of reaching `target`, a set outside of the states."""
+        ...
+
+    def expected_reward(self, reward: Reward, infinite: OwnSet) -> Equations:
+        """The equations of the expected reward until the states are left; it is infinite on `infinite`."""
+        ...
+
+    def equations(
+        self,
+        constant: Floats,
+        upper: Floats | None = None,
+        *,
+        probability: bool,
+        allow_stay: bool = False,
+    ) -> Equations:
+        """The equations x = A x + constant (bounds: up to `upper`); rates are divided by exit rates.
+
+        `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards); or
+        it must not (least probabilities of what is met outside).
+        """
+        ...
+
     def restrict(self, values: OwnValues | OwnSet) -> Floats:
         """A value (or 0/1 membership) per state of `states`."""
         ...
@@ -183,6 +220,44 @@ class System(Protocol):
         exact: bool = False,
     ) -> Values:
         """Values on all reachable states: these on `states`, constants on the sets in `rest`, 0 elsewhere."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedValues:
+    """The solution of equations, and how it was found.
+
+    width: the greatest distance of certified bounds, relative or absolute as the settings say.
+    """
+
+    values: Values
+    method: str
+    unknowns: int
+    iterations: int
+    explanation: str = ""
+    certified: bool = True
+    width: float = 0.0
+
+
+class Equations(Protocol):
+    """Equations over the states of a system, ready to be solved."""
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        ...
+
+    def problem(self) -> LinearProblem:
+        """The equations among the unknowns for a numerical method, without preprocessing."""
+        ...
+
+    def solve(
+        self,
+        known: Sequence[tuple[OwnSet, float]],
+        settings: Settings,
+        observer: Observer | None = None,
+    ) -> SolvedValues:
+        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
         ...
 
 
@@ -321,8 +396,22 @@ class Engine(Protocol):
         """Membership of each reachable state, bool[states] in index order."""
         ...
 
-    def system(self, states: OwnSet) -> System:
-        """The equations over some states."""
+    def system(self, states: OwnSet, direction: Direction | None = None) -> System:
+        """The equations over some states; `direction`: minimise or maximise over strategies (MDP)."""
+        ...
+
+    def finite_reward(
+        self, reward: Reward, target: OwnSet, direction: Direction | None
+    ) -> StateSet:
+        """States from which the expected reward until `target` is finite.
+
+        These reach `target` almost surely ('max': under all strategies, 'min': under some), and meet no step with an
+        infinite reward before. Raises UnsupportedError for least rewards where some reward of a step is infinite.
+        """
+        ...
+
+    def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
+        """The engine as a `symcheck.engines.capabilities` protocol; None where it does not offer that."""
         ...
 
     def first(self, states: OwnSet) -> StateSet:

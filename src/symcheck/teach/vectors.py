@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.check.context import CheckLog, Context
-from symcheck.check.measures.reachability import equations
 from symcheck.direction import Direction
 from symcheck.numerics.linear.methods import solve_linear
 
@@ -60,14 +58,12 @@ def until_trace(
     Raises:
         SymcheckError: as the method.
     """
-    context = Context(engine, options, {}, {}, CheckLog())
     zero = engine.graph.prob0(left, right, direction)
     one = engine.graph.prob1(left, right, direction)
     unknown = ~(zero | one)
     if not unknown:
         return UntilTrace(zero, one, unknown, None, None, ())
-    part = equations(context, unknown)
-    problem = part.problem(part.one_step_probability(one), None, direction, probability=True)
+    problem = engine.system(unknown, direction).reachability(one).problem()
     steps: list[Step] = []
 
     def watch(step: Step) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.long_run import steady_probability, steady_reward
-from symcheck.check.measures.reachability import equations, reach_reward, until
+from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.measures.reward_bounded_until import reward_bounded_next, reward_bounded_until
 from symcheck.check.measures.total_reward import total_reward
 from symcheck.check.result import SolverRun
@@ -52,20 +52,17 @@ def next_probability(
     The time of the jump has an exponential distribution with the exit rate, and does not depend on where it leads.
     """
     engine = context.engine
-    part = equations(context, engine.all)
-    assert part.rates is not None
-    value = part.one_step_probability(target)
-    context.log.runs.append(SolverRun("transient", "one jump", part.system.n, 1))
+    system = engine.system(engine.all)
+    rates, value = system.row_sums(), system.embedded(system.one_step_probability(target))
+    context.log.runs.append(SolverRun("transient", "one jump", system.n, 1))
     sure, never = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
     if window.trivial:
-        return part.system.lift(value, None, exact=True).choose(
-            ~(sure | never), engine.indicator(sure)
-        )
+        return system.lift(value, None, exact=True).choose(~(sure | never), engine.indicator(sure))
     lower, upper = window.times()
-    in_time = np.exp(-part.rates * lower) * (
-        1.0 if upper is None else -np.expm1(-part.rates * (upper - lower))
+    in_time = np.exp(-rates * lower) * (
+        1.0 if upper is None else -np.expm1(-rates * (upper - lower))
     )
-    return part.system.lift(value * in_time, None, exact=True).choose(~never, engine.constant(0))
+    return system.lift(value * in_time, None, exact=True).choose(~never, engine.constant(0))
 
 
 def bounded_until(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.reachability import equations, reach_reward
+from symcheck.check.measures.reachability import reach_reward
 from symcheck.check.measures.step_bounded import best, per_row
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
@@ -54,12 +54,6 @@ def _greatest(context: Context, reward: Reward, whole: System, per_step: Floats)
     infinite = engine.graph.exists_until(engine.all, paying)
     rewarding = engine.from_bools(best(per_step, whole, Direction.MAX) > 0)
     nothing = ~engine.graph.exists_until(engine.all, rewarding)
-    part = equations(context, ~(infinite | nothing))
-    own_states, own_rows = part.system.rewards(reward)
-    problem = part.problem(
-        part.scaled(per_row(part.system, own_states) + own_rows),
-        None,
-        Direction.MAX,
-        probability=False,
-    )
-    return part.solve(problem, [(infinite, np.inf)], allow_stay=True)
+    system = engine.system(~(infinite | nothing), Direction.MAX)
+    equations = system.equations(system.step_rewards(reward), probability=False, allow_stay=True)
+    return context.solve(equations, known=[(infinite, np.inf)])

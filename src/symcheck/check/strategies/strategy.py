@@ -19,7 +19,6 @@ from functools import cached_property
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.reachability import chosen_rows, equations, step_rewards
 from symcheck.check.path_formulas import (
     NextPath,
     RewardPath,
@@ -217,11 +216,8 @@ class _Chooser:
             self._take(to(yes - right), rows)
         else:
             self._stay(self.engine.to_bools(no), self.engine.to_bools(no & (left - right)))
-        part = equations(self.context, ~(yes | no))
-        self._solve(
-            part.system.states,
-            part.problem(part.one_step_probability(yes), None, self.direction, probability=True),
-        )
+        system = self.engine.system(~(yes | no), self.direction)
+        self._solve(system.states, system.reachability(yes).problem())
 
     def for_ever(self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]) -> OwnSet:
         """Rows that meet one of the pairs (avoid, visits; at most one of these) for ever: the states where that is possible."""
@@ -245,23 +241,17 @@ class _Chooser:
         everything = self.engine.all
         questions = self.engine.graph
         certain = questions.prob1(everything, target, self.direction.dual)
-        part = equations(self.context, certain - target)
-        per_step = step_rewards(part, reward)
-        if np.isinf(per_step).any():
+        system = self.engine.system(certain - target, self.direction)
+        if np.isinf(system.step_rewards(reward)).any():
             raise UnsupportedError(
                 "strategies where some reward of a single step is infinite are not supported"
             )
-        problem = part.problem(per_step, None, self.direction, probability=False)
-        if self.direction == Direction.MAX:
+        equations = system.expected_reward(reward, infinite=~certain)
+        if self.direction is Direction.MAX:
             self._miss(target)
-            self._solve(part.system.states, problem)
-        else:
-            allowed = part.system.one_step_probability(~certain) == 0
-            self._solve(
-                part.system.states,
-                chosen_rows(problem, part.system.matrix, allowed),
-                np.flatnonzero(allowed),
-            )
+        usable = equations.usable_rows
+        origin = None if usable is None else np.flatnonzero(usable)
+        self._solve(system.states, equations.problem(), origin)
 
     def _take(self, where: Bools, rows: Int64s) -> None:
         """Take over rows (-1: none) in some states."""

@@ -6,13 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
+from symcheck.engines.capabilities import Capable, HasMatrix
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 
 __all__ = ["Enumerated"]
 
 
-class Enumerated:
+class Enumerated(Capable, HasMatrix):
     """Sizes and sets of an engine over the rows of `matrix` (see `symcheck.engines.base.Engine`)."""
 
     @property

@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING, Any, assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.direction import Direction
+from symcheck.engines.capabilities import HasActions, HasExploredModel
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.base import Enumerated
+from symcheck.engines.explicit.full_matrix import FullMatrix
 from symcheck.engines.explicit.graph import ExplicitGraph
+from symcheck.engines.linear_system import LinearSystem, Preprocessing, refuse_infinite_minimum
 from symcheck.kernels.rows.sparse import multiply
 from symcheck.kernels.rows.submatrix import select_groups, select_states, sum_columns, take_rows
-from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.syntax.ast import Expression, ModelType, Type
@@ -36,7 +40,7 @@ _MANY = 1_000_000
 
 
 @dataclass(frozen=True)
-class ExplicitEngine(Enumerated):
+class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
     """An explored model as an engine."""
 
     explored: ExplicitModel
@@ -106,11 +110,27 @@ class ExplicitEngine(Enumerated):
         array = states.members.astype(np.float64)
         return ArrayValues(array, array)
 
-    def system(self, states: ArraySet) -> ExplicitSystem:
+    def system(self, states: ArraySet, direction: Direction | None = None) -> ExplicitSystem:
         """The equations over some states."""
         if self.transitions > _MANY and 2 * states.count > self.states:
             self.graph.forget()
-        return ExplicitSystem(self, states)
+        return ExplicitSystem(self, states, direction)
+
+    def finite_reward(
+        self, reward: Reward, target: ArraySet, direction: Direction | None
+    ) -> ArraySet:
+        """States from which the expected reward until `target` is finite (see `symcheck.engines.base.Engine`)."""
+        finite = self.graph.prob1(self.all, target, direction and direction.dual)
+        infinite = self.system(finite - target, direction).infinite_rewards(reward)
+        if infinite:
+            refuse_infinite_minimum(direction)
+            finite = finite - self.graph.exists_until(~target, infinite)
+        return finite
+
+    def row_actions(self) -> Int32s:
+        """Per row, the number of its action among the model's, -1 for none."""
+        actions: Int32s = self.explored.choice_actions
+        return actions
 
     def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
         """State rewards [states] and transition rewards, weighted by probabilities (rates), per row [rows]."""
@@ -162,12 +182,13 @@ class SparseOperator:
         return out
 
 
-@dataclass(frozen=True)
-class ExplicitSystem:
+@dataclass(frozen=True, eq=False)
+class ExplicitSystem(LinearSystem):
     """The equations over some states (see `symcheck.engines.base.System`)."""
 
     engine: ExplicitEngine = field(repr=False)
     states: ArraySet
+    direction: Direction | None = None
 
     @property
     def n(self) -> int:
@@ -201,6 +222,34 @@ class ExplicitSystem:
     def has_rows(self) -> bool:
         """Rows are what this engine works with."""
         return True
+
+    @property
+    def is_ctmc(self) -> bool:
+        """Whether entries of the matrix are rates."""
+        return self.engine.model.type is ModelType.CTMC
+
+    @property
+    def has_end_components(self) -> bool:
+        """Whether some end component lies within the states (MDP)."""
+        return next(self.engine.graph.end_components(self.states), None) is not None
+
+    @property
+    def preprocessing(self) -> Sequence[Preprocessing]:
+        """Equations over most states are solved on the full matrix."""
+        return (FullMatrix(self.engine, self.states.members),)
+
+    def infinite_rewards(self, reward: Reward) -> ArraySet:
+        """The states with a row that earns an infinite reward."""
+        states, rows = self.rewards(reward)
+        members = np.isinf(states)
+        if np.isinf(rows).any():
+            infinite = np.isinf(rows)
+            members |= (
+                infinite
+                if self.groups is None
+                else np.logical_or.reduceat(infinite, self.groups[:-1])
+            )
+        return ArraySet(self._spread(members.astype(np.float64), ()) > 0.0)
 
     @property
     def operator(self) -> SparseOperator:

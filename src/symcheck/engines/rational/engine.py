@@ -15,6 +15,7 @@ from typing import Any, assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.direction import Direction
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import Enumerated
 from symcheck.engines.explicit.graph import ExplicitGraph
@@ -105,8 +106,17 @@ class ExactEngine(Enumerated):
             case _:
                 assert_never(reward)
 
-    def system(self, states: ArraySet) -> Any:  # noqa: ARG002
+    def system(self, states: ArraySet, direction: Direction | None = None) -> Any:  # noqa: ARG002
         """Not offered: the exact measures work on `rationals`."""
+        raise UnsupportedError("the exact engine has no floating-point equations")
+
+    def finite_reward(
+        self,
+        reward: Reward,  # noqa: ARG002
+        target: ArraySet,  # noqa: ARG002
+        direction: Direction | None,  # noqa: ARG002
+    ) -> ArraySet:
+        """Not offered, as `system`."""
         raise UnsupportedError("the exact engine has no floating-point equations")
 
     def product(self, letters: Sequence[ArraySet], automaton: Any) -> Any:

@@ -7,21 +7,22 @@ of 66 million states are a diagram of some 30 000 nodes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
-from symcheck.engines.explicit.array_values import ArrayValues
+from symcheck.engines.base import SolvedValues
+from symcheck.engines.linear_system import ExpectedReward, Query, Reachability
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
     FEW_LEAVES,
     MANY_STATES,
-    LazyValues,
     Piece,
+    RestrictableValues,
     SymbolicSet,
     SymbolicValues,
     array_piece,
@@ -30,9 +31,11 @@ from symcheck.engines.symbolic.sets import (
     merged,
 )
 from symcheck.matrices.rows import Floats
+from symcheck.numerics.linear.problem import Observer
+from symcheck.numerics.settings import Settings
 from symcheck.semantics.rewards import Reward
 
-__all__ = ["Acyclic", "solve_acyclic"]
+__all__ = ["Acyclic", "AcyclicSolution", "solve_acyclic"]
 
 LARGE = 2_000_000  # unknowns from which on arrays are worth avoiding
 BUDGET = 30_000_000  # nodes that products may go over, in all, where arrays are a way out
@@ -80,7 +83,38 @@ def solve_acyclic(
             return None
     # A sum over the column bits is a tree of that depth.
     error = 1.01 * len(levels) * (len(d.columns) + 4) * 2.0**-53
-    return Acyclic(_Values(d, partial(_pieces, d, x, states.bdd, error, rest)), len(levels), error)
+    make = partial(_pieces, d, x, states.bdd, error, rest)
+    return Acyclic(RestrictableValues(d, make, exact=False), len(levels), error)
+
+
+@dataclass(frozen=True, eq=False)
+class AcyclicSolution:
+    """The preprocessing step for chains: the solution itself, where there are no cycles."""
+
+    diagrams: Diagrams = field(repr=False)
+
+    def accepts(self, query: Query, settings: Settings) -> bool:
+        """Whether very many states of a DTMC are unknown, and no other method was asked for."""
+        system, auto = query.system, settings.method == "auto"
+        is_dtmc = self.diagrams.guards is None and not system.is_ctmc
+        return auto and is_dtmc and bool(system.states.count >= LARGE)
+
+    def apply(
+        self,
+        query: Query,
+        known: Sequence[tuple[SymbolicSet, float]],
+        settings: Settings,  # noqa: ARG002
+        observer: Observer | None,  # noqa: ARG002
+    ) -> SolvedValues | None:
+        """The solution; None where there is a cycle, or the values are no small diagrams."""
+        reward = query.reward if isinstance(query, ExpectedReward) else None
+        target = query.target if isinstance(query, Reachability) else None
+        states: SymbolicSet = query.system.states
+        found = solve_acyclic(self.diagrams, states, target, reward, known)
+        if found is None:
+            return None
+        note = f"no cycles: {found.steps} steps on diagrams"
+        return SolvedValues(found.values, "topological", states.count, found.steps, note)
 
 
 def _levels(d: Diagrams, relation: Bdd, states: Bdd, allowed: int, budget: int) -> list[Bdd] | None:
@@ -112,23 +146,6 @@ def _constant(
     earned, (transitions, *_) = d.rewards(reward)
     found = (earned + transitions).times_bdd(states)
     return found if found.minimum_leaf >= 0.0 and found.maximum_leaf < np.inf else None
-
-
-class _Values(LazyValues):
-    """Values that a function makes on any set of states: to know that of the initial state, nobody needs those of all."""
-
-    def __init__(self, d: Diagrams, make: Callable[[Bdd], tuple[Piece, ...]]) -> None:
-        super().__init__(d, partial(make, d.states))
-        vars(self)["_make_on"] = make
-
-    @cached_property
-    def exact(self) -> bool:
-        """Whether lower and upper are the same everywhere: they are not."""
-        return False
-
-    def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, ArrayValues]]:
-        for piece in vars(self)["_make_on"](states.bdd):
-            yield piece.states, piece.values
 
 
 def _pieces(

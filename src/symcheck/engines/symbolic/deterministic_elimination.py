@@ -1,28 +1,34 @@
-"""Reachability among very many states that mostly have one way on: rows of the other states only, in terms of each other.
+"""Preprocessing: deterministic-state elimination for reachability among very many states.
 
-A state with one choice that leads to one state for certain has that state's probability. In models of timed systems nearly
-all states are such: of the 84 856 004 states of csma with 3 stations and 6 collisions, 2 % are not. Diagrams say which, and
-one product with the numbers of the states says where each of them leads; following that to the end takes one pass. What is
-left are the rows of the others (`Shorter`), small enough for graph algorithms that take linear time, where fixpoints on diagrams
-take as many steps as the longest path is long. Nothing is lost but how many steps a path takes.
+A state whose only choice has a single successor (probability 1) has the same value as that successor, so it can be
+eliminated. In models of timed systems nearly all states are such: of the 84 856 004 states of csma with 3 stations and 6
+collisions, 2 % are not. Diagrams tell which; one product with the numbers of the states gives the successor of each, and
+following successors to the end takes one pass. The rows of the other states remain (`ReducedSystem`), few enough for graph
+algorithms that take linear time, where fixpoints on diagrams take as many steps as the longest path has. Elimination
+preserves reachability values, but not step counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import Protocol
+from weakref import ref
 
 import numpy as np
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.direction import Direction
+from symcheck.engines import tuning
+from symcheck.engines.base import SolvedValues
 from symcheck.engines.explicit.array_values import ArrayValues
+from symcheck.engines.linear_system import ExpectedReward, Query, chosen_rows, solved_values
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
-    LazyValues,
     Piece,
+    RestrictableValues,
     SymbolicSet,
     SymbolicValues,
     constant_piece,
@@ -31,17 +37,28 @@ from symcheck.kernels.blocks.block_matrix import Blocks
 from symcheck.kernels.graph import deterministic_states as kernel
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.rows.submatrix import take_rows
+from symcheck.machine import memory
 from symcheck.matrices.blocks import BUDGET, RowLayout, flatten, quad_dag
 from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
-from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.numerics.linear.problem import LinearProblem, Observer
+from symcheck.numerics.settings import Settings
+from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
+from symcheck.syntax.ast import ModelType
 
-__all__ = ["Shorter", "ShorterReward", "ShorterUntil", "Ways", "forced_states", "shorter"]
+__all__ = [
+    "DeterministicElimination",
+    "ReducedSet",
+    "ReducedSystem",
+    "Successors",
+    "deterministic_states",
+    "eliminate",
+]
 
 
-def forced_states(d: Diagrams) -> Bdd:
-    """States with one choice, which leads to one state for certain (not of a CTMC: its entries are rates)."""
+def deterministic_states(d: Diagrams) -> Bdd:
+    """States with one choice, whose only successor has probability 1 (not of a CTMC: its entries are rates)."""
     seen = twice = d.manager.false
     for guard in d.slot_guards:
         twice = twice | (seen & guard)
@@ -51,92 +68,186 @@ def forced_states(d: Diagrams) -> Bdd:
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
-    """Where states lead: place, int32[states] (see `Shorter`), and what is earned on the way, float64[states] (None: nothing is asked)."""
+class Successors:
+    """The first state after each state that is not eliminated.
 
-    diagrams: Diagrams = field(repr=False)
-    place: Int32s = field(repr=False)
-    along: Floats | None = field(default=None, repr=False)
-
-
-@dataclass(frozen=True, eq=False)
-class Shorter:
-    """left U right among the states that are left when forced ones are passed over.
-
-    These are numbered 0 .. n-1 as `kept` has them; n stands for `right`, n+1 for all states from where it is missed for certain.
-    ways: for each reachable state the number of where it leads. matrix: the choices of the n states, and n+2 columns; the two last
-    states have no row. earned: per row, the expected reward of a step and of the ways that it leads to, float64[rows] or None.
+    representative: int32[states] (see `ReducedSystem`). path_reward: the reward of the eliminated states on the way to it,
+    float64[states]; None where no reward is asked for.
     """
 
-    ways: Ways
+    diagrams: Diagrams = field(repr=False)
+    representative: Int32s = field(repr=False)
+    path_reward: Floats | None = field(default=None, repr=False)
+
+
+@dataclass(eq=False)
+class ReducedSystem:
+    """The system of `left U right` without its deterministic states.
+
+    The n states that remain are numbered as `kept` has them; n stands for `right`, n+1 for all states from which the
+    until formula can no longer be satisfied.
+
+    Args:
+        successors: for each reachable state the number that represents it.
+        matrix: the choices of the n states, and n+2 columns; the last two states have no row. None once the equations
+            have been written over it.
+        step_reward: per row, the expected reward of a step and of the paths that follow it, float64[rows]; None without
+            a reward reward.
+    """
+
+    left: Bdd = field(repr=False)
+    right: Bdd = field(repr=False)
+    successors: Successors
     kept: Odd = field(repr=False)
-    matrix: SparseMatrix
-    earned: Floats | None = field(default=None, repr=False)
+    matrix: SparseMatrix | None
+    reward: Reward | None = None
+    step_reward: Floats | None = field(default=None, repr=False)
 
     @property
     def diagrams(self) -> Diagrams:
-        """Of the model."""
-        return self.ways.diagrams
+        """The diagrams of the model."""
+        return self.successors.diagrams
 
     @property
-    def place(self) -> Int32s:
-        """The number of where each state leads: int32[states]."""
-        return self.ways.place
+    def representative(self) -> Int32s:
+        """The number that represents each state: int32[states]."""
+        return self.successors.representative
 
     @property
     def n(self) -> int:
-        """Number of states that are left."""
+        """Number of states that remain."""
         return self.kept.count
 
     @cached_property
     def _edges(self) -> graph.Incidence:
+        assert self.matrix is not None
         return graph.Incidence(self.matrix)
 
-    def forget(self) -> None:
-        """Give back what graph questions have made; they make it again."""
-        vars(self).pop("_edges", None)
-
     @cached_property
-    def _ends(self) -> tuple[Bools, Bools]:
+    def _path(self) -> tuple[Bools, Bools]:
         left, right = np.ones(self.n + 2, bool), np.zeros(self.n + 2, bool)
         left[self.n :] = False
         right[self.n] = True
         return left, right
 
-    def prob0(self, direction: Direction | None) -> Bools:
-        """Which of the n+2 have (least or greatest) probability 0."""
-        return graph.prob0(self._edges, *self._ends, direction)
+    def prob0(self, direction: Direction | None) -> ReducedSet:
+        """States whose (min/max) probability is 0."""
+        return self._set(graph.prob0(self._edges, *self._path, direction))
 
-    def prob1(self, direction: Direction | None) -> Bools:
-        """Which of the n+2 have (least or greatest) probability 1."""
-        return graph.prob1(self._edges, *self._ends, direction)
+    def prob1(self, direction: Direction | None) -> ReducedSet:
+        """States whose (min/max) probability is 1."""
+        return self._set(graph.prob1(self._edges, *self._path, direction))
 
-    def states(self, members: Bools) -> Bdd:
-        """All states that lead to these (bool[n+2])."""
-        if members.all():
+    def _set(self, members: Bools) -> ReducedSet:
+        return ReducedSet(self, np.append(members, members[self.n]))
+
+    def take_matrix(self) -> SparseMatrix:
+        """The matrix, which the caller may write over: no graph question can be asked afterwards."""
+        matrix, self.matrix = self.matrix, None
+        vars(self).pop("_edges", None)
+        assert matrix is not None
+        return matrix
+
+    @cached_property
+    def right_count(self) -> int:
+        """Number of states of `right`."""
+        return SymbolicSet(self.diagrams, self.right).count
+
+    def members(self, states: SymbolicSet) -> Bools | None:
+        """A set as `ReducedSet.chosen`; None where it has some, not all, of the states that a number represents."""
+        if isinstance(states, ReducedSet) and states.system is self:
+            return states.chosen
+        found = np.zeros(self.n + 3, bool)
+        here = states.bdd & self.right
+        if here and here != self.right:
+            return None
+        found[-1] = bool(here)
+        if states.bdd != here:
+            inside = self.diagrams.odd.to_mask(states.bdd - here)
+            found[self.representative[inside]] = True
+            count = np.count_nonzero(found[self.representative])
+            if count - found[self.n] * self.right_count != np.count_nonzero(inside):
+                return None
+        return found
+
+
+class ReducedSet(SymbolicSet):
+    """A set of states by the numbers that represent them; its diagram is made when it is asked for.
+
+    chosen: bool[n+3]; number n stands here for the eliminated states that lead to `right`, n+2 for `right` itself.
+    """
+
+    system: ReducedSystem
+    chosen: Bools
+
+    def __init__(self, system: ReducedSystem, chosen: Bools) -> None:
+        object.__setattr__(self, "diagrams", system.diagrams)
+        object.__setattr__(self, "system", system)
+        object.__setattr__(self, "chosen", chosen)
+
+    @cached_property
+    def bdd(self) -> Bdd:
+        """The set as a diagram."""
+        system, last = self.system, bool(self.chosen[-1])
+        if self.chosen.all():
             return self.diagrams.states
-        return (
-            self.diagrams.odd.from_mask(members[self.place])
-            if members.any()
-            else self.diagrams.manager.false
-        )
+        if not self.chosen[:-1].any():
+            return system.right if last else self.diagrams.manager.false
+        found = self.diagrams.odd.from_mask(self.chosen[system.representative])
+        return found | system.right if last else found - system.right
+
+    @cached_property
+    def count(self) -> int:
+        """Number of states in the set."""
+        system = self.system
+        count = int(np.count_nonzero(self.chosen[system.representative]))
+        return count + (int(self.chosen[-1]) - int(self.chosen[system.n])) * system.right_count
+
+    def __bool__(self) -> bool:
+        return bool(self.chosen[: self.system.n].any()) or self.count > 0
+
+    def _members(self, other: SymbolicSet) -> Bools | None:
+        """The other set as numbers; None where the operation is one of diagrams."""
+        return None if "bdd" in vars(self) else self.system.members(other)
+
+    def __and__(self, other: SymbolicSet, /) -> SymbolicSet:
+        members = self._members(other)
+        return super().__and__(other) if members is None else self._of(self.chosen & members)
+
+    __rand__ = __and__
+
+    def __or__(self, other: SymbolicSet, /) -> SymbolicSet:
+        members = self._members(other)
+        return super().__or__(other) if members is None else self._of(self.chosen | members)
+
+    __ror__ = __or__
+
+    def __sub__(self, other: SymbolicSet, /) -> SymbolicSet:
+        members = self._members(other)
+        return super().__sub__(other) if members is None else self._of(self.chosen & ~members)
+
+    def __invert__(self) -> SymbolicSet:
+        return super().__invert__() if "bdd" in vars(self) else self._of(~self.chosen)
+
+    def _of(self, chosen: Bools) -> ReducedSet:
+        return ReducedSet(self.system, chosen)
 
 
-def shorter(
+def eliminate(
     d: Diagrams, left: Bdd, right: Bdd, limit: int, reward: Reward | None = None
-) -> Shorter | None:
-    """The problem left U right without its forced states, and with a reward structure if one is given.
+) -> ReducedSystem | None:
+    """The system of `left U right` without its deterministic states, and with a reward reward if one is given.
 
     None where it would take more than `limit` bytes, or some reward is negative or infinite.
     """
-    if reward is not None and not _plain(d, reward):
+    if reward is not None and not _finite_rewards(d, reward):
         return None
     between = left - right
-    forced = between & forced_states(d)
-    kept = Odd(d.manager, between - forced, d.rows)
+    deterministic = between & deterministic_states(d)
+    kept = Odd(d.manager, between - deterministic, d.rows)
     if d.count >= 2**31 - 2 or _bytes(d, kept.states, reward) > limit:
         return None
-    ways = _ways(d, kept, forced, right, reward)
+    successors = _successors(d, kept, deterministic, right, reward)
     layout = (
         None
         if d.guards is None
@@ -145,60 +256,60 @@ def shorter(
     indptr, indices, data = flatten(
         quad_dag([root.times_bdd(kept.states) for root in d.roots], kept, d.odd, d.columns), layout
     )
-    earned = None
+    step_reward = None
     if reward is not None:
-        assert ways.along is not None
-        earned = np.empty(len(indptr) - 1)
-        sparse.multiply(indptr, indices, data, ways.along, earned)
-        _add_step(d, kept, layout, reward, earned)
-    entries = sparse.merge_columns_in_place(indptr, indices, data, ways.place, kept.count + 2)
+        assert successors.path_reward is not None
+        step_reward = np.empty(len(indptr) - 1)
+        sparse.multiply(indptr, indices, data, successors.path_reward, step_reward)
+        _add_step(d, kept, layout, reward, step_reward)
+    entries = sparse.merge_columns_in_place(
+        indptr, indices, data, successors.representative, kept.count + 2
+    )
     groups = np.arange(len(indptr), dtype=np.int64) if layout is None else layout.groups
     padded = np.append(groups, [groups[-1], groups[-1]])
-    return Shorter(
-        ways,
-        kept,
-        SparseMatrix(indptr, indices[:entries], data[:entries], kept.count + 2, padded),
-        earned,
-    )
+    matrix = SparseMatrix(indptr, indices[:entries], data[:entries], kept.count + 2, padded)
+    return ReducedSystem(left, right, successors, kept, matrix, reward, step_reward)
 
 
-def _plain(d: Diagrams, reward: Reward) -> bool:
+def _finite_rewards(d: Diagrams, reward: Reward) -> bool:
     states, transitions = d.rewards(reward)
     functions = (states, *transitions)
     return all(f.minimum_leaf >= 0.0 and f.maximum_leaf < np.inf for f in functions)
 
 
 def _bytes(d: Diagrams, kept: Bdd, reward: Reward | None) -> int:
-    """What `shorter` takes at most, graph questions included."""
+    """The memory that `eliminate` takes at most, graph questions included."""
     both = d.manager.cube([*d.rows, *d.columns])
     entries = sum(d.manager.count(relation & kept, both) for relation in d.slot_relations)
     rows = sum(d.manager.count(guard & kept, d.row_cube) for guard in d.slot_guards)
     return 20 * (d.count + entries) + 16 * rows + (0 if reward is None else 8 * (d.count + rows))
 
 
-def _ways(d: Diagrams, kept: Odd, forced: Bdd, right: Bdd, reward: Reward | None) -> Ways:
-    n, along = kept.count, None
-    place = np.empty(d.count, np.int32)
-    if forced:
-        # Rows with a single 1: where each leads. Rows are numbered as all states, so that nothing else is as long as they are many.
-        moves = d.manager.sum([root.times_bdd(forced) for root in d.roots])
-        Blocks(quad_dag([moves], d.odd, d.odd, d.columns), BUDGET).columns_of(0, place)
-        np.invert(place, out=place)  # -1 - successor
-    place[d.odd.to_mask(d.states - forced - kept.states - right)] = n + 1
-    place[d.odd.to_mask(right)] = n
-    place[d.odd.to_mask(kept.states)] = np.arange(n, dtype=np.int32)
+def _successors(
+    d: Diagrams, kept: Odd, deterministic: Bdd, right: Bdd, reward: Reward | None
+) -> Successors:
+    n, path_reward = kept.count, None
+    representative = np.empty(d.count, np.int32)
+    if deterministic:
+        # Each row has a single 1. Rows are numbered as all states, so that no other array is as long.
+        successor = d.manager.sum([root.times_bdd(deterministic) for root in d.roots])
+        Blocks(quad_dag([successor], d.odd, d.odd, d.columns), BUDGET).columns_of(0, representative)
+        np.invert(representative, out=representative)  # -1 - successor
+    representative[d.odd.to_mask(d.states - deterministic - kept.states - right)] = n + 1
+    representative[d.odd.to_mask(right)] = n
+    representative[d.odd.to_mask(kept.states)] = np.arange(n, dtype=np.int32)
     if reward is not None:
         steps = [
-            f.times_bdd(guard & forced)
+            f.times_bdd(guard & deterministic)
             for f, guard in zip(_step_rewards(d, reward), d.slot_guards, strict=True)
         ]
-        along = d.odd.to_vector(d.manager.sum(steps))
-    kernel.resolve_representatives(place, n + 1, along)
-    return Ways(d, place, along)
+        path_reward = d.odd.to_vector(d.manager.sum(steps))
+    kernel.resolve_representatives(representative, n + 1, path_reward)
+    return Successors(d, representative, path_reward)
 
 
 def _step_rewards(d: Diagrams, reward: Reward) -> list[Mtbdd]:
-    """Per slot: what a step earns."""
+    """Per choice class: the reward of a step."""
     states, transitions = d.rewards(reward)
     return [states + each for each in transitions]
 
@@ -206,7 +317,7 @@ def _step_rewards(d: Diagrams, reward: Reward) -> list[Mtbdd]:
 def _add_step(
     d: Diagrams, kept: Odd, layout: RowLayout | None, reward: Reward, out: Floats
 ) -> None:
-    """Add to each row what its step earns."""
+    """Add to each row the reward of its step."""
     functions = _step_rewards(d, reward)
     if layout is None:
         out += kept.to_vector(functions[0])
@@ -215,164 +326,221 @@ def _add_step(
         out[rows] += kept.to_vector(function)[present]
 
 
-@dataclass(frozen=True, eq=False)
-class ShorterUntil:
-    """The probability of left U right as equations over the states that are left and neither 0 nor 1 (see `Shorter`)."""
-
-    parts: Shorter
-    no: Bools = field(repr=False)
-    yes: Bools = field(repr=False)
-    direction: Direction | None
-
-    @staticmethod
-    def of(parts: Shorter, direction: Direction | None) -> ShorterUntil:
-        """Graph analysis first."""
-        found = ShorterUntil(parts, parts.prob0(direction), parts.prob1(direction), direction)
-        parts.forget()
-        return found
-
-    @cached_property
-    def open(self) -> Bools:
-        """Which of the n+2 are unknowns."""
-        return ~(self.no | self.yes)
-
-    @cached_property
-    def n(self) -> int:
-        """Number of unknowns."""
-        return int(np.count_nonzero(self.open))
-
-    def problem(self) -> LinearProblem:
-        """The equations. They are written over the rows of `parts`, which take much memory: to be asked for once."""
-        matrix, into, leave = _among(self.parts.matrix, self.open, self.yes, self.direction)
-        return LinearProblem(into, matrix, None, leave, self.direction, True)
-
-    def lift(
-        self,
-        lower: Floats,
-        upper: Floats | None,
-        rest: Sequence[tuple[SymbolicSet, float]] = (),
-        exact: bool = False,
-    ) -> SymbolicValues:
-        """Values on all states. `rest` must be empty: what is 0 and 1 is known here."""
-        return _lifted(
-            self.parts.ways, self.yes.astype(np.float64), self.open, (lower, upper, rest, exact)
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class ShorterReward:
-    """The expected reward until `right` is reached, as equations over the states that are left and where it is finite."""
-
-    parts: Shorter
-    certain: Bools = field(repr=False)
-    direction: Direction | None
-
-    @staticmethod
-    def of(parts: Shorter, direction: Direction | None) -> ShorterReward:
-        """Graph analysis first: the least reward is finite where some strategy reaches almost surely, the greatest where all do."""
-        found = ShorterReward(parts, parts.prob1(direction and direction.dual), direction)
-        parts.forget()
-        return found
-
-    @cached_property
-    def open(self) -> Bools:
-        """Which of the n+2 are unknowns."""
-        members = self.certain.copy()
-        members[self.parts.n :] = False
-        return members
-
-    @cached_property
-    def n(self) -> int:
-        """Number of unknowns."""
-        return int(np.count_nonzero(self.open))
-
-    def problem(self) -> tuple[LinearProblem, Bools]:
-        """The equations, and which of their rows surely stay where the reward is finite. As in `ShorterUntil`, to be asked for once."""
-        assert self.parts.earned is not None
-        assert self.parts.matrix.groups is not None
-        earned = take_rows(self.parts.earned, self.parts.matrix.groups, self.open.view(np.uint8))
-        matrix, into, leave = _among(self.parts.matrix, self.open, ~self.certain, self.direction)
-        return LinearProblem(earned, matrix, None, leave, self.direction, False), into == 0.0
-
-    def lift(
-        self,
-        lower: Floats,
-        upper: Floats | None,
-        rest: Sequence[tuple[SymbolicSet, float]] = (),
-        exact: bool = False,
-    ) -> SymbolicValues:
-        """Values on all states. `rest` must be empty: what is 0 and infinite is known here."""
-        return _lifted(
-            self.parts.ways,
-            np.where(self.certain, 0.0, np.inf),
-            self.open,
-            (lower, upper, rest, exact),
-        )
-
-
 def _among(
     m: SparseMatrix, open_: Bools, member: Bools, direction: Direction | None
 ) -> tuple[SparseMatrix, Floats, Floats]:
     """The matrix among some states, written over m; per row, what enters members that are not among them, and what leaves."""
     assert m.groups is not None
     n = int(np.count_nonzero(open_))
-    place = np.full(m.columns, -1, np.int32)
-    place[open_] = np.arange(n, dtype=np.int32)
+    number = np.full(m.columns, -1, np.int32)
+    number[open_] = np.arange(n, dtype=np.int32)
     groups, into, leave, entries = kernel.restrict_in_place(
-        m.indptr, m.indices, m.data, m.groups, member.view(np.uint8), place, n
+        m.indptr, m.indices, m.data, m.groups, member.view(np.uint8), number, n
     )
     rows = m.indptr[: len(into) + 1], m.indices[:entries], m.data[:entries]
     return SparseMatrix(*rows, n, None if direction is None else groups), into, leave
 
 
-_Lift = tuple[Floats, Floats | None, Sequence[tuple[SymbolicSet, float]], bool]
-
-
-def _lifted(ways: Ways, known: Floats, open_: Bools, found: _Lift) -> SymbolicValues:
-    lower, upper, rest, exact = found
-    if rest:
-        raise ValueError("constants on sets are not asked for here")
+def _lifted(
+    successors: Successors,
+    known: Floats,
+    unknown: Bools,
+    lower: Floats,
+    upper: Floats | None,
+    exact: bool,
+) -> SymbolicValues:
+    """Values on all states. known: float64[n+2], the values of the numbers that are not unknown."""
     low = known.copy()
-    low[open_] = lower
+    low[unknown] = lower
     high = low
     if upper is not None and upper is not lower:
         high = known.copy()
-        high[open_] = upper
-    return _Values(ways, ArrayValues(low, high, open_ if exact else None))
+        high[unknown] = upper
+    values = ArrayValues(low, high, unknown if exact else None)
+    return RestrictableValues(
+        successors.diagrams, partial(_pieces, successors, values), values.exact
+    )
 
 
-class _Values(LazyValues):
-    """Values by where a state leads; written out for all states only if somebody asks for that."""
+@dataclass(frozen=True, eq=False)
+class _ReducedUnknowns:
+    """The unknowns of a reduced system, as far as a solution is lifted to all states."""
 
-    def __init__(self, ways: Ways, values: ArrayValues) -> None:
-        super().__init__(ways.diagrams, partial(_pieces, ways, values, ways.diagrams.states))
-        vars(self).update(_parts_of=partial(_pieces, ways, values), _exact=values.exact)
+    successors: Successors
+    known: Floats = field(repr=False)
+    unknown: Bools = field(repr=False)
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return int(np.count_nonzero(self.unknown))
+
+    def lift(
+        self,
+        lower: Floats,
+        upper: Floats | None,
+        rest: Sequence[tuple[SymbolicSet, float]] = (),  # noqa: ARG002 (in `known` already)
+        exact: bool = False,
+    ) -> SymbolicValues:
+        """Values on all states."""
+        return _lifted(self.successors, self.known, self.unknown, lower, upper, exact)
+
+
+class Owner(Protocol):
+    """What elimination asks of its engine."""
+
+    @property
+    def diagrams(self) -> Diagrams:
+        """The matrices."""
+        ...
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    @property
+    def rows_limit(self) -> int | None:
+        """Entries up to which the rows of a system are written out to solve equations on them; None: always."""
+        ...
+
+
+@dataclass(eq=False)
+class DeterministicElimination:
+    """The preprocessing step, and the reduced system that was made last."""
+
+    engine: Owner = field(repr=False)
+    _last: ref[ReducedSystem] | None = field(default=None, repr=False)
 
     @cached_property
-    def exact(self) -> bool:
-        """Whether lower and upper are the same everywhere."""
-        return bool(vars(self)["_exact"])
+    def possible(self) -> bool:
+        """Whether the model is very large and not a CTMC, and the engine works with rows."""
+        is_ctmc = self.engine.model.type is ModelType.CTMC
+        d = self.engine.diagrams
+        large = d.count >= tuning.ELIMINATION_STATES and d.transition_count > tuning.FEW_TRANSITIONS
+        return self.engine.rows_limit is None and not is_ctmc and large
 
-    def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, ArrayValues]]:
-        for piece in vars(self)["_parts_of"](states.bdd):
-            yield piece.states, piece.values
+    def last(self, left: Bdd, right: Bdd, reward: Reward | None = None) -> ReducedSystem | None:
+        """The system reduced last, if it is the one of this question and still in use."""
+        system = None if self._last is None else self._last()
+        if system is None or system.matrix is None:
+            return None
+        same = system.left == left and system.right == right
+        return system if same and reward in (None, system.reward) else None
+
+    def reduced(self, left: Bdd, right: Bdd, reward: Reward | None = None) -> ReducedSystem | None:
+        """The system of `left U right` without its deterministic states; None where memory does not suffice."""
+        if not self.possible:
+            return None
+        found = self.last(left, right, reward)
+        if found is None:
+            limit = int(tuning.ELIMINATION_MEMORY_SHARE * memory())
+            found = eliminate(self.engine.diagrams, left, right, limit, reward)
+            self._last = None if found is None else ref(found)
+        return found
+
+    def accepts(self, query: Query, settings: Settings) -> bool:  # noqa: ARG002
+        """Whether the unknowns belong to a reduced system, or are many and at least half of them deterministic."""
+        states: SymbolicSet = query.system.states
+        if isinstance(states, ReducedSet):
+            return True
+        if not self.possible or states.count < tuning.ELIMINATION_STATES:
+            return False
+        d = self.engine.diagrams
+        deterministic = SymbolicSet(d, states.bdd & deterministic_states(d))
+        return 2 * deterministic.count >= states.count
+
+    def apply(
+        self,
+        query: Query,
+        known: Sequence[tuple[SymbolicSet, float]],
+        settings: Settings,
+        observer: Observer | None,
+    ) -> SolvedValues | None:
+        """The solution on the reduced system; None where memory does not suffice."""
+        states: SymbolicSet = query.system.states
+        reward = query.reward if isinstance(query, ExpectedReward) else None
+        system = states.system if isinstance(states, ReducedSet) else None
+        if system is None or system.matrix is None or reward != system.reward:
+            system = self._system_of(query, states, reward)
+        if system is None:
+            return None
+        return _solved(system, query, states, known, settings, observer)
+
+    def _system_of(
+        self, query: Query, states: SymbolicSet, reward: Reward | None
+    ) -> ReducedSystem | None:
+        if isinstance(query, ExpectedReward):
+            target: SymbolicSet = ~(states | query.infinite)
+        else:
+            target = query.target
+        return self.reduced((states | target).bdd, target.bdd, reward)
 
 
-def _pieces(ways: Ways, values: ArrayValues, states: Bdd) -> tuple[Piece, ...]:
+def _solved(
+    system: ReducedSystem,
+    query: Query,
+    states: SymbolicSet,
+    known: Sequence[tuple[SymbolicSet, float]],
+    settings: Settings,
+    observer: Observer | None,
+) -> SolvedValues | None:
+    """The solution of a query on a reduced system that represents its sets."""
+    n, sets = system.n, [states, _outside(query), *(where for where, _ in known)]
+    chosen = [members for members in map(system.members, sets) if members is not None]
+    if len(chosen) < len(sets):
+        return None
+    unknown, outside, values = chosen[0][: n + 2].copy(), chosen[1][: n + 2].copy(), np.zeros(n + 2)
+    unknown[n:] = False
+    outside[n] |= chosen[1][-1]  # the matrix has one column for `right` and for what leads to it
+    for members, (_, value) in zip(chosen[2:], known, strict=True):
+        values[members[: n + 2]] = value
+        if members[-1]:
+            values[n] = value
+    unknowns = _ReducedUnknowns(system.successors, values, unknown)
+    problem = _problem(system, query, unknown, outside)
+    return solved_values(unknowns, problem, known, settings, observer)
+
+
+def _outside(query: Query) -> SymbolicSet:
+    """The set outside of the unknowns that the equations tell apart from the others."""
+    states: SymbolicSet = query.infinite if isinstance(query, ExpectedReward) else query.target
+    return states
+
+
+def _problem(system: ReducedSystem, query: Query, unknown: Bools, outside: Bools) -> LinearProblem:
+    """The equations among the unknowns, written over the rows of the reduced system."""
+    direction, full = query.system.direction, system.take_matrix()
+    reward = None
+    if isinstance(query, ExpectedReward):
+        assert system.step_reward is not None
+        assert full.groups is not None
+        reward = take_rows(system.step_reward, full.groups, unknown.view(np.uint8))
+    matrix, enter, leave = _among(full, unknown, outside, direction)
+    if reward is None:
+        return LinearProblem(enter, matrix, None, leave, direction, True)
+    problem = LinearProblem(reward, matrix, None, leave, direction, False)
+    usable = enter == 0.0
+    if direction is Direction.MIN and not usable.all():
+        problem = chosen_rows(problem, matrix, usable)
+    return problem
+
+
+def _pieces(successors: Successors, values: ArrayValues, states: Bdd) -> tuple[Piece, ...]:
     """The values on some states."""
-    d = ways.diagrams
+    d = successors.diagrams
     whole = states == d.states
     odd = d.odd if whole else Odd(d.manager, states, d.rows)
     if not odd.count:
         return ()
-    places = slice(None) if whole else odd.indices_in(d.odd)
-    place = ways.place[places]
-    low, high = values.lower[place], values.upper[place]
-    computed = None if values.computed is None else values.computed[place]
-    if ways.along is not None:
-        along = ways.along[places]
-        low, high = low + along, high + along
-        computed = None if computed is None else computed | (along > 0.0)
+    positions = slice(None) if whole else odd.indices_in(d.odd)
+    numbers = successors.representative[positions]
+    low, high = values.lower[numbers], values.upper[numbers]
+    computed = None if values.computed is None else values.computed[numbers]
+    if successors.path_reward is not None:
+        path_reward = successors.path_reward[positions]
+        low, high = low + path_reward, high + path_reward
+        computed = None if computed is None else computed | (path_reward > 0.0)
     if values.upper is values.lower:
         high = low
     if (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING, Protocol, assert_never
 
 from symcheck.dd.odd import Odd
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
         Saturation,
         Transition,
     )
-    from symcheck.symbolic.model import Transitions
+    from symcheck.symbolic.model import StateSpace, Transitions
 
-__all__ = ["Diagrams", "Step", "diagrams_of"]
+__all__ = ["Diagrams", "HasDiagrams", "Step", "diagrams_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +140,14 @@ class Diagrams:
     def union(self, sets: Sequence[Bdd]) -> Bdd:
         """Union of sets."""
         return self.manager.disjunction(sets)
+
+
+class HasDiagrams(Protocol):
+    """A capability (see `symcheck.engines.capabilities`): states and matrix are at hand as diagrams."""
+
+    diagrams: Diagrams
+    space: StateSpace
+    """The reachable states, and the translation of expressions."""
 
 
 def diagrams_of(transitions: Transitions) -> Diagrams:

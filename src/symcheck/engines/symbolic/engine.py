@@ -10,20 +10,22 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.engines.symbolic.diagrams import Diagrams, diagrams_of
+from symcheck.engines.capabilities import Capable
+from symcheck.engines.linear_system import Preprocessing, refuse_infinite_minimum
+from symcheck.engines.symbolic.acyclic import AcyclicSolution
+from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination, ReducedSet
+from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_of
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues, constant_piece, values_of
 from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
-from symcheck.syntax.ast import Expression, ModelType, Type
+from symcheck.syntax.ast import Expression, Type
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
     from symcheck.engines.product import Automaton
-    from symcheck.engines.symbolic.acyclic import Acyclic
-    from symcheck.engines.symbolic.deterministic_elimination import ShorterReward, ShorterUntil
     from symcheck.engines.symbolic.product import SymbolicProduct
     from symcheck.symbolic.model import StateSpace, Transitions
 
@@ -31,7 +33,7 @@ __all__ = ["SymbolicEngine"]
 
 
 @dataclass(frozen=True, eq=False)
-class SymbolicEngine:
+class SymbolicEngine(Capable, HasDiagrams):
     """A model built as diagrams (see `symcheck.engines.base.Engine`).
 
     States are numbered in the order of the diagrams: lexicographically in declaration order, unless another order of the
@@ -158,44 +160,44 @@ class SymbolicEngine:
         return self._set(self.lowest(states.bdd))
 
     @cached_property
-    def _last(self) -> dict[Bdd, SymbolicSystem]:
+    def _last(self) -> dict[tuple[Bdd, Direction | None], SymbolicSystem]:
         """The system asked for last: one question often asks for it several times, and each has made its rows."""
         return {}
 
-    def system(self, states: SymbolicSet) -> SymbolicSystem:
+    def system(self, states: SymbolicSet, direction: Direction | None = None) -> SymbolicSystem:
         """The equations over some states."""
-        if states.bdd not in self._last:
+        if isinstance(states, ReducedSet):  # its diagram would take as long as the solution
+            return SymbolicSystem(self, states, direction)
+        key = states.bdd, direction
+        if key not in self._last:
             self._last.clear()
-            self._last[states.bdd] = SymbolicSystem(self, states)
-        return self._last[states.bdd]
+            self._last[key] = SymbolicSystem(self, states, direction)
+        return self._last[key]
 
-    def solve_acyclic(
-        self,
-        states: SymbolicSet,
-        target: SymbolicSet | None,
-        reward: Reward | None,
-        rest: Sequence[tuple[SymbolicSet, float]],
-    ) -> Acyclic | None:
-        """The equations over very many states of a chain without cycles, solved on diagrams; None elsewhere (symbolic_acyclic.py)."""
-        from symcheck.engines.symbolic.acyclic import solve_acyclic
+    @cached_property
+    def elimination(self) -> DeterministicElimination:
+        """Deterministic-state elimination on this model."""
+        return DeterministicElimination(self)
 
-        return (
-            solve_acyclic(self.diagrams, states, target, reward, rest)
-            if self.model.type is ModelType.DTMC
-            else None
-        )
+    @cached_property
+    def preprocessing(self) -> Sequence[Preprocessing]:
+        """Steps that may shorten equations, in the order in which they are tried."""
+        return self.elimination, AcyclicSolution(self.diagrams)
 
-    def shorter_until(
-        self, left: SymbolicSet, right: SymbolicSet, direction: Direction | None
-    ) -> ShorterUntil | None:
-        """Equations for left U right among very many states most of which have one way on; None elsewhere (symbolic_forced.py)."""
-        return self.graph.until(left, right, direction)
+    def has_end_components(self, states: SymbolicSet) -> bool:
+        """Whether some end component lies within the states (MDP)."""
+        return next(self.graph.end_components(states), None) is not None
 
-    def shorter_reward(
+    def finite_reward(
         self, reward: Reward, target: SymbolicSet, direction: Direction | None
-    ) -> ShorterReward | None:
-        """The same for the expected reward until `target` is reached."""
-        return self.graph.reach_reward(reward, target, direction)
+    ) -> SymbolicSet:
+        """States from which the expected reward until `target` is finite (see `symcheck.engines.base.Engine`)."""
+        finite = self.graph.prob1(self.all, target, direction and direction.dual, reward)
+        infinite = self.system(finite - target, direction).infinite_rewards(reward)
+        if infinite:
+            refuse_infinite_minimum(direction)
+            finite = finite - self.graph.exists_until(~target, infinite)
+        return finite
 
     def valuations(
         self, states: SymbolicSet, limit: int | None = None

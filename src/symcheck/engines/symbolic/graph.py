@@ -13,40 +13,21 @@ from typing import Protocol
 
 from symcheck.dd.manager import Bdd
 from symcheck.direction import Direction
+from symcheck.engines import tuning
 from symcheck.engines.symbolic.components import Components
 from symcheck.engines.symbolic.components import Owner as ComponentsOwner
 from symcheck.engines.symbolic.deterministic_elimination import (
-    Shorter,
-    ShorterReward,
-    ShorterUntil,
-    forced_states,
-    shorter,
+    DeterministicElimination,
+    ReducedSystem,
 )
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import SymbolicSet
 from symcheck.engines.symbolic.steps import Steps, TooSlowError, check
-from symcheck.machine import memory
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["Owner", "SymbolicGraph"]
-
-PATIENCE = 0.25
-"""Seconds that a search on diagrams gets before it is done on rows, where these are few."""
-
-FEW_ROWS = 10_000_000
-"""Transitions that are few enough for that, unless the engine has a limit of its own."""
-
-LARGE = 5_000_000
-"""States from which on a question that diagrams are slow to answer may be asked without its forced states (`Shorter`)."""
-
-PATIENCE_PER_STATE = 3e-8
-"""Seconds more that diagrams get then: a third of what the answer without forced states takes."""
-
-SHORTER_SHARE = 0.5
-"""Of the machine's memory that this may take."""
 
 REMEMBERED = 4
 """Answers of diagrams that are kept: who asks for values may have asked for 0 and 1 before."""
@@ -73,6 +54,11 @@ class Owner(ComponentsOwner, Protocol):
 
     def to_bools(self, states: SymbolicSet) -> Bools:
         """Membership of each state, in index order."""
+        ...
+
+    @property
+    def elimination(self) -> DeterministicElimination:
+        """Deterministic-state elimination on this model."""
         ...
 
     def valuations(self, states: SymbolicSet) -> Iterator[tuple[bool | int, ...]]:
@@ -104,7 +90,7 @@ class SymbolicGraph:
     def _affordable(self) -> bool:
         limit = self.engine.rows_limit
         return self.observer is None and self.engine.transitions <= (
-            FEW_ROWS if limit is None else min(limit, FEW_ROWS)
+            tuning.FEW_TRANSITIONS if limit is None else min(limit, tuning.FEW_TRANSITIONS)
         )
 
     @cached_property
@@ -116,38 +102,54 @@ class SymbolicGraph:
         question: Question,
         on_diagrams: OnDiagrams,
         on_rows: Callable[[graph.Incidence], Bools],
+        reward: Reward | None = None,
     ) -> SymbolicSet:
-        """An answer found on diagrams (which get a time to give up at), or else on rows, all or without the forced states."""
-        if "_rows" not in vars(self):
+        """An answer found on diagrams, which have a budget, or else on rows: all, or without deterministic states."""
+        reduced = self._reduced_last(question)
+        if reduced is None and "_rows" not in vars(self):
             try:
                 return self._set(self._on_diagrams(question, on_diagrams, self._deadline))
             except TooSlowError:
                 pass
         if self._affordable:
             return self._set(self._d.odd.from_mask(on_rows(self._rows)))
-        kind, left, right, direction = question
-        parts = self._shorter(left, right)
-        if parts is None:
+        if reduced is None:
+            reduced = self._reduced(question, reward)
+        if reduced is None:
             return self._set(self._on_diagrams(question, on_diagrams, None))
-        match kind:
+        match question[0]:
             case "possible":
-                members = ~parts.prob0(Direction.MAX)
+                return ~reduced.prob0(Direction.MAX)
             case "prob0":
-                members = parts.prob0(direction)
+                return reduced.prob0(question[3])
             case _:
-                members = parts.prob1(direction)
-        return self._set(parts.states(members))
+                return reduced.prob1(question[3])
+
+    @cached_property
+    def _reduces(self) -> bool:
+        return self.observer is None and self.engine.elimination.possible
+
+    def _reduced_last(self, question: Question) -> ReducedSystem | None:
+        """The reduced system of the question, where the answer to another one has made it."""
+        return self.engine.elimination.last(question[1], question[2]) if self._reduces else None
+
+    def _reduced(self, question: Question, reward: Reward | None) -> ReducedSystem | None:
+        """The question without its deterministic states, with a reward reward if that is possible."""
+        if not self._reduces:
+            return None
+        _, left, right, _ = question
+        find = self.engine.elimination.reduced
+        found = None if reward is None else find(left, right, reward)
+        return found or find(left, right)
 
     @property
     def _deadline(self) -> float | None:
         """When to stop asking diagrams."""
         if self._affordable:
-            return perf_counter() + PATIENCE
-        return (
-            perf_counter() + PATIENCE + PATIENCE_PER_STATE * self._d.count
-            if self._shortens
-            else None
-        )
+            return perf_counter() + tuning.PATIENCE
+        if self._reduces:
+            return perf_counter() + tuning.PATIENCE + tuning.PATIENCE_PER_STATE * self._d.count
+        return None
 
     @cached_property
     def _answers(self) -> dict[Question, Bdd]:
@@ -163,67 +165,6 @@ class SymbolicGraph:
             self._answers[question] = found
         return self._answers[question]
 
-    # without forced states, where there are very many
-
-    @cached_property
-    def _shortens(self) -> bool:
-        unlimited = self.observer is None and self.engine.rows_limit is None
-        return unlimited and self.engine.model.type is not ModelType.CTMC and self._d.count >= LARGE
-
-    def _shorter(self, left: Bdd, right: Bdd, reward: Reward | None = None) -> Shorter | None:
-        """The question without its forced states, where memory reaches."""
-        return (
-            shorter(self._d, left, right, int(SHORTER_SHARE * memory()), reward)
-            if self._shortens
-            else None
-        )
-
-    def until(
-        self, left: SymbolicSet, right: SymbolicSet, direction: Direction | None
-    ) -> ShorterUntil | None:
-        """Equations for the probabilities of left U right without forced states.
-
-        None where diagrams answer the graph questions soon and leave few unknowns, or hardly a forced one; where memory does not
-        reach; and where the engine is not one of rows.
-        """
-        if not self._shortens or self._affordable:
-            return None
-        deadline = self._deadline
-        try:
-            no, yes = (
-                self._certain(kind, left.bdd, right.bdd, direction, deadline)
-                for kind in ("prob0", "prob1")
-            )
-        except TooSlowError:
-            return self._equations(left.bdd, right.bdd, direction)
-        unknown = self._d.states - no - yes
-        return (
-            self._equations(unknown | yes, yes, direction) if self._mostly_forced(unknown) else None
-        )
-
-    def reach_reward(
-        self, reward: Reward, target: SymbolicSet, direction: Direction | None
-    ) -> ShorterReward | None:
-        """The same for the expected reward until `target` is reached; None too where a reward is negative or infinite."""
-        if not self._shortens or self._affordable:
-            return None
-        against = direction and direction.dual
-        certain = self._d.states
-        try:
-            certain = self._certain("prob1", certain, target.bdd, against, self._deadline)
-        except TooSlowError:
-            pass
-        else:
-            if not self._mostly_forced(certain - target.bdd):
-                return None
-        parts = self._shorter(certain, target.bdd, reward)
-        return None if parts is None else ShorterReward.of(parts, direction)
-
-    def _mostly_forced(self, unknown: Bdd) -> bool:
-        """Whether many states are unknown, and without forced ones half as many or less."""
-        count = self._set(unknown).count
-        return count >= LARGE and 2 * self._set(unknown & forced_states(self._d)).count >= count
-
     def _certain(
         self, kind: str, left: Bdd, right: Bdd, direction: Direction | None, deadline: float | None
     ) -> Bdd:
@@ -231,10 +172,6 @@ class SymbolicGraph:
         return self._on_diagrams(
             (kind, left, right, direction), partial(find, left, right, direction), deadline
         )
-
-    def _equations(self, left: Bdd, right: Bdd, direction: Direction | None) -> ShorterUntil | None:
-        parts = self._shorter(left, right)
-        return None if parts is None else ShorterUntil.of(parts, direction)
 
     # reachability
 
@@ -282,14 +219,22 @@ class SymbolicGraph:
         )
 
     def prob1(
-        self, left: SymbolicSet, right: SymbolicSet, direction: Direction | None
+        self,
+        left: SymbolicSet,
+        right: SymbolicSet,
+        direction: Direction | None,
+        reward: Reward | None = None,
     ) -> SymbolicSet:
-        """States whose (min/max) probability of left U right is 1."""
+        """States whose (min/max) probability of left U right is 1.
+
+        reward: the reward reward whose expected reward until `right` is going to be asked for.
+        """
         to_bools = self.engine.to_bools
         return self._answer(
             ("prob1", left.bdd, right.bdd, direction),
             partial(self._prob1, left.bdd, right.bdd, direction),
             lambda rows: graph.prob1(rows, to_bools(left), to_bools(right), direction),
+            reward,
         )
 
     def _prob0(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -25,6 +25,7 @@ __all__ = [
     "MANY_STATES",
     "LazyValues",
     "Piece",
+    "RestrictableValues",
     "SymbolicSet",
     "SymbolicValues",
     "array_piece",
@@ -289,14 +290,42 @@ class SymbolicValues:
 class LazyValues(SymbolicValues):
     """Values whose pieces are made on first use: a result is often wanted at one state only."""
 
+    _make: Callable[[], tuple[Piece, ...]]
+
     def __init__(self, diagrams: Diagrams, make: Callable[[], tuple[Piece, ...]]) -> None:
-        vars(self).update(diagrams=diagrams, _make=make)
+        object.__setattr__(self, "diagrams", diagrams)
+        object.__setattr__(self, "_make", make)
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
         """All values. Raises what making them raises."""
-        make: Callable[[], tuple[Piece, ...]] = vars(self)["_make"]
-        return make()
+        return self._make()
+
+
+class RestrictableValues(LazyValues):
+    """Values that can be made on any set of states alone: for the initial state, those of all states are not needed.
+
+    make: gives the values on a set that is not empty. exact: whether lower and upper are equal everywhere.
+    """
+
+    _make_on: Callable[[Bdd], tuple[Piece, ...]]
+    _is_exact: bool
+
+    def __init__(
+        self, diagrams: Diagrams, make: Callable[[Bdd], tuple[Piece, ...]], exact: bool
+    ) -> None:
+        super().__init__(diagrams, partial(make, diagrams.states))
+        object.__setattr__(self, "_make_on", make)
+        object.__setattr__(self, "_is_exact", exact)
+
+    @property
+    def exact(self) -> bool:
+        """Whether lower and upper are the same everywhere."""
+        return self._is_exact
+
+    def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, ArrayValues]]:
+        for piece in self._make_on(states.bdd):
+            yield piece.states, piece.values
 
 
 def merged(diagrams: Diagrams, pieces: Iterable[Piece]) -> tuple[Piece, ...]:

@@ -11,6 +11,13 @@ import numpy as np
 
 from symcheck.dd.manager import Mtbdd
 from symcheck.dd.odd import Odd
+from symcheck.direction import Direction
+from symcheck.engines.linear_system import (
+    DividedOperator,
+    LinearSystem,
+    Preprocessing,
+    SweepOperator,
+)
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
     Piece,
@@ -23,8 +30,10 @@ from symcheck.engines.symbolic.sets import (
 from symcheck.kernels.diagrams.quad_dag import Quad
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.linear.problem import Operator
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
+from symcheck.syntax.ast import ModelType
 
 __all__ = ["Owner", "SymbolicSystem"]
 
@@ -51,13 +60,23 @@ class Owner(Protocol):
         """The matrix of a system in the engine's form."""
         ...
 
+    def has_end_components(self, states: SymbolicSet) -> bool:
+        """Whether some end component lies within the states (MDP)."""
+        ...
+
+    @property
+    def preprocessing(self) -> Sequence[Preprocessing]:
+        """Steps that may shorten equations, in the order in which they are tried."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
-class SymbolicSystem:
+class SymbolicSystem(LinearSystem):
     """See `symcheck.engines.base.System`. States are numbered by an ODD of their own."""
 
     engine: Owner = field(repr=False)
     states: SymbolicSet
+    direction: Direction | None = None
 
     @property
     def _d(self) -> Diagrams:
@@ -71,7 +90,7 @@ class SymbolicSystem:
     @cached_property
     def n(self) -> int:
         """Number of unknowns."""
-        return self.odd.count
+        return self.states.count
 
     @cached_property
     def layout(self) -> RowLayout | None:
@@ -135,6 +154,35 @@ class SymbolicSystem:
     def operator(self) -> Any:
         """The matrix in the engine's own form."""
         return self.engine.operator(self)
+
+    def embedded_operator(self) -> Operator:
+        """`operator` of one-step probabilities, also in a CTMC."""
+        rates = self.exit_rates
+        operator: SweepOperator = self.operator
+        return operator if rates is None else DividedOperator(operator, rates)
+
+    @property
+    def is_ctmc(self) -> bool:
+        """Whether entries of the matrix are rates."""
+        return self.engine.model.type is ModelType.CTMC
+
+    @property
+    def has_end_components(self) -> bool:
+        """Whether some end component lies within the states (MDP)."""
+        return self.engine.has_end_components(self.states)
+
+    @property
+    def preprocessing(self) -> Sequence[Preprocessing]:
+        """Steps that may shorten the equations, in the order in which they are tried."""
+        return self.engine.preprocessing
+
+    def infinite_rewards(self, reward: Reward) -> SymbolicSet:
+        """The states with a row that earns an infinite reward."""
+        d, inf = self._d, np.inf
+        states, transitions = d.rewards(reward)
+        functions = (states, *transitions)
+        sets = [f.equal(inf) for f in functions if f.maximum_leaf == inf]
+        return SymbolicSet(d, d.union(sets) & self.states.bdd if sets else d.manager.false)
 
     def per_row(self, functions: Sequence[Mtbdd]) -> Floats:
         """A value per row from a function of the state per slot."""

@@ -1,8 +1,9 @@
-"""Forced states passed over: the same probabilities as the explicit engine's, at every state."""
+"""Deterministic-state elimination: the same probabilities as the explicit engine's, at every state."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -13,14 +14,14 @@ from engines import twins
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.direction import Direction
+from symcheck.engines import tuning
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.engines.symbolic import graph as symbolic_graph
 from symcheck.engines.symbolic.deterministic_elimination import (
-    Shorter,
-    ShorterUntil,
-    forced_states,
-    shorter,
+    ReducedSet,
+    ReducedSystem,
+    deterministic_states,
+    eliminate,
 )
 from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import explore
@@ -61,8 +62,8 @@ def both(source: str) -> tuple[SparseEngine, ExplicitEngine]:
     return SparseEngine.of(construct(model, Options())), ExplicitEngine(explore(model, Options()))  # type: ignore[return-value]
 
 
-def shortened(engine: SparseEngine, left: np.ndarray, right: np.ndarray) -> Shorter:
-    found = shorter(
+def reduced(engine: SparseEngine, left: np.ndarray, right: np.ndarray) -> ReducedSystem:
+    found = eliminate(
         engine.diagrams, engine.from_bools(left).bdd, engine.from_bools(right).bdd, ENOUGH
     )
     assert found is not None
@@ -98,22 +99,16 @@ def compare(
     right: np.ndarray,
     direction: str | None,
 ) -> None:
-    parts = shortened(symbolic, left, right)
     arrays = ArraySet(left), ArraySet(right)
-    zero, one = parts.states(parts.prob0(direction)), parts.states(parts.prob1(direction))
-    assert np.array_equal(
-        symbolic.diagrams.odd.to_mask(zero), explicit.graph.prob0(*arrays, direction).members
-    )
-    assert np.array_equal(
-        symbolic.diagrams.odd.to_mask(one), explicit.graph.prob1(*arrays, direction).members
-    )
-    equations = ShorterUntil.of(parts, direction)
-    found = solve_linear(equations.problem(), Accuracy(epsilon=1e-9)) if equations.n else None
-    values = (
-        equations.lift(np.empty(0), None)
-        if found is None
-        else equations.lift(found.lower, found.upper)
-    )
+    for ask in ("prob0", "prob1"):
+        found = getattr(reduced(symbolic, left, right), ask)(direction)
+        expected_set = getattr(explicit.graph, ask)(*arrays, direction)
+        assert found.count == expected_set.count
+        assert bool(found) == bool(expected_set)
+        assert np.array_equal(symbolic.to_bools(found), expected_set.members)
+    with impatience():
+        diagrams = symbolic.from_bools(left), symbolic.from_bools(right)
+        values = until(Context(symbolic, Options(epsilon=1e-9)), *diagrams, direction)
     low, high = values.at(symbolic.all)
     expected = expected_values(explicit, *arrays, direction)
     assert np.all(low <= expected + 1e-9)
@@ -121,6 +116,16 @@ def compare(
     assert np.all(high - low <= 1e-8)
     first = symbolic.first(symbolic.all)
     assert values.minimum(first) == (low[0], high[0])
+
+
+@contextmanager
+def impatience(patience: float = -1e6) -> Iterator[None]:
+    """Models of any size are large, no rows are few, and diagrams get no time (or as much as is said)."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tuning, "ELIMINATION_STATES", 1)
+        patch.setattr(tuning, "FEW_TRANSITIONS", 0)
+        patch.setattr(tuning, "PATIENCE", patience)
+        yield
 
 
 @settings(max_examples=40)
@@ -157,29 +162,28 @@ def test_what_is_passed_over() -> None:
     names = {
         x
         for x in range(6)
-        if symbolic.where(parse_expression(f"x={x}")).bdd <= forced_states(symbolic.diagrams)
+        if symbolic.where(parse_expression(f"x={x}")).bdd <= deterministic_states(symbolic.diagrams)
     }
     assert names == {0, 2, 4, 5}  # the last two have a loop as their only transition
-    parts = shortened(
+    parts = reduced(
         symbolic, np.ones(6, bool), symbolic.to_bools(symbolic.where(parse_expression("x=4")))
     )
     assert parts.n == 2
-    assert parts.place.tolist() == [0, 0, 1, 1, 2, 3]
+    assert parts.representative.tolist() == [0, Structure(0), 1, 1, 2, 3]
 
 
 def test_memory_that_would_not_do() -> None:
     symbolic = twins.symbolic("mdp", SparseEngine)
     assert (
-        shorter(symbolic.diagrams, symbolic.diagrams.states, symbolic.diagrams.initial, 100) is None
+        eliminate(symbolic.diagrams, symbolic.diagrams.states, symbolic.diagrams.initial, 100)
+        is None
     )
 
 
 @pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Models of any size are large, no rows are few, and diagrams get no time."""
-    monkeypatch.setattr(symbolic_graph, "LARGE", 1)
-    monkeypatch.setattr(symbolic_graph, "FEW_ROWS", 0)
-    monkeypatch.setattr(symbolic_graph, "PATIENCE", -1e6)
+def impatient() -> Iterator[None]:
+    with impatience():
+        yield
 
 
 @pytest.mark.usefixtures("impatient")
@@ -203,33 +207,50 @@ def test_graph_questions_where_diagrams_take_long(name: str) -> None:
 
 
 @pytest.mark.usefixtures("impatient")
-def test_equations_where_diagrams_take_long() -> None:
+def test_sets_of_a_reduced_system_have_no_diagram_until_it_is_asked_for() -> None:
     symbolic = twins.fresh("mdp", SparseEngine)
     everything, target = symbolic.all, symbolic.where(parse_expression("s=6"))
-    found = symbolic.shorter_until(everything, target, Direction.MAX)
-    assert found is not None
-    assert found.n + int(found.no.sum()) + int(found.yes.sum()) == found.parts.n + 2
-    assert (
-        twins.fresh("ctmc", SparseEngine).graph.until(everything, target, None) is None
-    )  # rates are no probabilities
+    zero = symbolic.graph.prob0(everything, target, Direction.MAX)
+    one = symbolic.graph.prob1(everything, target, Direction.MAX)
+    assert isinstance(one, ReducedSet)
+    unknown = ~(zero | one)
+    assert isinstance(unknown, ReducedSet)
+    assert isinstance(one - target, ReducedSet)
+    assert "bdd" not in vars(unknown)
+    assert unknown.count + zero.count + one.count == symbolic.states
+    assert symbolic.to_bools(one - target).sum() == one.count - target.count
+    chain = twins.fresh("ctmc", SparseEngine)  # rates are no probabilities
+    assert not isinstance(chain.graph.prob0(chain.all, chain.initial, None), ReducedSet)
 
 
 @pytest.mark.usefixtures("impatient")
-def test_equations_where_many_states_are_neither(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Diagrams answer the graph questions in time, and what is left is mostly forced."""
-    monkeypatch.setattr(symbolic_graph, "PATIENCE", 1e6)
+def test_sets_that_the_system_does_not_represent_are_combined_as_diagrams() -> None:
+    symbolic = twins.fresh("mdp", SparseEngine)
+    one = symbolic.graph.prob1(symbolic.all, symbolic.where(parse_expression("s=6")), Direction.MAX)
+    for other in twins.pairs_of(symbolic, 8):
+        for found, expected in (
+            (one & other.diagram, symbolic.to_bools(one) & other.array.members),
+            (other.diagram & one, symbolic.to_bools(one) & other.array.members),
+            (other.diagram | one, symbolic.to_bools(one) | other.array.members),
+            (one - other.diagram, symbolic.to_bools(one) & ~other.array.members),
+            (other.diagram - one, ~symbolic.to_bools(one) & other.array.members),
+        ):
+            assert np.array_equal(symbolic.to_bools(found), expected)
+
+
+def test_equations_where_many_states_are_neither() -> None:
+    """Diagrams answer the graph questions in time, and most unknown states are deterministic."""
     symbolic, _ = both(
         "mdp module m x : [0..9] init 0; y : bool; "
         "[] x=0 -> 0.5:(x'=1) + 0.5:(x'=5); [] x=0 -> 0.25:(x'=9) + 0.75:(x'=5); [] x>0 & x<5 -> (x'=x+1); "
         "[] x=5 -> 0.25:(x'=9) + 0.25:(x'=6) + 0.5:(x'=8); [] x=6 -> (x'=7); [] x=7 -> (x'=5); endmodule"
     )
-    found = symbolic.shorter_until(
-        symbolic.all, symbolic.where(parse_expression("x=9")), Direction.MAX
-    )
-    assert found is not None
-    assert found.n == 2
-    solution = solve_linear(found.problem(), Accuracy())
-    values = found.lift(solution.lower, None, exact=True)
+    context = Context(symbolic, Options())
+    with impatience(1e6):
+        values = until(
+            context, symbolic.all, symbolic.where(parse_expression("x=9")), Direction.MAX
+        )
+    assert [run.unknowns for run in context.log.runs] == [2]
     assert values.exact
     assert values.rounded(symbolic.initial)
     assert values.minimum(symbolic.initial)[0] == pytest.approx(0.5, rel=1e-12)
@@ -246,10 +267,7 @@ def test_formulas_where_diagrams_take_long(
 ) -> None:
     """Whole measures, by the equations on what is left, on both engines."""
     symbolic, explicit = both(text(*model))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(symbolic_graph, "LARGE", 1)
-        patch.setattr(symbolic_graph, "FEW_ROWS", 0)
-        patch.setattr(symbolic_graph, "PATIENCE", -1e6)
+    with impatience():
         for direction in (Direction.MIN, Direction.MAX) if model[0] == "mdp" else (None,):
             values = []
             for engine in (symbolic, explicit):
@@ -265,37 +283,28 @@ def test_formulas_where_diagrams_take_long(
                 assert np.all(other_low <= high * (1 + 1e-8))
 
 
-@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("patience", [-1e6, 1e6])
 @pytest.mark.parametrize("direction", [Direction.MIN, Direction.MAX])
-def test_rewards_on_forced_ways_are_added_up(
-    direction: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rewards_of_eliminated_states_are_added_up(direction: Direction, patience: float) -> None:
     source = (
         "mdp module m x : [0..9] init 0; [] x=0 -> 0.5:(x'=1) + 0.5:(x'=5); [] x=0 -> (x'=7); [] x>0 & x<9 -> (x'=x+1); endmodule "
         "rewards x<9 : 1; [] x=4 : 10; x=8 : 0.5; endrewards"
     )
     symbolic, explicit = both(source)
-    for patience in (-1e6, 1e6):
-        monkeypatch.setattr(symbolic_graph, "PATIENCE", patience)
-        found = symbolic.shorter_reward(
-            Structure(0), symbolic.where(parse_expression("x=9")), direction
-        )
-        assert found is not None
-        assert found.n == 1
+    context = Context(symbolic, Options())
+    with impatience(patience):
         values = reach_reward(
-            Context(symbolic, Options()),
-            Structure(0),
-            symbolic.where(parse_expression("x=9")),
-            direction,
+            context, Structure(0), symbolic.where(parse_expression("x=9")), direction
         )
-        expected = reach_reward(
-            Context(explicit, Options()),
-            Structure(0),
-            explicit.where(parse_expression("x=9")),
-            direction,
-        )
-        assert values.at(symbolic.all)[0] == pytest.approx(expected.at(explicit.all)[0], rel=1e-12)
-        assert values.rounded(symbolic.initial)
+    assert [run.unknowns for run in context.log.runs] == [1]
+    expected = reach_reward(
+        Context(explicit, Options()),
+        Structure(0),
+        explicit.where(parse_expression("x=9")),
+        direction,
+    )
+    assert values.at(symbolic.all)[0] == pytest.approx(expected.at(explicit.all)[0], rel=1e-12)
+    assert values.rounded(symbolic.initial)
 
 
 @pytest.mark.usefixtures("impatient")
@@ -303,14 +312,13 @@ def test_negative_rewards_are_left_to_others() -> None:
     symbolic, _ = both(
         "mdp module m x : [0..9] init 0; [] x<9 -> (x'=x+1); [] x=1 -> (x'=0); endmodule rewards x=2 : -1; endrewards"
     )
-    assert (
-        symbolic.shorter_reward(
-            Structure(0), symbolic.where(parse_expression("x=9")), Direction.MAX
-        )
-        is None
+    context = Context(symbolic, Options())
+    values = reach_reward(
+        context, Structure(0), symbolic.where(parse_expression("x=9")), Direction.MIN
     )
+    assert [run.unknowns for run in context.log.runs] == [9]
+    assert values.minimum(symbolic.initial)[0] == pytest.approx(-1.0)
 
 
 def test_few_states_are_left_to_others() -> None:
-    symbolic = twins.symbolic("mdp", SparseEngine)
-    assert symbolic.shorter_until(symbolic.all, symbolic.initial, Direction.MAX) is None
+    assert not twins.fresh("mdp", SparseEngine).elimination.possible

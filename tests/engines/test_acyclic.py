@@ -7,6 +7,7 @@ import pytest
 
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic import acyclic
+from symcheck.engines.symbolic.acyclic import solve_acyclic
 from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import Exploration
 from symcheck.numerics.linear.methods import solve_linear
@@ -60,8 +61,12 @@ def among(engine: ExplicitEngine, inside: np.ndarray, constant: np.ndarray) -> n
 def test_rewards_are_those_of_rows() -> None:
     symbolic, explicit = engines()
     states = symbolic.where(parse("depth<5"))
-    found = symbolic.solve_acyclic(
-        states, None, Structure(0), [(symbolic.where(parse("depth=5 & place>3")), 7.0)]
+    found = solve_acyclic(
+        symbolic.diagrams,
+        states,
+        None,
+        Structure(0),
+        [(symbolic.where(parse("depth=5 & place>3")), 7.0)],
     )
     assert found is not None
     inside = explicit.where(parse("depth<5")).members
@@ -78,8 +83,12 @@ def test_rewards_are_those_of_rows() -> None:
 @pytest.mark.usefixtures("small")
 def test_probabilities_and_a_part_of_the_states() -> None:
     symbolic, explicit = engines()
-    found = symbolic.solve_acyclic(
-        symbolic.where(parse("depth<5")), symbolic.where(parse("depth=5 & place>20")), None, []
+    found = solve_acyclic(
+        symbolic.diagrams,
+        symbolic.where(parse("depth<5")),
+        symbolic.where(parse("depth=5 & place>20")),
+        None,
+        [],
     )
     assert found is not None
     inside = explicit.where(parse("depth<5")).members
@@ -100,9 +109,12 @@ def test_probabilities_and_a_part_of_the_states() -> None:
 @pytest.mark.usefixtures("small")
 def test_cycles_are_left_to_others() -> None:
     symbolic, _ = engines("0.5 : (depth'=0) + 0.5 : true")
-    assert symbolic.solve_acyclic(symbolic.all, None, Structure(0), []) is None
+    assert solve_acyclic(symbolic.diagrams, symbolic.all, None, Structure(0), []) is None
 
 
 def test_few_states_are_left_to_arrays() -> None:
     symbolic, _ = engines()
-    assert symbolic.solve_acyclic(symbolic.where(parse("depth<5")), None, Structure(0), []) is None
+    assert (
+        solve_acyclic(symbolic.diagrams, symbolic.where(parse("depth<5")), None, Structure(0), [])
+        is None
+    )

@@ -1,0 +1,72 @@
+"""Preprocessing: equations over most states are solved on the rows of all states, without copying a submatrix."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from symcheck.engines.base import OwnSet, SolvedValues
+from symcheck.engines.linear_system import ExpectedReward, Query, per_row, solved_values
+from symcheck.matrices.rows import Bools, Floats, SparseMatrix
+from symcheck.numerics.linear.masked_problem import Embedded
+from symcheck.numerics.linear.problem import Observer
+from symcheck.numerics.settings import Settings
+from symcheck.semantics.rewards import Reward
+
+__all__ = ["FullMatrix"]
+
+STATES_PER_UNKNOWN = 3
+"""Solve on the full matrix if it has at most this many times as many states as there are unknowns; otherwise extract a
+submatrix. Copying the rows of a third of the states takes as long as going over the mask of all of them."""
+
+
+class Owner(Protocol):
+    """What the full matrix is read from: the engine."""
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities (rates) of all states."""
+        ...
+
+    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
+        """State rewards [states] and transition rewards per row [rows]."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FullMatrix:
+    """Equations on the full matrix, with a mask of the unknowns (bool[states])."""
+
+    engine: Owner = field(repr=False)
+    unknown: Bools = field(repr=False)
+
+    def accepts(self, query: Query, settings: Settings) -> bool:  # noqa: ARG002
+        """Whether most states are unknown, and all their rows are used."""
+        if STATES_PER_UNKNOWN * query.n < len(self.unknown):
+            return False
+        return not isinstance(query, ExpectedReward) or query.usable_rows is None
+
+    def apply(
+        self,
+        query: Query,
+        known: Sequence[tuple[OwnSet, float]],
+        settings: Settings,
+        observer: Observer | None,
+    ) -> SolvedValues:
+        """The solution of the masked problem."""
+        system, matrix, constant = query.system, self.engine.matrix, None
+        outside = [(where.members, value) for where, value in known]
+        if isinstance(query, ExpectedReward):
+            states, rows = self.engine.rewards(query.reward)
+            constant, outside = per_row(matrix.groups, states) + rows, []
+        problem = Embedded(
+            matrix,
+            self.unknown,
+            outside,
+            constant,
+            system.direction,
+            constant is None,
+            system.is_ctmc,
+        )
+        return solved_values(system, problem, known, settings, observer)

@@ -1,0 +1,478 @@
+"""Linear equations over some states, written once for all engines: reachability and expected rewards.
+
+Sources: Baier & Katoen (2008), 10.1.1 and 10.6.1; for rewards, Forejt, Kwiatkowska, Norman & Parker (2011),
+'Automated verification techniques for probabilistic systems', section 4.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.engines.base import OwnSet, SolvedValues, Values
+from symcheck.errors import UnsupportedError
+from symcheck.kernels.rows import sparse
+from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, starts_of
+from symcheck.numerics.linear.masked_problem import Embedded
+from symcheck.numerics.linear.mec_quotient import collapse
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Operator, Solution
+from symcheck.numerics.settings import Settings
+from symcheck.semantics.rewards import Reward
+
+__all__ = [
+    "DividedOperator",
+    "ExpectedReward",
+    "LinearEquations",
+    "LinearSystem",
+    "Preprocessing",
+    "Query",
+    "Reachability",
+    "chosen_rows",
+    "per_row",
+    "refuse_infinite_minimum",
+    "solved_values",
+]
+
+
+def per_row(groups: Int64s | None, states: Floats) -> Floats:
+    """A value per state, repeated for each of its rows."""
+    return states if groups is None else np.repeat(states, np.diff(groups))
+
+
+def refuse_infinite_minimum(direction: Direction | None) -> None:
+    """Raise UnsupportedError for least rewards where some reward of a step is infinite."""
+    if direction is Direction.MIN:
+        raise UnsupportedError(
+            "least expected rewards where some reward of a single step is infinite are not supported"
+        )
+
+
+class SweepOperator(Operator, Protocol):
+    """A matrix that can be multiplied, and that tightens bounds in place."""
+
+    @property
+    def longest(self) -> int:
+        """A bound on the number of entries of a row."""
+        ...
+
+    def sweep(
+        self,
+        x: Floats,
+        constant: Floats,
+        direction: Direction | None,
+        slip: float,
+        *,
+        upper: bool,
+        divisor: Floats | None = None,
+    ) -> None:
+        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class DividedOperator:
+    """An operator whose rows are divided by a factor each, float64[rows]."""
+
+    operator: SweepOperator
+    divisor: Floats = field(repr=False)
+
+    @property
+    def longest(self) -> int:
+        """A bound on the number of entries of a row."""
+        return self.operator.longest
+
+    def multiply(self, x: Floats, /) -> Floats:
+        """The product with a vector: a value per row."""
+        return np.asarray(self.operator.multiply(x) / self.divisor)
+
+    def sweep(
+        self, x: Floats, constant: Floats, direction: Direction | None, slip: float, *, upper: bool
+    ) -> None:
+        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place."""
+        self.operator.sweep(x, constant, direction, slip, upper=upper, divisor=self.divisor)
+
+
+class LinearSystem:
+    """The part of `symcheck.engines.base.System` that follows from the matrix of an engine.
+
+    An engine's system inherits from this class and implements the abstract members.
+    """
+
+    states: OwnSet
+    """The states that are unknowns."""
+    direction: Direction | None
+    """Minimise or maximise over strategies; None for a chain."""
+
+    @property
+    @abstractmethod
+    def n(self) -> int:
+        """Number of unknowns."""
+
+    @property
+    @abstractmethod
+    def groups(self) -> Int64s | None:
+        """Rows of each state, int64[n+1]; None where each state has one row."""
+
+    @property
+    @abstractmethod
+    def matrix(self) -> SparseMatrix:
+        """The matrix among the states, as compressed rows."""
+
+    @property
+    @abstractmethod
+    def has_rows(self) -> bool:
+        """Whether equations should be solved on `matrix`."""
+
+    @property
+    @abstractmethod
+    def operator(self) -> Operator:
+        """The matrix in the engine's own form."""
+
+    @property
+    @abstractmethod
+    def is_ctmc(self) -> bool:
+        """Whether entries of the matrix are rates."""
+
+    @property
+    @abstractmethod
+    def has_end_components(self) -> bool:
+        """Whether some end component lies within the states (MDP)."""
+
+    @property
+    def preprocessing(self) -> Sequence[Preprocessing]:
+        """Steps that may shorten the equations, in the order in which they are tried."""
+        return ()
+
+    @abstractmethod
+    def one_step_probability(self, target: OwnSet) -> Floats:
+        """Per row: the one-step probability (rate) of entering the target."""
+
+    @abstractmethod
+    def row_sums(self) -> Floats:
+        """Per row: the total probability (exit rate)."""
+
+    @abstractmethod
+    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
+        """State rewards per state and transition rewards per row."""
+
+    @abstractmethod
+    def lift(
+        self,
+        lower: Floats,
+        upper: Floats | None,
+        rest: Sequence[tuple[OwnSet, float]] = (),
+        exact: bool = False,
+    ) -> Any:
+        """Values on all states."""
+
+    @cached_property
+    def exit_rates(self) -> Floats | None:
+        """The exit rate of each state of a CTMC; None for other models."""
+        return self.row_sums() if self.is_ctmc else None
+
+    def embedded(self, rows: Floats) -> Floats:
+        """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the values themselves."""
+        return rows if self.exit_rates is None else rows / self.exit_rates
+
+    def step_rewards(self, reward: Reward) -> Floats:
+        """Per row: the expected reward of a step (a CTMC gains its state rewards per unit of time)."""
+        states, rows = self.rewards(reward)
+        return self.embedded(per_row(self.groups, states) + rows)
+
+    def reachability(self, target: OwnSet) -> Reachability:
+        """The equations of the probability of reaching `target`, a set outside of the states."""
+        return Reachability(self, target)
+
+    def expected_reward(self, reward: Reward, infinite: OwnSet) -> ExpectedReward:
+        """The equations of the expected reward until the states are left; it is infinite on `infinite`."""
+        return ExpectedReward(self, reward, infinite)
+
+    def equations(
+        self,
+        constant: Floats,
+        upper: Floats | None = None,
+        *,
+        probability: bool,
+        allow_stay: bool = False,
+    ) -> LinearEquations:
+        """The equations x = A x + constant (bounds: up to `upper`)."""
+        return LinearEquations(self, constant, upper, probability, allow_stay)
+
+    def problem(
+        self, constant: Floats, upper: Floats | None, *, probability: bool
+    ) -> LinearProblem:
+        """The equations x = A x + constant for a numerical method."""
+        leave = self.embedded(self.one_step_probability(~self.states))
+        direction = self.direction
+        if self.has_rows or self._end_components_matter(probability):
+            return LinearProblem(
+                constant, self._probabilities(), upper, leave, direction, probability
+            )
+        operator = self.embedded_operator()
+        return LinearProblem(
+            constant, None, upper, leave, direction, probability, operator, self.groups
+        )
+
+    def embedded_operator(self) -> Operator:
+        """`operator` of one-step probabilities, also in a CTMC (only asked for where there are no rows)."""
+        return self.operator
+
+    def _end_components_matter(self, probability: bool) -> bool:
+        """Whether upper bounds would not decrease in an end component, which can be removed from rows only."""
+        if self.direction is None or probability != (self.direction is Direction.MAX):
+            return False
+        return self.has_end_components
+
+    def _probabilities(self) -> SparseMatrix:
+        """The matrix among the states, as rows of probabilities."""
+        matrix = self.matrix
+        if self.exit_rates is None:
+            return matrix
+        rates = np.repeat(self.exit_rates, np.diff(matrix.indptr))
+        return replace(matrix, data=matrix.data / rates)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearEquations:
+    """Equations x = A x + constant over the states of a system (see `symcheck.engines.base.Equations`).
+
+    Args:
+        constant: float64 per row; `upper`: its upper bound where it is not known exactly.
+        probability: whether the solution consists of probabilities; else of expected rewards.
+        allow_stay: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards); or it
+            must not (least probabilities of what is met outside).
+    """
+
+    system: LinearSystem
+    constant: Floats = field(repr=False)
+    upper: Floats | None = field(repr=False)
+    probability: bool
+    allow_stay: bool = False
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return self.system.n
+
+    def problem(self) -> LinearProblem:
+        """The equations for a numerical method."""
+        return self.system.problem(self.constant, self.upper, probability=self.probability)
+
+    def solve(
+        self,
+        known: Sequence[tuple[OwnSet, float]],
+        settings: Settings,
+        observer: Observer | None = None,
+    ) -> SolvedValues:
+        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
+        from symcheck.numerics.linear.methods import solve_linear
+
+        if not self.system.states:
+            return _nothing_to_solve(self.system, known)
+        problem, quotient = self.problem(), None
+        if self.allow_stay and (not self.probability or self.system.has_end_components):
+            # End components without reward become single states, as for least rewards. Rewards are not
+            # negative, so that staying is never better than leaving and need not be a choice there.
+            against = Direction.MAX if self.probability else Direction.MIN
+            rows = self.system._probabilities()
+            quotient = collapse(replace(problem, matrix=rows, direction=against))
+        if quotient is None:
+            return solved_values(self.system, problem, known, settings, observer)
+        inner = replace(quotient.problem, direction=problem.direction)
+        solution = quotient.expand(solve_linear(inner, settings, observer))
+        return _lifted(self.system, solution, known, settings)
+
+
+@dataclass(frozen=True, eq=False)
+class Reachability:
+    """The probability of reaching `target` from the states of a system: x = A x + (probability of entering it)."""
+
+    system: LinearSystem
+    target: OwnSet
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return self.system.n
+
+    def problem(self) -> LinearProblem:
+        """The equations for a numerical method."""
+        constant = self.system.embedded(self.system.one_step_probability(self.target))
+        return self.system.problem(constant, None, probability=True)
+
+    def solve(
+        self,
+        known: Sequence[tuple[OwnSet, float]],
+        settings: Settings,
+        observer: Observer | None = None,
+    ) -> SolvedValues:
+        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
+        return _solved(self, known, settings, observer)
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedReward:
+    """The expected reward until the states of a system are left; on the set `infinite` it is infinite."""
+
+    system: LinearSystem
+    reward: Reward
+    infinite: OwnSet
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return self.system.n
+
+    @cached_property
+    def usable_rows(self) -> Bools | None:
+        """Rows that minimise at all: a choice that may lead to an infinite reward is never best. None: all rows."""
+        if self.system.direction is not Direction.MIN:
+            return None
+        usable = self.system.one_step_probability(self.infinite) == 0.0
+        return None if usable.all() else usable
+
+    def problem(self) -> LinearProblem:
+        """The equations for a numerical method, on the usable rows."""
+        constant = self.system.step_rewards(self.reward)
+        problem = self.system.problem(constant, None, probability=False)
+        usable = self.usable_rows
+        return problem if usable is None else chosen_rows(problem, self.system.matrix, usable)
+
+    def solve(
+        self,
+        known: Sequence[tuple[OwnSet, float]],
+        settings: Settings,
+        observer: Observer | None = None,
+    ) -> SolvedValues:
+        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
+        return _solved(self, known, settings, observer)
+
+
+Query = Reachability | ExpectedReward
+
+
+class Preprocessing(Protocol):
+    """A step that shortens equations, or solves them without a numerical method."""
+
+    def accepts(self, query: Query, settings: Settings) -> bool:
+        """Whether the step can be tried."""
+        ...
+
+    def apply(
+        self,
+        query: Query,
+        known: Sequence[tuple[OwnSet, float]],
+        settings: Settings,
+        observer: Observer | None,
+    ) -> SolvedValues | None:
+        """The solution; None where the step turns out not to pay."""
+        ...
+
+
+def _solved(
+    query: Query,
+    known: Sequence[tuple[OwnSet, float]],
+    settings: Settings,
+    observer: Observer | None,
+) -> SolvedValues:
+    """The solution by the first preprocessing step that has one, or else by a numerical method."""
+    if not query.system.states:
+        return _nothing_to_solve(query.system, known)
+    for step in query.system.preprocessing:
+        if step.accepts(query, settings):
+            found = step.apply(query, known, settings, observer)
+            if found is not None:
+                return found
+    return solved_values(query.system, query.problem(), known, settings, observer)
+
+
+class Lifts(Protocol):
+    """A system, as far as solutions are lifted to all states."""
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        ...
+
+    def lift(
+        self,
+        lower: Floats,
+        upper: Floats | None,
+        rest: Sequence[tuple[OwnSet, float]] = (),
+        exact: bool = False,
+    ) -> Any:
+        """Values on all states."""
+        ...
+
+
+def solved_values(
+    system: Lifts,
+    problem: LinearProblem | Embedded,
+    known: Sequence[tuple[OwnSet, float]],
+    settings: Settings,
+    observer: Observer | None,
+) -> SolvedValues:
+    """The solution of a problem over the unknowns of a system, on all states."""
+    from symcheck.numerics.linear.methods import solve_linear
+
+    return _lifted(system, solve_linear(problem, settings, observer), known, settings)
+
+
+def _lifted(
+    system: Lifts, solution: Solution, known: Sequence[tuple[OwnSet, float]], settings: Settings
+) -> SolvedValues:
+    """A solution over the unknowns, on all states."""
+    point = solution.exact or not solution.certified
+    values: Values = system.lift(
+        solution.middle if point else solution.lower,
+        None if point else solution.upper,
+        known,
+        exact=point,
+    )
+    return SolvedValues(
+        values,
+        solution.method,
+        system.n,
+        solution.iterations,
+        solution.explanation,
+        solution.certified,
+        solution.width(settings.relative) if solution.certified else 0.0,
+    )
+
+
+def _nothing_to_solve(system: Lifts, known: Sequence[tuple[OwnSet, float]]) -> SolvedValues:
+    return SolvedValues(system.lift(np.empty(0), None, known), "", 0, 0)
+
+
+def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) -> LinearProblem:
+    """The problem with some choices only.
+
+    Args:
+        problem: the equations with all choices.
+        matrix: the rows of the problem, where it has only an operator.
+        allowed: bool[rows]; every state keeps a row.
+    """
+    matrix = problem.matrix if problem.matrix is not None else matrix
+    assert matrix.groups is not None
+    assert problem.exit is not None
+    rows: Int64s = np.flatnonzero(allowed)
+    parts = sparse.select(
+        matrix.indptr, matrix.indices, matrix.data, rows, np.arange(matrix.columns, dtype=np.int32)
+    )
+    before: Int64s = starts_of(allowed)
+    chosen = SparseMatrix(*parts, matrix.columns, before[matrix.groups])
+    upper = None if problem.upper is None else problem.upper[rows]
+    return LinearProblem(
+        problem.constant[rows],
+        chosen,
+        upper,
+        problem.exit[rows],
+        problem.direction,
+        problem.probability,
+    )
