@@ -169,7 +169,7 @@ def test_what_is_passed_over() -> None:
         symbolic, np.ones(6, bool), symbolic.to_bools(symbolic.where(parse_expression("x=4")))
     )
     assert parts.n == 2
-    assert parts.representative.tolist() == [0, Structure(0), 1, 1, 2, 3]
+    assert parts.representative.tolist() == [0, 0, 1, 1, 2, 3]
 
 
 def test_memory_that_would_not_do() -> None:
