@@ -5,8 +5,8 @@ import pytest
 from symcheck.errors import InputError, NameFault, TypeFault
 from symcheck.semantics.expressions.types import type_of
 from symcheck.syntax.ast import Type
-from symcheck.syntax.lalr import MAX_NESTING
 from symcheck.syntax.parse import parse_expression
+from symcheck.syntax.tree_builder import MAX_NESTING
 
 TYPES = {"i": Type.INT, "d": Type.DOUBLE, "b": Type.BOOL}
 LABELS = {"l": Type.BOOL, "init": Type.BOOL, "number": Type.DOUBLE}

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from symcheck.errors import SyntaxFault, UsageError
-from symcheck.syntax.lalr import MAX_NESTING
 from symcheck.syntax.parse import (
     parse_expression,
     parse_model,
@@ -18,6 +17,7 @@ from symcheck.syntax.parse import (
     parse_properties,
     parse_properties_file,
 )
+from symcheck.syntax.tree_builder import MAX_NESTING
 from syntax.cases import FOLDER, outcome, read
 from syntax.samples import MODEL, PROPERTIES
 
@@ -157,6 +157,10 @@ def test_damaged_texts(seed: int) -> None:
         "1-" * 20_000 + "1",
         "x?1:" * 20_000 + "1",
         "P>0[ F " * 20_000,
+        "P=? [ " + "F " * 20_000 + "x ]",
+        "(1+" * 20_000 + "1" + ")" * 20_000,
+        "a => " * 20_000 + "b",
+        "!" * 20_000 + "a = b",
         "9" * 20_000,
         "1e" + "9" * 20_000,
         "0." + "9" * 20_000,
@@ -168,6 +172,36 @@ def test_damaged_texts(seed: int) -> None:
 )
 def test_huge_texts_end_quickly(text: str) -> None:
     reads_or_complains(text)
+
+
+def test_what_was_put_in_is_never_shown() -> None:
+    """An excerpt shows the text as it was typed, also after a missing word was put in."""
+    text = "dtmc\nmodule m\n  x : [0..1]\n  [] x=0 -> (x'=1;\nmodule n\n  y : [0..1 init 0;\n"
+    with pytest.raises(SyntaxFault) as caught:
+        parse_model(text)
+    lines = text.splitlines()
+    for diagnostic in caught.value.diagnostics:
+        shown = [line for line in str(diagnostic).splitlines() if " | " in line]
+        assert [line.partition(" | ")[2] in lines for line in shown] == [True]
+        assert diagnostic.span.text
+        assert diagnostic.span.text in text
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = !y", "'!' cannot stand behind '='"),
+        ("a & x + !y < 1", "'!' cannot stand behind '+'"),
+        ("-!x", "'!' cannot stand behind '-'"),
+        ("- - !!x", "'!' cannot stand behind '-'"),
+    ],
+)
+def test_negation_binds_too_loosely(text: str, message: str) -> None:
+    with pytest.raises(SyntaxFault) as caught:
+        parse_expression(text)
+    (diagnostic,) = caught.value.diagnostics
+    assert diagnostic.message == message
+    assert diagnostic.span.text == "!"
 
 
 def test_deep_but_bearable() -> None:

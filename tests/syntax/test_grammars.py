@@ -1,75 +1,137 @@
-"""The tables are those of the grammars, and the driver reads as Lark does."""
+"""The parsers of the two grammars, and the cache that they are kept in."""
 
 from __future__ import annotations
 
-from importlib import import_module
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
+import lark
 import pytest
-from lark import Lark
 
-from symcheck.errors import Source
-from symcheck.syntax import grammars, tables
-from symcheck.syntax.generate import generate
-from symcheck.syntax.lexer import scan
-from symcheck.syntax.parse import parse_model, parse_properties
-from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
+from symcheck.syntax import grammars
+from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
 from syntax.samples import MODEL, PROPERTIES
 
-
-def test_tables_are_current() -> None:
-    assert Path(str(tables.__file__)).read_text(encoding="utf-8") == generate(), (
-        "run python -m symcheck.syntax.generate"
-    )
+PARSE = "from symcheck.syntax.parse import parse_model; print(len(parse_model('dtmc module m x:[0..1]; endmodule').modules))"
 
 
-@pytest.mark.parametrize(
-    ("name", "start", "text", "builder", "parse"),
-    [
-        ("prism", "program", MODEL, ModelBuilder, parse_model),
-        ("properties", "properties", PROPERTIES, PropertiesBuilder, parse_properties),
-    ],
-)
-def test_lark_agrees(name: str, start: str, text: str, builder: type[Builder], parse: Any) -> None:
-    """Lark's own parser, with our builders at the nodes of its tree."""
-    lark = Lark(
-        grammars.read(f"{name}.lark"),
-        parser="lalr",
-        lexer="basic",
-        start=start,
-        propagate_positions=True,
-    )
-    tree = lark.parse(text)
-    build = builder(Source("", text))
-
-    def value(node: Any) -> Any:
-        if not hasattr(node, "data"):
-            return None if node is None else str(node)
-        parts = [value(child) for child in node.children]
-        return getattr(build, str(node.data))(
-            parts, getattr(node.meta, "start_pos", 0), getattr(node.meta, "end_pos", 0)
-        )
-
-    assert value(tree) == parse(text)
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty cache directory."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    grammars.load.cache_clear()
+    yield tmp_path / "symcheck"
+    grammars.load.cache_clear()
 
 
-def test_words_are_those_of_lark() -> None:
-    for name, text in (("prism", MODEL), ("properties", PROPERTIES)):
-        lark = Lark(
-            grammars.read(f"{name}.lark"),
-            parser="lalr",
-            lexer="basic",
-            start="program" if name == "prism" else "properties",
-        )
-        expected = [(t.type, t.start_pos, t.end_pos) for t in lark.lex(text)]
-        grammar = grammars.load(name)
-        words = scan(text, grammar)
-        assert [
-            (grammar.terminals[k], a, b)
-            for k, a, b in zip(words.kinds, words.starts, words.ends, strict=True)
-        ][:-1] == expected
+def read_again() -> None:
+    """Parse in what could be another run."""
+    grammars.load.cache_clear()
+    parse_model(MODEL)
+    parse_properties(PROPERTIES)
 
 
-def test_a_run_needs_no_lark() -> None:
-    assert "lark" not in vars(import_module("symcheck.syntax.parse"))
+def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A list that the grammars are added to that Lark analyses from now on."""
+    texts: list[str] = []
+    analyse = lark.Lark.__init__
+
+    def noting(self: lark.Lark, grammar: str, **options: object) -> None:
+        texts.append(grammar)
+        analyse(self, grammar, **options)
+
+    monkeypatch.setattr(lark.Lark, "__init__", noting)
+    return texts
+
+
+def test_a_grammar_is_analysed_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program, file = parse_model(MODEL), parse_properties(PROPERTIES)
+    texts = built(monkeypatch)
+    read_again()
+    assert not texts
+    assert parse_model(MODEL) == program
+    assert parse_properties(PROPERTIES) == file
+    assert [path.suffix for path in sorted(cache.iterdir())] == [".lark", ".lark"]
+
+
+def test_a_model_needs_no_properties_grammar(cache: Path) -> None:
+    parse_model(MODEL)
+    assert [path.name.partition("-")[0] for path in cache.iterdir()] == ["prism"]
+
+
+def test_a_cache_of_another_grammar_or_version_is_not_read(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read_again()
+    monkeypatch.setattr(lark, "__version__", "1.2.99")
+    texts = built(monkeypatch)
+    read_again()
+    assert len(texts) == 2
+    longer = {name: grammars.grammar_text(name) + "\n" for name in ("prism", "properties")}
+    monkeypatch.setattr(grammars, "grammar_text", longer.__getitem__)
+    read_again()
+    assert texts[2:] == [longer["prism"], longer["properties"]]
+    assert len(list(cache.iterdir())) == 6
+
+
+@pytest.mark.parametrize("rubbish", [b"", b"\x80\x05", b"no pickle", b"\x80\x04N."])
+def test_a_broken_cache_is_replaced(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, rubbish: bytes
+) -> None:
+    read_again()
+    for path in cache.iterdir():
+        path.write_bytes(rubbish or path.read_bytes()[:1000])
+    texts = built(monkeypatch)
+    read_again()
+    assert len(texts) == 2
+    read_again()
+    assert len(texts) == 2
+
+
+def test_a_directory_that_cannot_be_written(tmp_path: Path, cache: Path) -> None:
+    cache.write_text("a file, where the directory should be")
+    read_again()
+    assert list(tmp_path.iterdir()) == [cache]
+
+
+def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert grammars.cache_directory() is None
+    read_again()
+    assert not Path("relative").exists()
+
+
+def test_a_save_that_fails_leaves_nothing(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def failing(_: lark.Lark, file: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(lark.Lark, "save", failing)
+    read_again()
+    assert not list(cache.iterdir())
+
+
+def test_two_processes_at_once(cache: Path) -> None:
+    runs = [
+        subprocess.Popen([sys.executable, "-c", PARSE], stdout=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
+    assert [run.communicate()[0] for run in runs] == ["1\n"] * 3
+    assert [path.suffix for path in cache.iterdir()] == [".lark"]
+
+
+def test_two_threads_at_once() -> None:
+    """A builder serves one text at a time; the others wait."""
+    texts = [f"x{i} + {'y * ' * 300}z{i}" for i in range(20)]
+    alone = [parse_expression(text) for text in texts]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(parse_expression, texts))
+    assert together == alone
+    assert [tree.span.source.text for tree in together] == texts
+
+
+def test_the_compiled_parts_of_lark_read_the_same() -> None:
+    lark_cython = pytest.importorskip("lark_cython")
+    assert grammars.load("prism").parser.options._plugins == lark_cython.plugins

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from fractions import Fraction
 
 import pytest
@@ -25,6 +26,11 @@ a => b <=> c                   : a => (b <=> c)
 a | b <=> c & d                : (a | b) <=> (c & d)
 !a & b                         : (!a) & b
 !a = b                         : !(a = b)
+!!a < b + 1 & c                : (!(!(a < (b + 1)))) & c
+c | !a = b & d                 : c | ((!(a = b)) & d)
+!(!a) = b                      : !((!a) = b)
+a = (!b)                       : a = ((!b))
+a => !b = c => d               : a => ((!(b = c)) => d)
 a = b < c                      : a = (b < c)
 a < b = c                      : (a < b) = c
 a = b = c                      : (a = b) = c
@@ -287,6 +293,48 @@ def test_long_chains_are_balanced(operator: str, length: int) -> None:
     assert depth <= LONGEST_CHAIN + 30
     assert tree.span.text.endswith(f"x{length - 1}")
     assert tree.span.start == 0
+
+
+def test_a_chain_is_broken_by_another_operator() -> None:
+    tree = parse_expression("a + b - c + d + e")
+    assert tree == parse_expression("(((a + b) - c) + d) + e")
+
+
+def calls(text: str) -> int:
+    """The number of function calls that parsing a text takes, whether it has faults or not."""
+    count = 0
+
+    def counting(*_: object) -> None:
+        nonlocal count
+        count += 1
+
+    sys.setprofile(counting)
+    try:
+        parse_expression(text)
+    except SyntaxFault:
+        pass
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize(
+    ("opening", "closing"),
+    [
+        ("1+", "1"),
+        ("x & ", "y"),
+        ("(1+", "1"),
+        ("P=? [ F ", "x"),
+        ("a=>", "b"),
+        ("1-", ""),
+        ("x&&", "x"),
+    ],
+)
+def test_work_grows_linearly(opening: str, closing: str) -> None:
+    """Also with faults: brackets that nothing closes, and operators without an operand."""
+    calls(closing)
+    short, long = (calls(opening * n + closing) for n in (1000, 2000))
+    assert long < 2.1 * short
 
 
 def test_short_chains_lean_to_the_left() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from fractions import Fraction
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from symcheck.errors import SyntaxFault
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, PathFormula, Type
-from symcheck.syntax.lexer import KEYWORDS
+from symcheck.syntax.grammars import grammar_text, load
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
 from symcheck.syntax.printer import pretty, pretty_number
 from symcheck.syntax.tree_builder import FILTERS, FUNCTIONS, LONGEST_CHAIN
@@ -257,7 +258,10 @@ def test_numbers_without_digits_become_quotients() -> None:
 
 
 def test_reserved_words_are_no_names() -> None:
-    for word in KEYWORDS:
+    reserved = re.search(r"RESERVED.*?\(\?:(.*?)\)", grammar_text("prism"))
+    assert reserved is not None
+    words = [word for word in load("prism").spelling.values() if word.isalpha()]
+    for word in (*words, *reserved[1].split("|")):
         with pytest.raises(SyntaxFault):
             parse_model(f"const int {word} = 1;")
 

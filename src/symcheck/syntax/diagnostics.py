@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import cast
+
+from lark import Token
+
 from symcheck.errors import Diagnostic, Source, Span
-from symcheck.syntax.grammars import Grammar
-from symcheck.syntax.lalr import MAX_NESTING, Fault
-from symcheck.syntax.lexer import FOREIGN, KEYWORDS, RESERVED, Words
+from symcheck.syntax.grammars import Language
+from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
 from symcheck.syntax.tree_builder import FUNCTIONS
 
 __all__ = ["diagnose"]
@@ -164,55 +168,45 @@ _CLOSERS = {"(": ")", "[": "]", "{": "}"}
 _OPENERS = {close: opening for opening, close in _CLOSERS.items()}
 
 
-def diagnose(fault: Fault, source: Source, grammar: Grammar, words: Words) -> Diagnostic:
-    """The diagnostic of one fault. `words` may have been mended since: only what stands before the fault is looked at."""
-    text = source.text
-    if fault.too_deep:
-        deep = f"nested more than {MAX_NESTING} levels deep"
-        return Diagnostic(
-            deep,
-            _span(source, fault.start, fault.end),
-            "nesting",
-            "give parts of it names with formula … = …;",
-        )
-    expected = {grammar.terminals[k] for k in fault.expected}
-    found = text[fault.start : fault.end]
-    if found in _MODEL_WORDS and "ENDMODULE" not in grammar.terminals:
-        hint: str | None = "a run has one model: symcheck MODEL PROPERTIES"
+def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
+    """The diagnostic of one fault."""
+    found = fault.token.value
+    expected = set(fault.expected)
+    if found in _MODEL_WORDS and "ENDMODULE" not in language.spelling:
         return Diagnostic(
             "this is a part of a model, where properties are expected",
-            _span(source, fault.start, fault.end),
+            _span(source, fault),
             "model",
-            hint,
+            "a run has one model: symcheck MODEL PROPERTIES",
         )
     special = (
         _other_model(fault, source, expected)
         or _lexical(fault, source)
-        or _mistake(fault, source, expected, words)
+        or _mistake(fault, source, expected)
     )
     if special is not None:
         return special
     if fault.mended is not None:
-        missing = f"'{grammar.spelling[fault.mended]}'"
+        missing = f"'{language.spelling[fault.mended]}'"
         where = f"before {_found(found)}" if found else "at the end of the text"
         at = max(fault.previous - 1, 0)
         return Diagnostic(
             f"{missing} is missing {where}",
-            _span(source, at, fault.previous),
+            Span(source, at, at + 1),
             "missing",
             f"put {missing} here",
         )
-    message = f"unexpected {_found(found)}; expected {_listed(expected, grammar)}"
-    hint = _unclosed(fault, words, expected) or _keyword(found, expected, grammar)
-    return Diagnostic(message, _span(source, fault.start, fault.end), "syntax", hint)
+    message = f"unexpected {_found(found)}; expected {_listed(expected, language)}"
+    hint = _unclosed(fault, source, expected) or _keyword(found, expected, language)
+    return Diagnostic(message, _span(source, fault), "syntax", hint)
 
 
-def _span(source: Source, start: int, end: int) -> Span:
-    """A span that shows something: at the end of the text, the last character that is not white space."""
-    if start >= len(source.text.rstrip()):
-        start = max(len(source.text.rstrip()) - 1, 0)
-        end = start + 1
-    return Span(source, start, max(end, start + 1))
+def _span(source: Source, fault: Fault) -> Span:
+    """The word that does not fit; at the end of the text, the last character that is not white space."""
+    if fault.token.value:
+        return Span(source, fault.start, fault.end)
+    start = max(len(source.text.rstrip()) - 1, 0)
+    return Span(source, start, start + 1)
 
 
 def _found(found: str) -> str:
@@ -221,7 +215,7 @@ def _found(found: str) -> str:
     return f"'{found}'" if found.isprintable() else repr(found)
 
 
-def _listed(expected: set[str], grammar: Grammar) -> str:
+def _listed(expected: set[str], language: Language) -> str:
     """What could stand there, in words: phrases first, then single words and signs."""
     left = set(expected)
     phrases: list[str] = []
@@ -230,9 +224,9 @@ def _listed(expected: set[str], grammar: Grammar) -> str:
             phrases.append(phrase)
             left -= covered
     singles = {
-        _WORDS.get(t) or f"'{grammar.spelling[k]}'"
-        for k, t in enumerate(grammar.terminals)
-        if t in left and _named(t, k, grammar)
+        _WORDS.get(t) or f"'{language.spelling[t]}'"
+        for t in left
+        if t in _WORDS or t in language.spelling
     }
     # The end of the text always may follow a whole property: not worth a word.
     everything = [*phrases, *sorted(singles, key=lambda w: (w.startswith("'"), w))]
@@ -247,25 +241,13 @@ def _listed(expected: set[str], grammar: Grammar) -> str:
     )
 
 
-def _keyword(found: str, expected: set[str], grammar: Grammar) -> str | None:
+def _keyword(found: str, expected: set[str], language: Language) -> str | None:
     """A hint at a keyword that could stand there and is nearly what does."""
     from difflib import get_close_matches
 
-    keywords = [
-        grammar.spelling[k]
-        for k, t in enumerate(grammar.terminals)
-        if t in expected and k in grammar.spelling
-    ]
-    near = (
-        get_close_matches(found, [k for k in keywords if k.isalpha()], 1, 0.75)
-        if found.isidentifier()
-        else []
-    )
+    keywords = [word for t, word in language.spelling.items() if t in expected and word.isalpha()]
+    near = get_close_matches(found, keywords, 1, 0.75) if found.isidentifier() else []
     return f"did you mean '{near[0]}'?" if near else None
-
-
-def _named(terminal: str, kind: int, grammar: Grammar) -> bool:
-    return terminal in _WORDS or kind in grammar.spelling
 
 
 # ------------------------------------------------------------------------------------------------ typical mistakes
@@ -273,9 +255,9 @@ def _named(terminal: str, kind: int, grammar: Grammar) -> bool:
 
 def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
     """Types of models that the language has elsewhere, and what only they have."""
-    word, span = source.text[fault.start : fault.end], _span(source, fault.start, fault.end)
+    word, span = source.text[fault.start : fault.end], _span(source, fault)
     hint = "dtmc, ctmc and mdp are"
-    if word in _OTHER_MODELS and (fault.kind == RESERVED or "MODULE" in expected):
+    if word in _OTHER_MODELS and (fault.token.type == RESERVED or "MODULE" in expected):
         return Diagnostic(
             f"models of type {word} ({_OTHER_MODELS[word]}) are not supported",
             span,
@@ -283,7 +265,7 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             hint,
         )
     if word in _OTHER_WORDS and (
-        fault.kind == RESERVED or "MODULE" in expected or "ENDMODULE" in expected
+        fault.token.type == RESERVED or "MODULE" in expected or "ENDMODULE" in expected
     ):
         return Diagnostic(
             f"{_OTHER_WORDS[word]}, which are not supported", span, "model-type", hint
@@ -301,10 +283,10 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
 def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
     """Characters that start no word, and reserved words."""
     text, start = source.text, fault.start
-    if fault.kind == RESERVED:
+    if fault.token.type == RESERVED:
         word = text[start : fault.end]
-        return _reserved(word, _span(source, start, fault.end))
-    if fault.kind != FOREIGN:
+        return _reserved(word, _span(source, fault))
+    if fault.token.type != FOREIGN:
         return None
     character = text[start]
     span = Span(source, start, fault.end)
@@ -351,7 +333,7 @@ def _reserved(word: str, span: Span) -> Diagnostic:
     )
 
 
-def _mistake(fault: Fault, source: Source, expected: set[str], words: Words) -> Diagnostic | None:
+def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
     """Mistakes that are often made, told by the words around."""
     text, start = source.text, fault.start
     before, rest = text[: fault.previous], text[start:]
@@ -371,7 +353,7 @@ def _mistake(fault: Fault, source: Source, expected: set[str], words: Words) -> 
         message, hint = "'||' is not an operator of expressions", "or is written |"
     elif rest.startswith("<-"):
         length, message, hint = 2, "'<-' is read as one sign", "for less than minus …, write < -"
-    elif rest.startswith("->") and words[fault.at - 1] == "]" and "INTEGER" in expected:
+    elif rest.startswith("->") and fault.last == "]" and "INTEGER" in expected:
         length, message, hint = (
             2,
             "the guard is missing before '->'",
@@ -388,14 +370,14 @@ def _mistake(fault: Fault, source: Source, expected: set[str], words: Words) -> 
             "'->' is not an operator of properties",
             "implication is written =>",
         )
+    elif rest.startswith("'") and _in_command(fault) and not _has(fault.after, "->"):
+        message, hint = "'->' is missing between the guard and the updates", _COMMAND
     elif (
         rest.startswith("'")
-        and _in_command(words, fault.at)
-        and "->" not in _until_semicolon(words, fault.at)
+        and _in_update(fault)
+        and (len(fault.before) < 2 or fault.before[-2].value != "(")
     ):
-        message, hint = "'->' is missing between the guard and the updates", _COMMAND
-    elif rest.startswith("'") and _in_update(words, fault.at) and words[fault.at - 2] != "(":
-        message, hint = "an update stands in parentheses", f"write ({words[fault.at - 1]}' = …)"
+        message, hint = "an update stands in parentheses", f"write ({fault.last}' = …)"
     elif rest.startswith("'"):
         message, hint = (
             "a prime belongs to the left side of an update only",
@@ -410,26 +392,26 @@ def _mistake(fault: Fault, source: Source, expected: set[str], words: Words) -> 
     elif rest.startswith("=") and glued and before.endswith((">", "<")):
         message, hint = "this is no comparison", "comparisons are < <= > >= = !="
     else:
-        return _misplaced(fault, source, expected, words)
+        return _misplaced(fault, source, expected)
     return Diagnostic(message, Span(source, start, start + length), code, hint)
 
 
-def _misplaced(fault: Fault, source: Source, expected: set[str], words: Words) -> Diagnostic | None:
+def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
     """Words that are right elsewhere."""
     text, start, end = source.text, fault.start, fault.end
     found, before = text[start:end], text[: fault.previous]
     span = Span(source, start, end)
     if "'" in text[fault.previous : start]:
         return None
-    last = words[fault.at - 1] if fault.at else ""
+    last = fault.last
     if found in ("X", "F", "G") and "INTEGER" in expected and "NEXT" not in expected:
         hint = (
             f"put it in parentheses: ({found} …)"
-            if _inside_path(words, fault.at)
+            if _inside_path(fault.before)
             else f"write P=? [ {found} … ]"
         )
         return Diagnostic(f"the path operator {found} cannot stand here", span, "path", hint)
-    if found in _CLOSERS.values() and not _open_bracket(words, fault.at):
+    if found in _CLOSERS.values() and not _open_bracket(fault.before):
         return Diagnostic(
             f"this '{found}' closes nothing",
             span,
@@ -447,19 +429,19 @@ def _misplaced(fault: Fault, source: Source, expected: set[str], words: Words) -
         found in ("U", "W", "R")
         and "UNTIL" not in expected
         and "AND" in expected
-        and _inside_path(words, fault.at)
+        and _inside_path(fault.before)
     ):
         hint = f"put what belongs together in parentheses: (… {found} …)"
         return Diagnostic(f"the path operator {found} cannot stand here", span, "path", hint)
     if expected == {"QUOTE"} and last.isidentifier():
-        named = Span(source, words.starts[fault.at - 1], words.ends[fault.at - 1])
+        named = _last_span(source, fault)
         return Diagnostic(
             f"the prime is missing in the update of {last}", named, "prime", f"write ({last}'=…)"
         )
     if expected == {"LPAR"} and last in ("min", "max"):
-        return _reserved(last, Span(source, words.starts[fault.at - 1], words.ends[fault.at - 1]))
-    if found in (";", "+") and "COLON" in expected and _in_update(words, fault.at):
-        return _no_update(source, words, fault, span)
+        return _reserved(last, _last_span(source, fault))
+    if found in (";", "+") and "COLON" in expected and _in_update(fault):
+        return _no_update(source, fault, span)
     if last == "->" and "INTEGER" in expected:
         return Diagnostic(f"an update is missing before {_found(found)}", span, "update", _UPDATE)
     if (
@@ -477,10 +459,10 @@ def _misplaced(fault: Fault, source: Source, expected: set[str], words: Words) -
             "'->' is missing between the guard and the updates", span, "arrow", _COMMAND
         )
     if (
-        fault.kind >= 0
+        fault.token.type not in (FOREIGN, RESERVED)
         and found.isidentifier()
         and expected == {"LSQB", "ENDMODULE"}
-        and words[fault.at + 1] == ":"
+        and fault.after[0].value == ":"
     ):
         return Diagnostic(
             "a variable is declared behind a command",
@@ -495,7 +477,7 @@ def _misplaced(fault: Fault, source: Source, expected: set[str], words: Words) -
         and "LPAR" not in expected
         and "AND" in expected
     ):
-        named = Span(source, words.starts[fault.at - 1], words.ends[fault.at - 1])
+        named = _last_span(source, fault)
         return Diagnostic(
             f"there is no function '{last}'",
             named,
@@ -504,7 +486,7 @@ def _misplaced(fault: Fault, source: Source, expected: set[str], words: Words) -
         )
     if (
         found.isidentifier()
-        and fault.kind >= 0
+        and fault.token.type not in (FOREIGN, RESERVED)
         and "NAME" in expected
         and "INTEGER" not in expected
         and found in _KEYWORD_NAMES
@@ -523,14 +505,20 @@ def _misplaced(fault: Fault, source: Source, expected: set[str], words: Words) -
     return None
 
 
-def _no_update(source: Source, words: Words, fault: Fault, span: Span) -> Diagnostic:
+def _last_span(source: Source, fault: Fault) -> Span:
+    """The word before the fault."""
+    return Span(source, cast(int, fault.before[-1].start_pos), fault.previous)
+
+
+def _no_update(source: Source, fault: Fault, span: Span) -> Diagnostic:
     """A command, or a part of it, that changes nothing: perhaps as a prime was forgotten."""
-    for i in range(fault.at - 1, 2, -1):
-        if words[i] in ("->", ";"):
+    words = fault.before
+    for i in range(len(words) - 1, 1, -1):
+        if words[i].value in ("->", ";"):
             break
-        if words[i] == "=" and words[i - 2] == "(" and words[i - 1].isidentifier():
-            name = words[i - 1]
-            where = Span(source, words.starts[i - 1], words.ends[i - 1])
+        name = words[i - 1].value
+        if words[i].value == "=" and words[i - 2].value == "(" and name.isidentifier():
+            where = Span(source, cast(int, words[i - 1].start_pos), cast(int, words[i - 1].end_pos))
             return Diagnostic(
                 f"the prime is missing in the update of {name}",
                 where,
@@ -542,6 +530,9 @@ def _no_update(source: Source, words: Words, fault: Fault, span: Span) -> Diagno
 
 _COMMAND = "a command is [action] guard -> updates;"
 _UPDATE = "an update is true, (x'=…), or probability : (x'=…)"
+_STATE_OPERATORS = frozenset(
+    {*("P", "Pmin", "Pmax", "R", "Rmin", "Rmax", "A", "E", "S")},
+)
 _KEYWORD_NAMES = frozenset(
     {
         *(
@@ -586,74 +577,56 @@ _KEYWORD_NAMES = frozenset(
 )
 
 
-def _inside_path(words: Words, at: int) -> bool:
-    """Whether word `at` is within the brackets of P, R, A or E."""
-    i = _open_bracket(words, at)
-    while i is not None and words[i] != "[":
-        i = _open_bracket(words, i)
+def _inside_path(words: Sequence[Token]) -> bool:
+    """Whether these words end within the brackets of P, R, A or E."""
+    i = _open_bracket(words, "[")
     if i is None:
         return False
-    while i > 0:
-        i -= 1
-        word = words[i]
-        if word[:1] in ("P", "R", "A", "E", "S") and word in KEYWORDS:
-            return word != "S"
-        if word in (";", "]"):
+    for word in reversed(words[:i]):
+        if word.value in _STATE_OPERATORS:
+            return str(word.value) != "S"
+        if word.value in (";", "]"):
             return False
     return False
 
 
-def _open_bracket(words: Words, at: int) -> int | None:
-    """The last bracket before word `at`, in the same part of the text, that nothing closes before it."""
+def _open_bracket(words: Sequence[Token], sign: str | None = None) -> int | None:
+    """The last bracket among these words, in the same part of the text, that nothing closes; `sign`: the last of that kind."""
     closed = 0
-    for i in range(at - 1, -1, -1):
-        word = words[i]
+    for i in range(len(words) - 1, -1, -1):
+        word = words[i].value
         if word == ";":
             return None
         if word in _OPENERS:
             closed += 1
         elif word in _CLOSERS:
-            if not closed:
+            if not closed and sign in (None, word):
                 return i
-            closed -= 1
+            closed = max(closed - 1, 0)
     return None
 
 
-def _in_command(words: Words, at: int) -> bool:
-    """Whether word `at` is in a command before its arrow."""
-    return _since_semicolon(words, at)[:1] == ["["] and "->" not in _since_semicolon(words, at)
+def _in_command(fault: Fault) -> bool:
+    """Whether the fault is in a command before its arrow."""
+    words = [word for word in fault.before if word.value != ";"]
+    return bool(words) and words[0].value == "[" and not _has(words, "->")
 
 
-def _in_update(words: Words, at: int) -> bool:
-    """Whether word `at` is behind the arrow of a command."""
-    return "->" in _since_semicolon(words, at)
+def _in_update(fault: Fault) -> bool:
+    """Whether the fault is behind the arrow of a command."""
+    return _has(fault.before, "->")
 
 
-def _since_semicolon(words: Words, at: int) -> list[str]:
-    found: list[str] = []
-    for i in range(at - 1, max(at - 5000, -1), -1):
-        word = words[i]
-        if word == ";":
-            break
-        found.append(word)
-    return found[::-1]
+def _has(words: Sequence[Token], sign: str) -> bool:
+    return any(str(word.value) == sign for word in words)
 
 
-def _until_semicolon(words: Words, at: int) -> list[str]:
-    found: list[str] = []
-    for i in range(at, len(words)):
-        if words[i] == ";":
-            break
-        found.append(words[i])
-    return found
-
-
-def _unclosed(fault: Fault, words: Words, expected: set[str]) -> str | None:
+def _unclosed(fault: Fault, source: Source, expected: set[str]) -> str | None:
     """A hint at the last bracket that is open where its closing one could stand."""
     if not expected & {"RPAR", "RSQB", "RBRACE"}:
         return None
-    i = _open_bracket(words, fault.at)
+    i = _open_bracket(fault.before)
     if i is None:
         return None
-    line, column = Source("", words.text).position(words.starts[i])
-    return f"the '{words[i]}' at {line}:{column} is still open"
+    line, column = source.position(cast(int, fault.before[i].start_pos))
+    return f"the '{fault.before[i].value}' at {line}:{column} is still open"

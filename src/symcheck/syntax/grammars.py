@@ -1,125 +1,120 @@
-"""The grammar files, and the LALR tables made from them.
+"""The two languages: their grammar files, and the Lark parsers that run them.
 
-The grammars themselves (`grammar/*.lark`) are Lark's. Lark turns them into tables once, with
-`python -m symcheck.syntax.generate`, which writes `symcheck.syntax.tables`; a run reads only those, so that it needs
-neither Lark nor the time to build an automaton. A test compares the tables with the grammars.
+Lark analyses a grammar in about a fifth of a second. The result is kept in the user's cache directory, under a name that has a
+digest of everything it depends on, so that a cache of another grammar or of another version is never read. Where that directory
+cannot be written, every run analyses the grammar.
 """
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Mapping
+import os
+import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
+from hashlib import sha256
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any, cast
 
-__all__ = ["Grammar", "Packed", "Rule", "load", "read"]
+import lark
 
-# What `generate` writes: terminals, literals, patterns, rules, rows, row of each state, gotos, starts.
-Packed = tuple[
-    tuple[str, ...],
-    tuple[tuple[str, int], ...],
-    tuple[tuple[int, str], ...],
-    tuple[tuple[str, int, str | None, tuple[int | None, ...]], ...],
-    tuple[tuple[int, ...], ...],
-    tuple[int, ...],
-    tuple[tuple[str | int, ...], ...],
-    tuple[tuple[str, int, int], ...],
-]
+from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
 
-_SKIP = r"(?:[ \t\r\n\f]++|//[^\r\n]*+)*+"
+__all__ = ["Language", "cache_directory", "grammar_text", "load"]
 
-
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """`head: body`, where body has `length` symbols.
-
-    `action` names the function that builds the node; None passes the only kept symbol on. `shape` lists what the
-    function gets: i is the value of symbol i, ~i the values of the list that symbol i holds, None an absent option.
-    An action of "" makes a list, for the caller to take up.
-    """
-
-    head: str
-    length: int
-    action: str | None
-    shape: tuple[int | None, ...]
+_BUILDERS: dict[str, type[Builder]] = {"prism": ModelBuilder, "properties": PropertiesBuilder}
+_STARTS = {
+    "prism": ["program", "expression", "misplaced"],
+    "properties": ["properties", "state", "misplaced"],
+}
 
 
 @dataclass(frozen=True)
-class Grammar:
-    """An LALR(1) grammar. Kinds of words are numbered as in `terminals`; the last one is the end of the text.
+class Language:
+    """A parser, and the builder that it calls. A builder serves one text at a time."""
 
-    `rows[state]` maps a kind to an action: s >= 0 shifts and goes to state s, ~r reduces by rule r.
-    `gotos[state]` maps the head of a rule to a state. `starts` maps a start symbol to its first and last state.
-    """
-
-    terminals: tuple[str, ...]
-    literals: Mapping[str, int]
-    patterns: tuple[tuple[int, str], ...]
-    rules: tuple[Rule, ...]
-    rows: tuple[Mapping[int, int], ...]
-    gotos: tuple[Mapping[str, int], ...]
-    starts: Mapping[str, tuple[int, int]]
-
-    @property
-    def end(self) -> int:
-        """The kind of the end of the text."""
-        return len(self.terminals) - 1
+    parser: lark.Lark
+    builder: Builder
 
     @cached_property
-    def kinds(self) -> Mapping[str, int]:
-        """The number of each terminal, by name."""
-        return {name: i for i, name in enumerate(self.terminals)}
-
-    @cached_property
-    def spelling(self) -> Mapping[int, str]:
-        """How the words with one spelling are written, by kind."""
-        return {kind: text for text, kind in self.literals.items()}
-
-    @cached_property
-    def scanner(self) -> re.Pattern[str]:
-        """Matches white space and comments and then one word: group i is `patterns[i-1]`, next come signs, then anything."""
-        signs = sorted((t for t in self.literals if not t[0].isalpha()), key=len, reverse=True)
-        groups = [f"({pattern})" for _, pattern in self.patterns] + [
-            f"({'|'.join(map(re.escape, signs))})",
-            "(.)",
-        ]
-        return re.compile(f"{_SKIP}(?:{'|'.join(groups)}|\\Z)", re.DOTALL)
-
-
-def read(name: str) -> str:
-    """Text of a grammar file, such as 'prism.lark': the installed one, else the repository's."""
-    from importlib import resources  # here, as it costs 5 ms and no run needs the texts
-
-    packaged = resources.files("symcheck").joinpath("grammar", name)
-    if packaged.is_file():
-        return packaged.read_text(encoding="utf-8")
-    return (Path(__file__).parents[3] / "grammar" / name).read_text(encoding="utf-8")
+    def spelling(self) -> dict[str, str]:
+        """How the words with one spelling are written, by terminal."""
+        return {
+            terminal.name: terminal.pattern.value
+            for terminal in self.parser.terminals
+            if isinstance(terminal.pattern, lark.lexer.PatternStr)
+        }
 
 
 @cache
-def load(name: str) -> Grammar:
-    """The tables of 'prism' or 'properties'."""
-    from symcheck.syntax import tables
+def load(name: str) -> Language:
+    """The language 'prism' or 'properties'."""
+    text = grammar_text(name)
+    plugin = find_spec("lark_cython") is not None
+    path = _cache_file(name, text, plugin)
+    parser = None if path is None else _load(path)
+    if parser is None:
+        parser = lark.Lark(
+            text,
+            parser="lalr",
+            lexer="basic",
+            start=_STARTS[name],
+            keep_all_tokens=True,
+            transformer=_BUILDERS[name](),
+            _plugins=_plugins() if plugin else {},
+        )
+        if path is not None:
+            _save(parser, path)
+    return Language(parser, cast(Builder, parser.options.transformer))
 
-    return unpack(
-        json.loads((tables.PRISM if name == "prism" else tables.PROPERTIES).replace("\n", ""))
-    )
+
+def grammar_text(name: str) -> str:
+    """The text of the grammar 'prism' or 'properties': the installed file, else the one of the source tree."""
+    packaged = Path(__file__).parents[1] / "grammar" / f"{name}.lark"
+    if packaged.is_file():
+        return packaged.read_text(encoding="utf-8")
+    return (Path(__file__).parents[3] / "grammar" / f"{name}.lark").read_text(encoding="utf-8")
 
 
-def unpack(packed: Packed) -> Grammar:
-    """A grammar from its generated tables."""
-    terminals, literals, patterns, rules, rows, row_of, gotos, starts = packed
-    unique = [dict(zip(row[::2], row[1::2], strict=True)) for row in rows]
-    return Grammar(
-        terminals=tuple(terminals),
-        literals=dict(literals),
-        patterns=tuple((kind, pattern) for kind, pattern in patterns),
-        rules=tuple(
-            Rule(head, length, action, tuple(shape)) for head, length, action, shape in rules
-        ),
-        rows=tuple(unique[i] for i in row_of),
-        gotos=tuple(dict(zip(g[::2], g[1::2], strict=True)) for g in gotos),  # type: ignore[arg-type]
-        starts={symbol: (first, last) for symbol, first, last in starts},
-    )
+def _plugins() -> dict[str, Any]:
+    """Compiled parts of Lark, from the package lark-cython."""
+    import lark_cython
+
+    return dict(lark_cython.plugins)
+
+
+def cache_directory() -> Path | None:
+    """`$XDG_CACHE_HOME/symcheck`, or `~/.cache/symcheck`; None for a user without a home."""
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(base, "symcheck") if os.path.isabs(base) else None
+
+
+def _cache_file(name: str, text: str, plugin: bool) -> Path | None:
+    """Where the parser of this grammar is kept, for these versions of Lark and Python."""
+    directory = cache_directory()
+    parts = (text, repr(_STARTS[name]), lark.__version__, sys.version, repr(plugin))
+    digest = sha256("\0".join(parts).encode()).hexdigest()[:32]
+    return directory and directory / f"{name}-{digest}.lark"
+
+
+def _load(path: Path) -> lark.Lark | None:
+    """The saved parser, or None where there is none that can be read."""
+    try:
+        with path.open("rb") as file:
+            return lark.Lark.load(file)
+    except Exception:  # whatever is wrong with a cache, the grammar itself is at hand
+        return None
+
+
+def _save(parser: lark.Lark, path: Path) -> None:
+    """Save a parser, whole or not at all."""
+    draft = path.with_suffix(f".{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with draft.open("wb") as file:
+            parser.save(file)
+        draft.replace(path)
+    except OSError:
+        with suppress(OSError):
+            draft.unlink()

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import gc
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
-from symcheck.errors import Diagnostic, Source, SyntaxFault, UsageError
+from lark import UnexpectedInput
+
+from symcheck.errors import NO_SPAN, Diagnostic, Source, SyntaxFault, UsageError
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.declarations import Program, PropertiesFile
-from symcheck.syntax.diagnostics import diagnose
-from symcheck.syntax.grammars import load
-from symcheck.syntax.lalr import MAX_NESTING, Parser
-from symcheck.syntax.lexer import scan
-from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
+from symcheck.syntax.grammars import Language, load
 
 __all__ = [
     "parse_expression",
@@ -26,77 +25,24 @@ __all__ = [
     "parse_properties_file",
 ]
 
-_MODEL_PARTS = frozenset({"item", "variable", "command", "reward_item"})
-_MODEL_OPENERS = [
-    *(
-        "CONST",
-        "RATE",
-        "PROB",
-        "FORMULA",
-        "GLOBAL",
-        "LABEL",
-        "MODULE",
-        "ENDMODULE",
-        "REWARDS",
-        "ENDREWARDS",
-        "INIT",
-        "SYSTEM",
-    ),
-    *("LSQB", "DTMC", "CTMC", "MDP"),
-]
-_PROPERTY_PARTS = frozenset({"property"})
-_PROPERTY_OPENERS = [
-    "CONST",
-    "FORMULA",
-    "LABEL",
-    "P",
-    "PMIN",
-    "PMAX",
-    "RELEASE",
-    "RMIN",
-    "RMAX",
-    "S",
-    "FILTER",
-    "MULTI",
-    "STRING",
-]
-
 _EASY_NESTING = 100
 _FRAMES_PER_LEVEL = 12
+_ONE_AT_A_TIME = threading.Lock()
 
 
 def parse_model(text: str, name: str = "<model>") -> Program:
     """The program that a model text writes. Raises SyntaxFault with a diagnostic for each error found."""
-    source = Source(name, text)
-    return cast(
-        Program,
-        _parse("prism", "program", source, ModelBuilder(source), _MODEL_PARTS, _MODEL_OPENERS),
-    )
+    return cast(Program, _parse("prism", "program", Source(name, text)))
 
 
 def parse_properties(text: str, name: str = "<properties>") -> PropertiesFile:
     """The properties, constants, labels and formulas of a properties text. Raises SyntaxFault."""
-    source = Source(name, text)
-    return cast(
-        PropertiesFile,
-        _parse(
-            "properties",
-            "properties",
-            source,
-            PropertiesBuilder(source),
-            _PROPERTY_PARTS,
-            _PROPERTY_OPENERS,
-        ),
-    )
+    return cast(PropertiesFile, _parse("properties", "properties", Source(name, text)))
 
 
 def parse_expression(text: str, name: str = "<expression>") -> Expression:
     """A single property or expression over states, such as `P=? [ F x=1 ] + 0.5` or `x>2`. Raises SyntaxFault."""
-    source = Source(name, text)
-    return cast(
-        Expression,
-        _parse("properties", "state", source, PropertiesBuilder(source), frozenset(), []),
-    )
+    return cast(Expression, _parse("properties", "state", Source(name, text)))
 
 
 def parse_model_file(path: str | Path) -> Program:
@@ -144,29 +90,36 @@ def _collector_paused() -> Iterator[None]:
             gc.enable()
 
 
-def _parse(
-    grammar_name: str,
-    start: str,
-    source: Source,
-    build: Builder,
-    parts: frozenset[str],
-    openers: list[str],
-) -> Any:
-    grammar = load(grammar_name)
-    with _collector_paused():
-        words = scan(source.text, grammar)
-        parser = Parser(grammar, words, build, parts, frozenset(grammar.kinds[o] for o in openers))
-        value = parser.parse(start)
-    if parser.faults or build.diagnostics:
-        found = [
-            diagnose(fault, source, grammar, words) for fault in parser.faults
-        ] + build.diagnostics
+def _parse(name: str, start: str, source: Source) -> Any:
+    language = load(name)
+    builder = language.builder
+    found: list[Diagnostic] = []
+    with _ONE_AT_A_TIME, _collector_paused():
+        builder.begin(source)
+        try:
+            value = language.parser.parse(source.text, start=start)
+            if start == "state":
+                builder.measure(value)
+        except UnexpectedInput:
+            builder.begin(source)
+            found += _faults(language, start, source)
+        found += builder.diagnostics.values()
+        deepest = builder.deepest
+        builder.begin(NO_SPAN.source)
+    if found:
         raise SyntaxFault(*_first_of_each_line(sorted(found, key=lambda d: d.span.start)))
-    if parser.deepest > _EASY_NESTING:
+    if deepest > _EASY_NESTING:
         # Later stages follow expressions by recursion, of which Python allows 1000 calls at first.
-        sys.setrecursionlimit(
-            max(
-                sys.getrecursionlimit(), 1000 + _FRAMES_PER_LEVEL * min(parser.deepest, MAX_NESTING)
-            )
-        )
+        needed = 1000 + _FRAMES_PER_LEVEL * deepest
+        sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
     return value
+
+
+def _faults(language: Language, start: str, source: Source) -> list[Diagnostic]:
+    """The diagnostics of a text that does not follow the grammar."""
+    from symcheck.syntax.diagnostics import diagnose
+    from symcheck.syntax.recovery import find_faults
+
+    return [
+        diagnose(fault, source, language) for fault in find_faults(language, start, source.text)
+    ]

@@ -8,29 +8,12 @@ from typing import assert_never
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
 from symcheck.syntax.traversal import Tree
-from symcheck.syntax.tree_builder import LONGEST_CHAIN
+from symcheck.syntax.tree_builder import LONGEST_CHAIN, PRECEDENCE, PRECEDENCE_OF_NOT
 
 __all__ = ["pretty", "pretty_number"]
 
 # How tightly an operator binds; its operands must bind as tightly or more.
-_PATH, _TEMPORAL, _CONDITIONAL, _NOT, _SIGN, _ATOM = 0, 1, 2, 7, 13, 14
-_BINARY = {
-    "=>": 3,
-    "<=>": 4,
-    "|": 5,
-    "&": 6,
-    "=": 8,
-    "!=": 8,
-    "<": 9,
-    "<=": 9,
-    ">": 9,
-    ">=": 9,
-    "+": 10,
-    "-": 10,
-    "*": 11,
-    "/": 11,
-    "^": 12,
-}
+_PATH, _TEMPORAL, _CONDITIONAL, _SIGN, _ATOM = 0, 1, 2, 13, 14
 
 Printable = Tree | decl.Program | decl.PropertiesFile | decl.Property | decl.Composition
 
@@ -90,7 +73,7 @@ def _text(node: Tree) -> tuple[str, int]:
     """The text of a node and how tightly it binds."""
     match node:
         case ast.Binary():
-            return _binary(node), _BINARY[node.operator]
+            return _binary(node), PRECEDENCE[node.operator]
         case ast.Literal(value=value):
             return _literal(value)
         case ast.Name(name=name):
@@ -98,7 +81,7 @@ def _text(node: Tree) -> tuple[str, int]:
         case ast.LabelReference(name=name):
             return f'"{name}"', _ATOM
         case ast.Unary(operator=operator, operand=operand):
-            level = _NOT if operator == "!" else _SIGN
+            level = PRECEDENCE_OF_NOT if operator == "!" else _SIGN
             return operator + _tree(operand, level), level
         case ast.Conditional(condition=condition, then=then, otherwise=otherwise):
             inner = _CONDITIONAL + 1
@@ -159,11 +142,11 @@ def _literal(value: bool | int | Fraction) -> tuple[str, int]:
 
 def _binary(node: ast.Binary) -> str:
     """An operation with all that hangs on its left at the same level, so that long chains need no recursion."""
-    operator, strength = node.operator, _BINARY[node.operator]
+    operator, strength = node.operator, PRECEDENCE[node.operator]
     if operator == "=>":
         return _implications(node, strength)
     spine = [node]
-    while isinstance(node.left, ast.Binary) and _BINARY[node.left.operator] == strength:
+    while isinstance(node.left, ast.Binary) and PRECEDENCE[node.left.operator] == strength:
         node = node.left
         spine.append(node)
     text = _tree(spine[-1].left, strength)
@@ -172,7 +155,7 @@ def _binary(node: ast.Binary) -> str:
         # The parser balances longer chains of these; parentheses keep the tree as it is.
         if length >= LONGEST_CHAIN and operator in "&|+*":
             text, length = f"({text})", 1
-        space = "" if strength >= _BINARY["="] and strength != _BINARY["+"] else " "
+        space = "" if strength >= PRECEDENCE["="] and strength != PRECEDENCE["+"] else " "
         text += _glued(f"{space}{part.operator}", space + _tree(part.right, strength + 1))
         length += 1
     return text
@@ -237,7 +220,7 @@ def _limit(bound: ast.Bound | ast.PathBound) -> str:
     """`<=k` and its kin. What is no plain number or name gets parentheses."""
     match bound:
         case ast.Bound(operator=operator, threshold=threshold):
-            return _glued(operator, _tree(threshold, _BINARY["+"]))
+            return _glued(operator, _tree(threshold, PRECEDENCE["+"]))
         case ast.RewardBound():
             return f"^{{{_count(bound)}}}"
         case ast.RewardBounds(parts=parts):

@@ -1,22 +1,35 @@
-"""Makes syntax trees: one method for every action of the grammars, f(values, start, end), so they need no docstrings.
+"""Makes syntax trees while Lark parses: one method for every rule or alias of the grammars.
 
-`values` holds what the rule keeps: nodes, and the characters of words. `start` and `end` are character offsets.
+A method gets the values of all symbols of its rule, words included, and gives the value of the rule. A word is a Lark token with
+the attributes `value`, `start_pos` and `end_pos` (offsets in characters); an absent option is None. The grammars are the reference of what each
+method gets, so the methods have no docstrings.
 """
 
 # ruff: noqa: D102
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+import sys
 from fractions import Fraction
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
-from symcheck.errors import Diagnostic, Source, Span
+from symcheck.errors import NO_SPAN, Diagnostic, Source, Span
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Expression
+from symcheck.syntax.traversal import Tree, children
 
-__all__ = ["FUNCTIONS", "LONGEST_CHAIN", "Builder", "ModelBuilder", "PropertiesBuilder"]
+__all__ = [
+    "FILTERS",
+    "FUNCTIONS",
+    "LONGEST_CHAIN",
+    "MAX_NESTING",
+    "PRECEDENCE",
+    "PRECEDENCE_OF_NOT",
+    "Builder",
+    "ModelBuilder",
+    "PropertiesBuilder",
+]
 
 FUNCTIONS = ("min", "max", "floor", "ceil", "round", "pow", "mod", "log")
 
@@ -38,9 +51,43 @@ FILTERS = (
 )
 _FILTER_SIGNS = {"+": "sum", "&": "forall", "|": "exists"}
 
+PRECEDENCE = {
+    "=>": 3,
+    "<=>": 4,
+    "|": 5,
+    "&": 6,
+    "=": 8,
+    "!=": 8,
+    "<": 9,
+    "<=": 9,
+    ">": 9,
+    ">=": 9,
+    "+": 10,
+    "-": 10,
+    "*": 11,
+    "/": 11,
+    "^": 12,
+}
+"""How tightly each binary operator binds. Only `=>` associates to the right."""
+PRECEDENCE_OF_NOT = 7
+_RIGHT_ASSOCIATIVE = frozenset({"=>"})
+_ASSOCIATIVE = frozenset("&|+*")
+
 LONGEST_CHAIN = 64
-"""Longer chains of one of & | + * are balanced, as those are associative: generated labels with thousands of disjuncts would
-otherwise nest as deep as they are long."""
+"""Longer chains of one of & | + * become balanced trees, because these operators are associative: generated labels with
+thousands of disjuncts would otherwise nest as deep as they are long."""
+
+MAX_NESTING = (
+    2000 if sys.version_info[:2] != (3, 12) else 1000 if sys.version_info >= (3, 12, 2) else 320
+)
+"""Deeper expressions are refused, because later stages follow them by recursion.
+
+CPython 3.12 alone has a fixed limit for recursion that passes through C, as the comparison and hashing of trees do; its first
+two releases had a third of the limit of the others.
+"""
+
+_SHALLOW = 100
+"""The depth of an expression is not measured up to this length in characters: each level takes at least one character."""
 
 _LARGEST_INT = 2**63 - 1
 _LARGEST_DOUBLE = Fraction(1.7976931348623157e308)
@@ -48,43 +95,98 @@ _MOST_DIGITS = 4000
 _LARGEST_EXPONENT = 5000
 
 Values = list[Any]
+Chain = list[Any]
+"""Operands and the operators between them: operand, operator, operand, …"""
+
+
+class Structure(NamedTuple):
+    """The name or the index of a reward structure in braces, and where it stands."""
+
+    value: str | Expression
+    start_pos: int
+    end_pos: int
 
 
 class Builder:
-    """Expressions, constants, formulas and labels. `diagnostics` gathers what the grammar cannot tell."""
+    """Expressions, constants, formulas and labels.
 
-    def __init__(self, source: Source) -> None:
+    `begin` starts a text. Afterwards `diagnostics` holds what is wrong with it beyond the grammar, and `deepest` the
+    depth of the deepest of its long expressions. One builder serves one text at a time.
+    """
+
+    def __init__(self) -> None:
+        self.begin(NO_SPAN.source)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), ()
+
+    def begin(self, source: Source) -> None:
+        """Forget the last text and start this one."""
         self.source = source
-        self.diagnostics: list[Diagnostic] = []
-        # The last node that was balanced: it nests no deeper than the one before it.
-        self.balanced: ast.Binary | None = None
-        # By id of the last node of an operator chain: its first offset, and its parts (length, tree).
-        self._chains: dict[int, tuple[Expression, list[tuple[int, Expression]]]] = {}
+        self.diagnostics: dict[tuple[int, str], Diagnostic] = {}
+        self.deepest = 0
+        # By id of a node in parentheses: the offsets of the parentheses, and the node to keep its id in use.
+        self._outer: dict[int, tuple[int, int, Any]] = {}
 
-    def _span(self, start: int, end: int) -> Span:
-        return Span(self.source, start, end)
+    # -------------------------------------------------------------------------------------------- positions
 
-    def _wrong(
-        self, message: str, start: int, end: int, code: str, hint: str | None = None
-    ) -> None:
-        self.diagnostics.append(Diagnostic(message, Span(self.source, start, end), code, hint))
+    def _start(self, part: Any) -> int:
+        if isinstance(part, ast.Node):
+            outer = self._outer.get(id(part))
+            return part.span.start if outer is None else outer[0]
+        return cast(int, part.start_pos)
+
+    def _end(self, part: Any) -> int:
+        if isinstance(part, ast.Node):
+            outer = self._outer.get(id(part))
+            return part.span.end if outer is None else outer[1]
+        return cast(int, part.end_pos)
+
+    def _span(self, values: Values) -> Span:
+        return Span(self.source, self._start(values[0]), self._end(values[-1]))
+
+    def _words(self, values: Values) -> Span:
+        """The span of values of which the first and the last are words."""
+        return Span(self.source, values[0].start_pos, values[-1].end_pos)
+
+    def _wrong(self, message: str, span: Span, code: str, hint: str | None = None) -> None:
+        self.diagnostics.setdefault((span.start, message), Diagnostic(message, span, code, hint))
+
+    def measure(self, tree: Any) -> Any:
+        """A complete expression, or None. Measures its depth if it is long."""
+        if tree is None or tree.span.end - tree.span.start <= _SHALLOW:
+            return tree
+        depth, level = 1, list[Tree](children(tree))
+        while level:
+            depth += 1
+            if depth > MAX_NESTING:
+                self._wrong(
+                    f"nested more than {MAX_NESTING} levels deep",
+                    level[-1].span,
+                    "nesting",
+                    "give parts of it names with formula … = …;",
+                )
+                break
+            level = [child for node in level for child in children(node)]
+        self.deepest = max(self.deepest, depth)
+        return tree
 
     # -------------------------------------------------------------------------------------------- expressions
 
-    def integer(self, values: Values, start: int, end: int) -> ast.Literal:
-        digits: str = values[0]
-        span = Span(self.source, start, end)
+    def integer(self, values: Values) -> ast.Literal:
+        digits: str = values[0].value
         if len(digits) > 1 and digits[0] == "0":
-            return self.real(values, start, end)
+            return self.real(values)
+        span = self._words(values)
         if len(digits) > 19 or int(digits) > _LARGEST_INT:
             hint = f"integers end at {_LARGEST_INT}; a double may be larger, such as 1e20"
-            self._wrong("this integer is too large", start, end, "number", hint)
+            self._wrong("this integer is too large", span, "number", hint)
             return ast.Literal(0, ast.Type.INT, span=span)
         return ast.Literal(int(digits), ast.Type.INT, span=span)
 
-    def real(self, values: Values, start: int, end: int) -> ast.Literal:
-        span = Span(self.source, start, end)
-        mantissa, _, exponent = values[0].lower().partition("e")
+    def real(self, values: Values) -> ast.Literal:
+        span = self._words(values)
+        mantissa, _, exponent = values[0].value.lower().partition("e")
         value: Fraction | None = None
         if len(mantissa) <= _MOST_DIGITS and len(exponent) <= _MOST_DIGITS:
             power = int(exponent or "0")
@@ -93,92 +195,169 @@ class Builder:
             elif abs(power) <= _LARGEST_EXPONENT:
                 value = Fraction(mantissa) * Fraction(10) ** power
         if value is None or value > _LARGEST_DOUBLE:
-            self._wrong(
-                "this number is out of range",
-                start,
-                end,
-                "number",
-                "doubles reach from about 1e-308 to 1.8e308",
-            )
+            hint = "doubles reach from about 1e-308 to 1.8e308"
+            self._wrong("this number is out of range", span, "number", hint)
             value = Fraction(0)
         return ast.Literal(value, ast.Type.DOUBLE, span=span)
 
-    def truth(self, values: Values, start: int, end: int) -> ast.Literal:
-        return ast.Literal(values[0] == "true", ast.Type.BOOL, span=Span(self.source, start, end))
+    def truth(self, values: Values) -> ast.Literal:
+        return ast.Literal(values[0].value == "true", ast.Type.BOOL, span=self._words(values))
 
-    def name(self, values: Values, start: int, end: int) -> ast.Name:
-        return ast.Name(values[0], span=Span(self.source, start, end))
+    def name(self, values: Values) -> ast.Name:
+        word = values[0]
+        return ast.Name(word.value, span=Span(self.source, word.start_pos, word.end_pos))
 
-    def unary(self, values: Values, start: int, end: int) -> ast.Unary:
-        return ast.Unary(values[0], values[1], span=Span(self.source, start, end))
+    def parentheses(self, values: Values) -> Any:
+        opening, inner, closing = values
+        self._outer[id(inner)] = (opening.start_pos, closing.end_pos, inner)
+        return inner
 
-    def binary(self, values: Values, start: int, end: int) -> ast.Binary:
-        left, operator, right = values
-        node = ast.Binary(operator, left, right, span=Span(self.source, start, end))
-        return self._chained(node, start) if operator in "&|+*" else node
+    def minus(self, values: Values) -> ast.Unary:
+        sign, operand = values
+        if self._is_open_negation(operand):
+            self._misplaced_negation(operand, sign.value)
+        return ast.Unary("-", operand, span=self._span(values))
 
-    def _chained(self, node: ast.Binary, start: int) -> ast.Binary:
-        """Keep count of a chain `a op b op …`, and balance it where it gets long: as equal halves of halves, oldest first."""
-        left = node.left
-        last, parts = self._chains.pop(id(left), (None, []))
-        unbroken = (
-            last is left
-            and isinstance(left, ast.Binary)
-            and left.operator == node.operator
-            and left.span.start == start
+    def negation(self, values: Values) -> ast.Unary:
+        return ast.Unary("!", values[1], span=self._span(values))
+
+    def _is_open_negation(self, operand: Any) -> bool:
+        """Whether this is `!x` without parentheses around it, so that operators may bind x more tightly."""
+        return (
+            type(operand) is ast.Unary
+            and operand.operator == "!"
+            and id(operand) not in self._outer
         )
-        if not unbroken:
-            parts = [(1, left)]
-        if len(parts) == 1 and parts[0][0] < LONGEST_CHAIN:
-            parts = [(parts[0][0] + 1, node)]
+
+    def _misplaced_negation(self, operand: ast.Unary, before: str) -> None:
+        span = Span(self.source, operand.span.start, operand.span.start + 1)
+        hint = f"put it in parentheses: {before} (!…)"
+        self._wrong(f"'!' cannot stand behind '{before}'", span, "negation", hint)
+
+    def chain(self, values: Values) -> Chain:
+        left, operator, right = values
+        if type(left) is list:
+            left += (operator.value, right)
+            return left
+        return [left, operator.value, right]
+
+    def operation(self, values: Values) -> Any:
+        return self._resolved(values[0])
+
+    def _resolved(self, chain: Any) -> Any:
+        """The tree of a chain of operands and operators, by operator precedence; any other value as it is.
+
+        Operands wait on one stack, operators with the number of their operands on another one. An operator is applied as
+        soon as one follows that does not bind more tightly. Source: Aho, Lam, Sethi and Ullman (2007), exercise 2.4; Dijkstra's
+        shunting yard.
+        """
+        if type(chain) is not list:
+            return chain
+        operands: list[tuple[Any, int, int]] = []
+        waiting: list[
+            tuple[int, str, int, int]
+        ] = []  # precedence, operator, operands, start of a negation
+        last = len(chain) - 1
+        for i in range(0, last + 1, 2):
+            operand = chain[i]
+            if i:
+                operator = chain[i - 1]
+                strength = PRECEDENCE[operator]
+                count = 2
+                while waiting and waiting[-1][0] >= strength:
+                    if waiting[-1][0] == strength:
+                        if operator in _RIGHT_ASSOCIATIVE:
+                            break
+                        if operator in _ASSOCIATIVE and waiting[-1][1] == operator:
+                            count = waiting.pop()[2] + 1
+                            break
+                    self._apply(operands, *waiting.pop())
+                waiting.append((strength, operator, count, 0))
+                if strength > PRECEDENCE_OF_NOT and self._is_open_negation(operand):
+                    self._misplaced_negation(operand, operator)
+            end = self._end(operand)
+            if i < last and PRECEDENCE[chain[i + 1]] > PRECEDENCE_OF_NOT:
+                while self._is_open_negation(operand):
+                    waiting.append((PRECEDENCE_OF_NOT, "!", 1, operand.span.start))
+                    operand = operand.operand
+            operands.append((operand, self._start(operand), end))
+        while waiting:
+            self._apply(operands, *waiting.pop())
+        return operands[0][0]
+
+    def _apply(
+        self, operands: list[tuple[Any, int, int]], _: int, operator: str, count: int, at: int
+    ) -> None:
+        """Replace the last operands by the operator applied to them."""
+        right, start, end = operands.pop()
+        if operator == "!":
+            node: Any = ast.Unary("!", right, span=Span(self.source, at, end))
+            operands.append((node, at, end))
+        elif count == 2:
+            left, start, _ = operands.pop()
+            span = Span(self.source, start, end)
+            operands.append((ast.Binary(operator, left, right, span=span), start, end))
         else:
-            parts.append((1, node.right))
-            while len(parts) > 1 and parts[-2][0] <= parts[-1][0]:
-                (m, a), (n, b) = parts[-2:]
-                parts[-2:] = [(m + n, ast.Binary(node.operator, a, b, span=a.span | b.span))]
-            tree = parts[0][1]
-            for _, part in parts[1:]:
-                tree = ast.Binary(node.operator, tree, part, span=tree.span | part.span)
-            node = self.balanced = replace(cast(ast.Binary, tree), span=node.span)
-        self._chains[id(node)] = (node, parts)
-        return node
+            parts = [*operands[1 - count :], (right, start, end)]
+            del operands[1 - count :]
+            if count <= LONGEST_CHAIN:
+                first = parts[0]
+                for part in parts[1:]:
+                    first = self._joined(operator, first, part)
+                parts = [first]
+            while len(parts) > 1:
+                pairs = zip(parts[::2], parts[1::2], strict=False)
+                odd = parts[-1:] if len(parts) % 2 else []
+                parts = [self._joined(operator, a, b) for a, b in pairs] + odd
+            operands.append(parts[0])
 
-    def conditional(self, values: Values, start: int, end: int) -> ast.Conditional:
-        return ast.Conditional(*values, span=Span(self.source, start, end))
+    def _joined(
+        self, operator: str, a: tuple[Any, int, int], b: tuple[Any, int, int]
+    ) -> tuple[Any, int, int]:
+        span = Span(self.source, a[1], b[2])
+        return ast.Binary(operator, a[0], b[0], span=span), a[1], b[2]
 
-    def call(self, values: Values, start: int, end: int) -> ast.Call:
-        function = values[0]
+    def conditional(self, values: Values) -> ast.Conditional:
+        condition, _, then, _, otherwise = values
+        condition = self._resolved(condition)
+        span = Span(self.source, self._start(condition), self._end(otherwise))
+        return ast.Conditional(condition, self._resolved(then), otherwise, span=span)
+
+    def arguments(self, values: Values) -> tuple[Expression, ...]:
+        return tuple(values[::2])
+
+    def call(self, values: Values) -> ast.Call:
+        function = values[0 if len(values) == 4 else 2].value
         if function not in FUNCTIONS:
-            self._wrong(
-                f"there is no function '{function}'",
-                start,
-                end,
-                "function",
-                f"the functions are {', '.join(FUNCTIONS)}",
-            )
-        return ast.Call(function, tuple(values[1:]), span=Span(self.source, start, end))
+            hint = f"the functions are {', '.join(FUNCTIONS)}"
+            self._wrong(f"there is no function '{function}'", self._words(values), "function", hint)
+        return ast.Call(function, values[-2], span=self._words(values))
 
     # -------------------------------------------------------------------------------------------- constants, formulas, labels
 
-    def constant(self, values: Values, start: int, end: int) -> decl.Constant:
-        type_, name, value = values
-        kind = ast.Type.DOUBLE if type_ in ("rate", "prob") else ast.Type(type_ or "int")
-        return decl.Constant(name, kind, value, span=Span(self.source, start, end))
+    def constant(self, values: Values) -> decl.Constant:
+        if len(values) == 6:
+            _, type_, name, _, value, _ = values
+            kind = ast.Type(type_.value if type_ else "int")
+        else:
+            _, name, _, value, _ = values
+            kind = ast.Type.DOUBLE
+        return decl.Constant(name.value, kind, self.measure(value), span=self._words(values))
 
-    def formula(self, values: Values, start: int, end: int) -> decl.Formula:
-        return decl.Formula(values[0], values[1], span=Span(self.source, start, end))
+    def formula(self, values: Values) -> decl.Formula:
+        return decl.Formula(values[1].value, self.measure(values[3]), span=self._words(values))
 
-    def label(self, values: Values, start: int, end: int) -> decl.Label:
-        return decl.Label(_unquoted(values[0]), values[1], span=Span(self.source, start, end))
+    def label(self, values: Values) -> decl.Label:
+        return decl.Label(_unquoted(values[1]), self.measure(values[3]), span=self._words(values))
 
 
 class ModelBuilder(Builder):
-    """The actions of prism.lark."""
+    """The methods of prism.lark."""
 
-    def model_type(self, values: Values, start: int, end: int) -> tuple[ast.ModelType, Span]:
-        return _MODEL_TYPES[values[0]], Span(self.source, start, end)
+    def model_type(self, values: Values) -> tuple[ast.ModelType, Span]:
+        return _MODEL_TYPES[values[0].value], self._words(values)
 
-    def program(self, values: Values, start: int, end: int) -> decl.Program:
+    def program(self, values: Values) -> decl.Program:
         def those(kind: Any) -> tuple[Any, ...]:
             return tuple(v for v in values if isinstance(v, kind))
 
@@ -193,294 +372,298 @@ class ModelBuilder(Builder):
             rewards=those(decl.RewardStructure),
             initial=self._single([v[1:] for v in tagged if v[0] == "init"], "init … endinit"),
             system=self._single([v[1:] for v in tagged if v[0] == "system"], "system … endsystem"),
-            span=Span(self.source, start, end),
+            span=Span(self.source, 0, len(self.source.text)),
         )
 
     def _single(self, found: list[tuple[Any, Span]], what: str) -> Any:
         for _, span in found[1:]:
-            self._wrong(
-                f"a second {what}",
-                span.start,
-                span.end,
-                "repeated",
-                f"a model has one {what} at most",
-            )
+            self._wrong(f"a second {what}", span, "repeated", f"a model has one {what} at most")
         return found[0][0] if found else None
 
-    def initial(self, values: Values, start: int, end: int) -> tuple[str, Expression, Span]:
-        return "init", values[0], Span(self.source, start, end)
+    def initial(self, values: Values) -> tuple[str, Expression, Span]:
+        return "init", self.measure(values[1]), self._words(values)
 
-    def system(self, values: Values, start: int, end: int) -> tuple[str, decl.Composition, Span]:
-        return "system", values[0], Span(self.source, start, end)
+    def system(self, values: Values) -> tuple[str, decl.Composition, Span]:
+        return "system", values[1], self._words(values)
 
     # -------------------------------------------------------------------------------------------- modules
 
-    def ranged(self, values: Values, start: int, end: int) -> decl.VariableDeclaration:
-        name, low, high, initial = values
-        return decl.VariableDeclaration(
-            name, ast.Type.INT, low, high, initial, span=Span(self.source, start, end)
-        )
+    def ranged(self, values: Values) -> decl.VariableDeclaration:
+        name, _, _, low, _, high, _, _, initial, _ = values
+        low, high, initial = self.measure(low), self.measure(high), self.measure(initial)
+        span = self._words(values)
+        return decl.VariableDeclaration(name.value, ast.Type.INT, low, high, initial, span=span)
 
-    def unranged(self, values: Values, start: int, end: int) -> decl.VariableDeclaration:
-        name, type_, initial = values
-        return decl.VariableDeclaration(
-            name, ast.Type(type_), None, None, initial, span=Span(self.source, start, end)
-        )
+    def unranged(self, values: Values) -> decl.VariableDeclaration:
+        name, _, type_, _, initial, _ = values
+        kind, initial = ast.Type(type_.value), self.measure(initial)
+        span = self._words(values)
+        return decl.VariableDeclaration(name.value, kind, None, None, initial, span=span)
 
-    def global_variable(self, values: Values, _start: int, _end: int) -> decl.VariableDeclaration:
-        return cast(decl.VariableDeclaration, values[0])
+    def global_variable(self, values: Values) -> decl.VariableDeclaration:
+        return cast(decl.VariableDeclaration, values[1])
 
-    def module(self, values: Values, start: int, end: int) -> decl.Module:
-        name, *parts = values
+    def module(self, values: Values) -> decl.Module:
+        name, parts = values[1].value, values[2:-1]
         variables = tuple(p for p in parts if isinstance(p, decl.VariableDeclaration))
-        return decl.Module(
-            name, variables, tuple(parts[len(variables) :]), span=Span(self.source, start, end)
-        )
+        commands = tuple(parts[len(variables) :])
+        return decl.Module(name, variables, commands, span=self._words(values))
 
-    def command(self, values: Values, start: int, end: int) -> decl.Command:
-        action, guard, *updates = values
-        return decl.Command(action, guard, tuple(updates), span=Span(self.source, start, end))
+    def command(self, values: Values) -> decl.Command:
+        _, action, _, guard, _, updates, _ = values
+        self._outer.clear()
+        name = action and action.value
+        return decl.Command(name, self.measure(guard), updates, span=self._words(values))
 
-    def certain(self, values: Values, start: int, end: int) -> decl.Update:
-        return decl.Update(None, tuple(values), span=Span(self.source, start, end))
+    def updates(self, values: Values) -> tuple[decl.Update, ...]:
+        return tuple(values[::2])
 
-    def update(self, values: Values, start: int, end: int) -> decl.Update:
-        return decl.Update(values[0], tuple(values[1:]), span=Span(self.source, start, end))
+    def certain(self, values: Values) -> decl.Update:
+        assignments, span = values[0]
+        return decl.Update(None, assignments, span=span)
 
-    def assignment(self, values: Values, start: int, end: int) -> decl.Assignment:
-        return decl.Assignment(values[0], values[1], span=Span(self.source, start, end))
+    def update(self, values: Values) -> decl.Update:
+        probability, _, (assignments, span) = values
+        span = Span(self.source, self._start(probability), span.end)
+        return decl.Update(self.measure(probability), assignments, span=span)
 
-    def renamed_module(self, values: Values, start: int, end: int) -> decl.RenamedModule:
-        name, base, *pairs = values
-        return decl.RenamedModule(name, base, tuple(pairs), span=Span(self.source, start, end))
+    def assignments(self, values: Values) -> tuple[tuple[decl.Assignment, ...], Span]:
+        found = tuple(v for v in values[::2] if isinstance(v, decl.Assignment))
+        return found, self._span(values)
 
-    def rename(self, values: Values, _start: int, _end: int) -> tuple[str, str]:
-        return values[0], values[1]
+    def assignment(self, values: Values) -> decl.Assignment:
+        _, variable, _, _, value, _ = values
+        return decl.Assignment(variable.value, self.measure(value), span=self._words(values))
+
+    def renamed_module(self, values: Values) -> decl.RenamedModule:
+        _, name, _, base, _, *pairs, _, _ = values
+        span = self._words(values)
+        return decl.RenamedModule(name.value, base.value, tuple(pairs[::2]), span=span)
+
+    def rename(self, values: Values) -> tuple[str, str]:
+        return values[0].value, values[2].value
 
     # -------------------------------------------------------------------------------------------- rewards
 
-    def rewards(self, values: Values, start: int, end: int) -> decl.RewardStructure:
-        name, *items = values
+    def rewards(self, values: Values) -> decl.RewardStructure:
+        _, name, *items, _ = values
         return decl.RewardStructure(
-            name and _unquoted(name), tuple(items), span=Span(self.source, start, end)
+            name and _unquoted(name), tuple(items), span=self._words(values)
         )
 
-    def state_reward(self, values: Values, start: int, end: int) -> decl.RewardItem:
-        return decl.RewardItem(False, values[0], values[1], span=Span(self.source, start, end))
+    def state_reward(self, values: Values) -> decl.RewardItem:
+        guard, _, value, _ = values
+        span = self._span(values)
+        return decl.RewardItem(False, self.measure(guard), self.measure(value), span=span)
 
-    def transition_reward(self, values: Values, start: int, end: int) -> decl.RewardItem:
-        return decl.RewardItem(values[0], values[1], values[2], span=Span(self.source, start, end))
+    def transition_reward(self, values: Values) -> decl.RewardItem:
+        _, action, _, guard, _, value, _ = values
+        action, span = action and action.value, self._words(values)
+        return decl.RewardItem(action, self.measure(guard), self.measure(value), span=span)
 
     # -------------------------------------------------------------------------------------------- composition
 
-    def parallel(self, values: Values, start: int, end: int) -> decl.Parallel:
-        return decl.Parallel(tuple(values), span=Span(self.source, start, end))
+    def parallel(self, values: Values) -> decl.Parallel:
+        return decl.Parallel(tuple(values[::2]), span=self._span(values))
 
-    def interleaving(self, values: Values, start: int, end: int) -> decl.Interleaving:
-        return decl.Interleaving(tuple(values), span=Span(self.source, start, end))
+    def interleaving(self, values: Values) -> decl.Interleaving:
+        return decl.Interleaving(tuple(values[::2]), span=self._span(values))
 
-    def synchronised(self, values: Values, start: int, end: int) -> decl.Synchronised:
-        return decl.Synchronised(
-            values[0], values[-1], tuple(values[1:-1]), span=Span(self.source, start, end)
-        )
+    def synchronised(self, values: Values) -> decl.Synchronised:
+        left, _, actions, _, right = values
+        return decl.Synchronised(left, right, actions, span=self._span(values))
 
-    def hiding(self, values: Values, start: int, end: int) -> decl.Hiding:
-        return decl.Hiding(values[0], tuple(values[1:]), span=Span(self.source, start, end))
+    def hiding(self, values: Values) -> decl.Hiding:
+        return decl.Hiding(values[0], values[3], span=self._span(values))
 
-    def renaming(self, values: Values, start: int, end: int) -> decl.Renaming:
-        return decl.Renaming(values[0], tuple(values[1:]), span=Span(self.source, start, end))
+    def renaming(self, values: Values) -> decl.Renaming:
+        return decl.Renaming(values[0], tuple(values[2:-1:2]), span=self._span(values))
 
-    def action_pair(self, values: Values, _start: int, _end: int) -> tuple[str, str]:
-        return values[0], values[1]
+    def actions(self, values: Values) -> tuple[str, ...]:
+        return tuple(v.value for v in values[::2])
 
-    def module_reference(self, values: Values, start: int, end: int) -> decl.ModuleReference:
-        return decl.ModuleReference(values[0], span=Span(self.source, start, end))
+    def action_pair(self, values: Values) -> tuple[str, str]:
+        return values[0].value, values[2].value
+
+    def module_reference(self, values: Values) -> decl.ModuleReference:
+        return decl.ModuleReference(values[0].value, span=self._words(values))
 
 
 class PropertiesBuilder(Builder):
-    """The actions of properties.lark."""
+    """The methods of properties.lark."""
 
-    def properties(self, values: Values, start: int, end: int) -> decl.PropertiesFile:
+    def properties(self, values: Values) -> decl.PropertiesFile:
         def those(kind: Any) -> tuple[Any, ...]:
             return tuple(v for v in values if isinstance(v, kind))
 
-        span = Span(self.source, start, end)
         return decl.PropertiesFile(
             those(decl.Constant),
             those(decl.Formula),
             those(decl.Label),
             those(decl.Property),
-            span=span,
+            span=Span(self.source, 0, len(self.source.text)),
         )
 
-    def property(self, values: Values, start: int, end: int) -> decl.Property:
-        name, formula = values
-        called = _CALLED.search(self.source.text, start, min(end + 40, len(self.source.text)))
-        if called and called.end(1) == end:
+    def property(self, values: Values) -> decl.Property:
+        name, _, formula = values
+        text = self.source.text
+        start, end = self._start(name or formula), self._end(formula)
+        word = _LAST_WORD.search(text, max(start, end - _LONGEST_WORD), end)
+        if word and _OPENING.match(text, end):
             hint = f"the functions are {', '.join(FUNCTIONS)}"
-            self._wrong(
-                f"there is no function '{called[1]}'", called.start(1), end, "function", hint
-            )
-        return decl.Property(
-            name and _unquoted(name),
-            formula,
-            comments_above(self.source.text, start),
-            span=Span(self.source, start, end),
-        )
+            span = Span(self.source, word.start(), end)
+            self._wrong(f"there is no function '{word[0]}'", span, "function", hint)
+        span = Span(self.source, start, end)
+        comments = comments_above(text, start)
+        self._outer.clear()
+        return decl.Property(name and _unquoted(name), self.measure(formula), comments, span=span)
 
-    def reference(self, values: Values, start: int, end: int) -> ast.LabelReference:
-        return ast.LabelReference(_unquoted(values[0]), span=Span(self.source, start, end))
+    def reference(self, values: Values) -> ast.LabelReference:
+        return ast.LabelReference(_unquoted(values[0]), span=self._words(values))
 
     # -------------------------------------------------------------------------------------------- paths
 
-    def unary_path(self, values: Values, start: int, end: int) -> ast.PathFormula:
+    def unary_path(self, values: Values) -> ast.PathFormula:
         operator, bound, operand = values
-        return cast(
-            ast.PathFormula,
-            _UNARY_PATHS[operator](operand, bound, span=Span(self.source, start, end)),
-        )
+        node = _UNARY_PATHS[operator.value](operand, bound, span=self._span(values))
+        return cast(ast.PathFormula, node)
 
-    def binary_path(self, values: Values, start: int, end: int) -> ast.PathFormula:
+    def binary_path(self, values: Values) -> ast.PathFormula:
         left, operator, bound, right = values
-        return cast(
-            ast.PathFormula,
-            _BINARY_PATHS[operator](left, right, bound, span=Span(self.source, start, end)),
-        )
+        node = _BINARY_PATHS[operator.value](left, right, bound, span=self._span(values))
+        return cast(ast.PathFormula, node)
 
-    def time_bound(self, values: Values, start: int, end: int) -> ast.TimeBound:
-        operator, limit = values
-        span = Span(self.source, start, end)
+    def time_bound(self, values: Values) -> ast.TimeBound:
+        operator, limit = values[0].value, values[1]
+        span = self._span(values)
         if operator == "=":
             return ast.TimeBound(limit, False, limit, False, span=span)
         if operator in ("<", "<="):
             return ast.TimeBound(upper=limit, upper_strict=operator == "<", span=span)
         return ast.TimeBound(lower=limit, lower_strict=operator == ">", span=span)
 
-    def time_interval(self, values: Values, start: int, end: int) -> ast.TimeBound:
-        return ast.TimeBound(lower=values[0], upper=values[1], span=Span(self.source, start, end))
+    def time_interval(self, values: Values) -> ast.TimeBound:
+        return ast.TimeBound(lower=values[1], upper=values[3], span=self._words(values))
 
-    def reward_bound(
-        self, values: Values, start: int, end: int
-    ) -> ast.RewardBound | ast.RewardBounds:
-        return (
-            values[0]
-            if len(values) == 1
-            else ast.RewardBounds(tuple(values), span=Span(self.source, start, end))
-        )
+    def reward_bound(self, values: Values) -> ast.RewardBound | ast.RewardBounds:
+        parts = tuple(v for v in values if isinstance(v, ast.RewardBound))
+        return parts[0] if len(parts) == 1 else ast.RewardBounds(parts, span=self._span(values))
 
-    def count(self, values: Values, start: int, end: int) -> ast.RewardBound:
+    def count(self, values: Values) -> ast.RewardBound:
         word, structure, extent = values
-        if word != ("steps" if structure is None else "rew"):
+        span = self._span(values)
+        if word.value != ("steps" if structure is None else "rew"):
             hint = 'a bound on a reward is written ^{rew{"name"}<=k}, one on steps ^{steps<=k}'
-            self._wrong(f"'{word}' is no kind of bound", start, end, "bound", hint)
-        return self.plain_count([structure, extent], start, end)
+            self._wrong(f"'{word.value}' is no kind of bound", span, "bound", hint)
+        return _reward_bound(structure, extent, span)
 
-    def plain_count(self, values: Values, start: int, end: int) -> ast.RewardBound:
+    def plain_count(self, values: Values) -> ast.RewardBound:
         structure, extent = values
-        return ast.RewardBound(
-            structure,
-            extent.lower,
-            extent.lower_strict,
-            extent.upper,
-            extent.upper_strict,
-            span=Span(self.source, start, end),
-        )
+        return _reward_bound(structure, extent, self._span(values))
 
     # -------------------------------------------------------------------------------------------- operators on states
 
-    def value(self, _values: Values, _start: int, _end: int) -> None:
+    def value(self, _: Values) -> None:
         return None
 
-    def threshold(self, values: Values, start: int, end: int) -> ast.Bound:
-        return ast.Bound(values[0], values[1], span=Span(self.source, start, end))
+    def threshold(self, values: Values) -> ast.Bound:
+        return ast.Bound(values[0].value, values[1], span=self._span(values))
 
-    def direction(self, values: Values, _start: int, _end: int) -> str:
-        return cast(str, values[0])
+    def probability(self, values: Values) -> Expression:
+        _, direction, bound, _, path, old, _ = values
+        return self._probability(direction and direction.value, bound, path, old, values)
 
-    def glued(self, values: Values, _start: int, _end: int) -> str:
-        return cast(str, values[0][1:])
+    def probability_glued(self, values: Values) -> Expression:
+        word, bound, _, path, old, _ = values
+        return self._probability(word.value[1:], bound, path, old, values)
 
-    def probability(self, values: Values, start: int, end: int) -> Expression:
-        direction, bound, path, old = values
-        return self._filtered(
-            ast.ProbabilityOperator(direction, bound, path, span=Span(self.source, start, end)), old
-        )
+    def _probability(
+        self, direction: Any, bound: Any, path: Any, old: Any, values: Values
+    ) -> Expression:
+        span = self._words(values)
+        return _filtered(ast.ProbabilityOperator(direction, bound, path, span=span), old)
 
-    def reward(self, values: Values, start: int, end: int) -> Expression:
-        structure, direction, bound, query, old = values
-        return self._filtered(
-            ast.RewardOperator(
-                structure, direction, bound, query, span=Span(self.source, start, end)
-            ),
-            old,
-        )
+    def reward(self, values: Values) -> Expression:
+        _, structure, direction, bound, _, query, old, _ = values
+        word = direction and direction.value
+        return self._reward(structure and structure.value, word, bound, query, old, values)
 
-    def reward_of_first(self, values: Values, start: int, end: int) -> Expression:
-        return self.reward([None, *values], start, end)
+    def reward_glued(self, values: Values) -> Expression:
+        word, bound, _, query, old, _ = values
+        return self._reward(None, word.value[1:], bound, query, old, values)
 
-    def steady(self, values: Values, start: int, end: int) -> Expression:
-        direction, bound, formula, old = values
-        return self._filtered(
-            ast.SteadyState(bound, formula, direction, span=Span(self.source, start, end)), old
-        )
+    def _reward(
+        self, structure: Any, direction: Any, bound: Any, query: Any, old: Any, values: Values
+    ) -> Expression:
+        span = self._words(values)
+        return _filtered(ast.RewardOperator(structure, direction, bound, query, span=span), old)
 
-    def steady_glued(self, values: Values, start: int, end: int) -> Expression:
-        return self.steady(
-            [values[0].removeprefix("S").removeprefix("LRA") or None, *values[1:]], start, end
-        )
+    def steady(self, values: Values) -> Expression:
+        _, direction, bound, _, formula, old, _ = values
+        span = self._words(values)
+        word = direction and direction.value
+        return _filtered(ast.SteadyState(bound, formula, word, span=span), old)
 
-    def quantifier(self, values: Values, start: int, end: int) -> ast.PathQuantifier:
-        return ast.PathQuantifier(values[0], values[1], span=Span(self.source, start, end))
+    def steady_glued(self, values: Values) -> Expression:
+        word, bound, _, formula, old, _ = values
+        direction = word.value.removeprefix("S").removeprefix("LRA") or None
+        span = self._words(values)
+        return _filtered(ast.SteadyState(bound, formula, direction, span=span), old)
 
-    def multi(self, values: Values, start: int, end: int) -> ast.MultiObjective:
-        return ast.MultiObjective(tuple(values[1:]), span=Span(self.source, start, end))
+    def quantifier(self, values: Values) -> ast.PathQuantifier:
+        return ast.PathQuantifier(values[0].value, values[2], span=self._words(values))
 
-    def structure_name(self, values: Values, _start: int, _end: int) -> str:
-        return _unquoted(values[0])
+    def multi(self, values: Values) -> ast.MultiObjective:
+        return ast.MultiObjective(values[2], span=self._words(values))
 
-    def structure_index(self, values: Values, _start: int, _end: int) -> Expression:
-        return cast(Expression, values[0])
+    def structure(self, values: Values) -> Structure:
+        opening, inner, closing = values
+        value = inner if isinstance(inner, ast.Node) else _unquoted(inner)
+        return Structure(cast("str | Expression", value), opening.start_pos, closing.end_pos)
 
-    def total(self, _values: Values, start: int, end: int) -> ast.TotalReward:
-        return ast.TotalReward(span=Span(self.source, start, end))
+    def total(self, values: Values) -> ast.TotalReward:
+        return ast.TotalReward(span=self._words(values))
 
-    def cumulative(self, values: Values, start: int, end: int) -> ast.CumulativeReward:
-        bound = ast.TimeBound(upper=values[0], span=Span(self.source, start + 1, end))
-        return ast.CumulativeReward(bound, span=Span(self.source, start, end))
+    def cumulative(self, values: Values) -> ast.CumulativeReward:
+        bound = ast.TimeBound(upper=values[2], span=self._span(values[1:]))
+        return ast.CumulativeReward(bound, span=self._span(values))
 
-    def instantaneous(self, values: Values, start: int, end: int) -> ast.InstantaneousReward:
-        return ast.InstantaneousReward(values[0], span=Span(self.source, start, end))
+    def instantaneous(self, values: Values) -> ast.InstantaneousReward:
+        return ast.InstantaneousReward(values[2], span=self._span(values))
 
-    def long_run(self, _values: Values, start: int, end: int) -> ast.SteadyStateReward:
-        return ast.SteadyStateReward(span=Span(self.source, start, end))
+    def long_run(self, values: Values) -> ast.SteadyStateReward:
+        return ast.SteadyStateReward(span=self._words(values))
 
     # -------------------------------------------------------------------------------------------- filters
 
-    def filter(self, values: Values, start: int, end: int) -> ast.Filter:
-        word: str
-        word, formula, states = values
-        operator = _FILTER_SIGNS.get(word, word)
+    def filter(self, values: Values) -> ast.Filter:
+        _, _, word, _, formula, _, states, _ = values
+        operator: str = _FILTER_SIGNS.get(word.value, word.value)
+        span = self._words(values)
         if operator not in FILTERS:
-            self._wrong(
-                f"there is no filter '{word}'",
-                start,
-                end,
-                "filter",
-                f"the filters are {', '.join(FILTERS)}",
-            )
-        return ast.Filter(operator, formula, states, span=Span(self.source, start, end))
+            hint = f"the filters are {', '.join(FILTERS)}"
+            self._wrong(f"there is no filter '{operator}'", span, "filter", hint)
+        return ast.Filter(operator, formula, states, span=span)
 
-    def old_filter(
-        self, values: Values, _start: int, _end: int
-    ) -> tuple[Expression, tuple[Any, ...]]:
-        return values[0], tuple(values[1:])
+    def old_filter(self, values: Values) -> tuple[Expression, tuple[Any, ...]]:
+        return values[1], tuple(v.value for v in values[4::3])
 
-    def _filtered(
-        self, formula: Expression, old: tuple[Expression, tuple[Any, ...]] | None
-    ) -> Expression:
-        return (
-            formula if old is None else ast.StateFilter(old[1], formula, old[0], span=formula.span)
-        )
+
+def _reward_bound(
+    structure: Structure | None, extent: ast.TimeBound, span: Span
+) -> ast.RewardBound:
+    return ast.RewardBound(
+        structure and structure.value,
+        extent.lower,
+        extent.lower_strict,
+        extent.upper,
+        extent.upper_strict,
+        span=span,
+    )
+
+
+def _filtered(formula: Expression, old: tuple[Expression, tuple[Any, ...]] | None) -> Expression:
+    return formula if old is None else ast.StateFilter(old[1], formula, old[0], span=formula.span)
 
 
 _MODEL_TYPES = {
@@ -496,24 +679,28 @@ _BINARY_PATHS: dict[str, Any] = {"U": ast.Until, "W": ast.WeakUntil, "R": ast.Re
 
 
 # A name before a parenthesis on the same line is meant as a function, though it could be two properties.
-_CALLED = re.compile(r"([A-Za-z_][A-Za-z_0-9]*)[ \t]*\(")
+_LAST_WORD = re.compile(r"[A-Za-z_][A-Za-z_0-9]*\Z")
+_OPENING = re.compile(r"[ \t]*\(")
+_LONGEST_WORD = 40
 
 
-def _unquoted(word: str) -> str:
-    return word[1:-1].strip()
+def _unquoted(word: Any) -> str:
+    return cast(str, word.value[1:-1].strip())
 
 
 def comments_above(text: str, start: int) -> tuple[str, ...]:
     """The comment lines directly above the line of `start`, without their slashes; the first may stand behind other text."""
-    lines = text[:start].split("\n")
     found: list[str] = []
-    if lines.pop().strip():
+    end = text.rfind("\n", 0, start)
+    if text[end + 1 : start].strip():
         return ()
-    while lines:
-        before, slashes, comment = lines.pop().partition("//")
+    while end >= 0:
+        begin = text.rfind("\n", 0, end)
+        before, slashes, comment = text[begin + 1 : end].partition("//")
         if not slashes:
             break
         found.append(comment.strip())
         if before.strip():
             break
+        end = begin
     return tuple(reversed(found))

@@ -1,0 +1,284 @@
+"""Finds the faults of a text that does not follow the grammar: several in one run.
+
+Lark's interactive parser reads word by word. After a fault it goes on as if a missing word stood there or a repeated one did not, or
+else behind the next semicolon or keyword, in a state that was kept at the last complete part of the text.
+
+Source: panic mode, Aho, Lam, Sethi and Ullman, Compilers (2007), 4.8.3.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain, islice
+from typing import TYPE_CHECKING, cast
+
+from lark import Token, UnexpectedToken
+
+from symcheck.syntax.grammars import Language
+
+if TYPE_CHECKING:
+    from lark.parsers.lalr_interactive_parser import InteractiveParser
+
+__all__ = ["FOREIGN", "RESERVED", "Fault", "find_faults"]
+
+FOREIGN = "FOREIGN"
+"""The terminal of a character that starts no word of the language."""
+
+RESERVED = "RESERVED"
+"""The terminal of a word that is reserved, but has no place in this kind of text."""
+
+_END = "$END"
+_SEMICOLON = "SEMICOLON"
+_MOST_FAULTS = 20
+_MISSING = (
+    *("SEMICOLON", "RPAR", "RSQB", "RBRACE", "COLON", "QUOTE"),
+    *("ENDMODULE", "ENDREWARDS", "ENDINIT", "ENDSYSTEM"),
+)
+"""The words that are put in where one of them is missing, in the order in which they are tried."""
+
+_BLOCKS = {"MODULE": "ENDMODULE", "REWARDS": "ENDREWARDS"}
+_ENDS = frozenset({"SEMICOLON", "ENDMODULE", "ENDREWARDS", "ENDINIT", "ENDSYSTEM"}) | {
+    *("DTMC", "CTMC", "MDP", "PROBABILISTIC", "STOCHASTIC", "NONDETERMINISTIC")
+}
+_BEGINNINGS = frozenset(
+    {
+        *("CONST", "RATE", "PROB", "FORMULA", "GLOBAL", "LABEL", "MODULE", "ENDMODULE", "REWARDS"),
+        *("ENDREWARDS", "INIT", "SYSTEM", "DTMC", "CTMC", "MDP", "LSQB"),
+        *("P", "PMIN", "PMAX", "RELEASE", "RMIN", "RMAX", "S", "FILTER", "MULTI", "STRING"),
+    }
+)
+"""The words that begin a part of a text, if they stand first on their line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """`token` does not fit: one of the terminals `expected` should stand there.
+
+    `before` has the words since the last semicolon, which stands first among them; `after` the words that follow up to the next one.
+    `mended` is the terminal that was put in before `token`.
+    """
+
+    token: Token
+    before: tuple[Token, ...]
+    after: tuple[Token, ...]
+    expected: frozenset[str]
+    mended: str | None
+
+    @property
+    def start(self) -> int:
+        """Where the word begins in the text."""
+        return cast(int, self.token.start_pos)
+
+    @property
+    def end(self) -> int:
+        """Where the word ends."""
+        return cast(int, self.token.end_pos)
+
+    @property
+    def previous(self) -> int:
+        """Where the word before it ends."""
+        return cast(int, self.before[-1].end_pos) if self.before else 0
+
+    @property
+    def last(self) -> str:
+        """The word before it."""
+        return str(self.before[-1].value) if self.before else ""
+
+
+def find_faults(language: Language, start: str, text: str) -> list[Fault]:
+    """The faults of a text, in its order. The language's builder notes what else is wrong."""
+    return _Recovery(language, start, text).run()
+
+
+class _Words:
+    """The words of a text one after the other, with a view ahead. The last one is empty, and of the kind of the end."""
+
+    def __init__(self, language: Language, text: str) -> None:
+        end = Token(_END, "", len(text), end_pos=len(text))
+        self._rest: Iterator[Token] = chain(language.parser.lex(text), (end,))
+        self._ahead: deque[Token] = deque()
+
+    def next(self) -> Token:
+        return self._ahead.popleft() if self._ahead else next(self._rest)
+
+    def put_back(self, token: Token) -> None:
+        self._ahead.appendleft(token)
+
+    def peek(self) -> Token | None:
+        """The next word; None behind the last one."""
+        if not self._ahead:
+            self._ahead.extend(islice(self._rest, 1))
+        return self._ahead[0] if self._ahead else None
+
+    def statement(self) -> tuple[Token, ...]:
+        """The next words up to a semicolon. They stay ahead."""
+        found: list[Token] = []
+        while self.peek() and not (found and found[-1].type == _SEMICOLON):
+            found.append(self.next())
+        self._ahead.extendleft(reversed(found))
+        return tuple(found)
+
+
+class _Recovery:
+    """One reading of a text that has faults."""
+
+    def __init__(self, language: Language, start: str, text: str) -> None:
+        self._language = language
+        self._text = text
+        self._words = _Words(language, text)
+        self._parser = language.parser.parse_interactive(start=start)
+        self._resumes = start != "state"
+        # The parser at the last complete part of the text, at the last one outside of blocks, and the words read since the first.
+        self._part = self._outside = self._copy()
+        self._since: list[Token] = []
+        self._in_block = False
+        self._before: list[Token] = []
+
+    def run(self) -> list[Fault]:
+        faults: list[Fault] = []
+        while len(faults) < _MOST_FAULTS:
+            token = self._words.next()
+            try:
+                self._parser.feed_token(token)
+            except UnexpectedToken:
+                fault = self._fault(token)
+                faults.append(fault)
+                if not self._mend(fault):
+                    break
+            else:
+                if token.type == _END:
+                    break
+                self._read(token)
+        return faults
+
+    def _copy(self) -> InteractiveParser:
+        return _copied(self._parser)
+
+    def _pass(self, token: Token) -> None:
+        """Note a word as one of those before the next fault."""
+        if self._before and self._before[-1].type == _SEMICOLON:
+            self._before = self._before[-1:]
+        self._before.append(token)
+
+    def _read(self, token: Token) -> None:
+        """Note a word that was read, and keep the state of the parser where a part of the text is complete."""
+        self._pass(token)
+        self._since.append(token)
+        kind = token.type
+        previous = self._before[-2].type if len(self._before) > 1 else ""
+        if kind in _BLOCKS:
+            self._in_block = True
+        elif kind in _BLOCKS.values():
+            self._in_block = False
+        if (
+            kind in _ENDS
+            or kind == "REWARDS"
+            or (previous, kind) in (("MODULE", "NAME"), ("REWARDS", "STRING"))
+        ):
+            self._part = self._copy()
+            self._since = []
+            if not self._in_block:
+                self._outside = self._part
+
+    def _fault(self, token: Token) -> Fault:
+        # Lark has made the reductions that precede `token`, which hide what else could stand there: read the part once more.
+        parser = _copied(self._part)
+        for word in self._since:
+            parser.feed_token(word)
+        expected = _accepted(parser)
+        after = self._words.statement()
+        missing = self._missing((token, *after[:1]), expected)
+        return Fault(token, tuple(self._before), after, expected, missing)
+
+    def _missing(self, following: tuple[Token, ...], expected: frozenset[str]) -> str | None:
+        """The terminal of a single missing word with which the following words fit."""
+        for kind in _MISSING:
+            if kind in expected and self._fits((self._inserted(kind), *following)):
+                return kind
+        return None
+
+    def _inserted(self, kind: str) -> Token:
+        """An empty word behind the last one."""
+        at = self._before[-1].end_pos if self._before else 0
+        return Token(kind, "", at, end_pos=at)
+
+    def _fits(self, words: tuple[Token, ...]) -> bool:
+        """Whether these words can come next."""
+        builder = self._language.builder
+        noted = dict(builder.diagnostics)
+        parser = self._copy()
+        try:
+            for word in words:
+                parser.feed_token(word)
+        except UnexpectedToken:
+            return False
+        finally:
+            builder.diagnostics = noted
+        return True
+
+    def _mend(self, fault: Fault) -> bool:
+        """Change the words ahead or the state so that reading can go on. Whether that is possible."""
+        if fault.mended is not None:
+            self._words.put_back(fault.token)
+            self._words.put_back(self._inserted(fault.mended))
+            return True
+        return self._is_repeated(fault) or self._skip(fault.token)
+
+    def _is_repeated(self, fault: Fault) -> bool:
+        """Whether the word merely repeats the sign before it, as in == and &&, and can be left out."""
+        last = fault.before[-1] if fault.before else None
+        return (
+            last is not None
+            and fault.token.type in ("EQ", "AND", "OR")
+            and fault.token.type == last.type
+            and fault.token.start_pos == last.end_pos
+            and self._fits(fault.after[:1])
+        )
+
+    def _skip(self, token: Token) -> bool:
+        """Leave out words up to the end of this part of the text, and what was read of it. Whether some part follows."""
+        if not self._resumes:
+            return False
+        states = [(parser, _accepted(parser)) for parser in (self._part, self._outside)]
+        while True:
+            follower = self._words.peek()
+            if token.type == _SEMICOLON and follower and self._resume(states, follower):
+                self._pass(token)
+                return True
+            if (
+                token.type == _END or (token.type in _BEGINNINGS and self._is_first(token))
+            ) and self._resume(states, token):
+                self._words.put_back(token)
+                return True
+            if token.type == _END:
+                return False
+            self._pass(token)
+            token = self._words.next()
+
+    def _resume(self, states: list[tuple[InteractiveParser, frozenset[str]]], token: Token) -> bool:
+        """Go back to the first of these states in which the word can come next, if there is one."""
+        for parser, accepted in states:
+            if token.type in accepted:
+                self._part = parser
+                self._parser = _copied(parser)
+                self._since = []
+                self._in_block = self._in_block and parser is not self._outside
+                return True
+        return False
+
+    def _is_first(self, token: Token) -> bool:
+        """Whether only white space stands before this word on its line."""
+        start = cast(int, token.start_pos)
+        return not self._text[self._text.rfind("\n", 0, start) + 1 : start].strip()
+
+
+def _copied(parser: InteractiveParser) -> InteractiveParser:
+    """A parser in the same state that goes its own way. The values are shared: nobody reads those of a broken text."""
+    return cast("InteractiveParser", parser.copy(deepcopy_values=False))  # type: ignore[no-untyped-call]
+
+
+def _accepted(parser: InteractiveParser) -> frozenset[str]:
+    """The terminals that can come next."""
+    return frozenset(parser.accepts())  # type: ignore[no-untyped-call]
