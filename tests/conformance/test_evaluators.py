@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from symcheck.check.options import Options
 
 import symcheck
 from symbolic.oracle import at, bound
 from symcheck.errors import InputError, ModelFault
 from symcheck.explicit.compile import compile_expression
+from symcheck.options import Options
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.vectorised import evaluate_columns
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.build import build
-from symcheck.symbolic.encoding.translate import Limits
 from symcheck.symbolic.model import StateSpace
+from symcheck.symbolic.tuning import EncodingLimits
 from symcheck.syntax.ast import Type
 from symcheck.syntax.parse import parse_expression
 
@@ -33,9 +33,9 @@ BOUNDARIES = (
     *(-(2**31), -(2**53), -(2**62), -(2**63) + 2),
 )
 WAYS = {
-    "tabulated": Limits(),
-    "composed": Limits(table=0),
-    "learned": Limits(table=0, wide=0, nodes=0, leaves=0),
+    "tabulated": EncodingLimits(),
+    "composed": EncodingLimits(table_bits=0),
+    "on the fly": EncodingLimits(table_bits=0, wide_table_bits=0, max_nodes=0, max_leaves=0),
 }
 WIDTH = 2
 """Each variable holds the ints up to so far from a boundary."""
@@ -71,7 +71,7 @@ def model_around(x: int, y: int) -> BoundModel:
     )
 
 
-def space_of(model: BoundModel, limits: Limits) -> StateSpace:
+def space_of(model: BoundModel, limits: EncodingLimits) -> StateSpace:
     symbolic = build(model, Options(), limits=limits)
     valid = [symbolic.translator.valid(v) for v in symbolic.encoding.variables]
     everything = symbolic.manager.conjunction(valid)

@@ -7,7 +7,12 @@ from importlib import import_module
 
 import pytest
 
-MODULES = ("symcheck.dd.cudd.extension", "symcheck.dd.manager")
+MODULES = (
+    "symcheck.dd.cudd.extension",
+    "symcheck.dd.manager",
+    "symcheck.symbolic.build",
+    "symcheck.symbolic.reachability.search",
+)
 
 
 @pytest.mark.parametrize("name", MODULES)

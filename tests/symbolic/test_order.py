@@ -11,7 +11,7 @@ from symbolic.oracle import assert_same, bound, symbolic
 from symcheck.errors import UsageError
 from symcheck.options import Options
 from symcheck.symbolic.build import build
-from symcheck.symbolic.ordering.order import force, spans, variable_order
+from symcheck.symbolic.ordering.order import force, total_span, variable_order
 from symcheck.symbolic.reachability.search import reach
 
 edges_of = st.lists(
@@ -36,7 +36,7 @@ def test_a_found_order_is_a_permutation_and_never_worse(edges):
     assert sorted(order) == list(range(10))
     place = np.empty(10)
     place[order] = np.arange(10)
-    assert spans(edges, place) <= spans(edges, np.arange(10, dtype=float))
+    assert total_span(edges, place) <= total_span(edges, np.arange(10, dtype=float))
 
 
 def test_partners_are_brought_together():
@@ -72,5 +72,5 @@ def test_a_variable_may_be_called_force():
 def test_spans_add_up_how_far_members_are_apart():
     edges = [np.array([0, 2, 4]), np.array([], dtype=np.int64), np.array([3]), np.array([1, 4])]
     place = np.array([5.0, 1.0, 0.0, 2.0, 3.0])
-    assert spans(edges, place) == 5.0 + 0.0 + 2.0
-    assert spans([], place) == 0.0
+    assert total_span(edges, place) == 5.0 + 0.0 + 2.0
+    assert total_span([], place) == 0.0

@@ -1,4 +1,6 @@
-"""Numbers of states that are published with the PRISM benchmark suite (skipped where the suite is missing)."""
+"""Numbers of states that are published with the PRISM benchmark suite (skipped where the suite is
+missing).
+"""
 
 from __future__ import annotations
 

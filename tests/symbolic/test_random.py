@@ -1,4 +1,6 @@
-"""Random small models: every schedule, order and way of encoding gives what the scalar semantics gives, faults included."""
+"""Random small models: every schedule, order and way of encoding gives what the scalar semantics
+gives, faults included.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +11,15 @@ from hypothesis import strategies as st
 from explicit.models import models
 from symbolic.oracle import assert_same, bound, explore, symbolic
 from symcheck.errors import InputError, ModelFault
-from symcheck.symbolic.encoding.translate import Limits
 from symcheck.symbolic.reachability.search import SCHEDULES
+from symcheck.symbolic.tuning import EncodingLimits
 
 _LIMITS = {
-    "tabulated": Limits(),
-    "composed": Limits(table=0),
-    "learned": Limits(table=0, wide=0, moves=0, nodes=0, leaves=0),
+    "tabulated": EncodingLimits(),
+    "composed": EncodingLimits(table_bits=0),
+    "on the fly": EncodingLimits(
+        table_bits=0, wide_table_bits=0, assignment_bits=0, max_nodes=0, max_leaves=0
+    ),
 }
 
 
@@ -29,7 +33,7 @@ def test_agrees_with_the_scalar_semantics(text, schedule, way, backwards):
     except InputError:  # such as 1/0 in a constant expression
         return
     order = [v.name for v in reversed(model.variables)] if backwards else None
-    schedule = "frontier" if way == "learned" else schedule
+    schedule = "frontier" if way == "on the fly" else schedule
     try:
         explore(model)
     except ModelFault as fault:

@@ -15,15 +15,16 @@ from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.symbolic.build import build
-from symcheck.symbolic.encoding.translate import Limits, TooLarge, Translator
+from symcheck.symbolic.encoding.translate import TooLarge, Translator
 from symcheck.symbolic.model import StateSpace
+from symcheck.symbolic.tuning import EncodingLimits
 from symcheck.syntax.parse import parse_model
 
 HEADER = "dtmc module m x : [-1..4]; y : [0..2]; b : bool; [] true -> true; endmodule"
 WAYS = {
-    "tabulated": Limits(),
-    "composed": Limits(table=0),
-    "listed": Limits(table=0, wide=0, nodes=0, leaves=0),
+    "tabulated": EncodingLimits(),
+    "composed": EncodingLimits(table_bits=0),
+    "on the fly": EncodingLimits(table_bits=0, wide_table_bits=0, max_nodes=0, max_leaves=0),
 }
 
 _number = st.deferred(
@@ -69,7 +70,7 @@ def all_states():
     return product(range(-1, 5), range(3), (False, True))
 
 
-def space_with(limits: Limits) -> StateSpace:
+def space_with(limits: EncodingLimits) -> StateSpace:
     model = build(bound(HEADER), Options(), limits=limits)
     translator = model.translator
     everything = model.manager.conjunction([translator.valid(v) for v in model.encoding.variables])
@@ -132,7 +133,7 @@ def test_numbers(way, text):
 
 
 def test_undefined_values_are_known():
-    space = space_with(Limits())
+    space = space_with(EncodingLimits())
     expression = bind_one("y/(y*y)", "number")
     undefined = space.symbolic.translator.undefined(expression)
     assert {s[1] for s in space.valuations(undefined)} == {0}

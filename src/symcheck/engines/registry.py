@@ -73,10 +73,10 @@ def _compressed(
 ) -> Engine:
     """The engine, unless diagrams hold the states but do not compress them: then the rows are listed."""
     from symcheck.engines.symbolic.enumerated_rows import listed
-    from symcheck.symbolic.build import explored
+    from symcheck.symbolic.build import build_state_space
     from symcheck.symbolic.matrix.transitions import transitions
 
-    space = explored(model, options, observer)
+    space = build_state_space(model, options, observer)
     return listed(space, options, kind.name) or kind.of(transitions(space, options, observer))
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from symcheck.explicit.build import Exploration
     from symcheck.semantics.model import BoundModel
     from symcheck.symbolic.model import StateSpace, Transitions
-    from symcheck.symbolic.reachability.search import Found
+    from symcheck.symbolic.reachability.search import SearchState
 
 __all__ = ["Choice", "choose"]
 
@@ -247,9 +247,9 @@ def _reach(model: BoundModel, options: BuildSettings, seconds: float | None) -> 
     symbolic = build(
         model, options, manager=DiagramManager(max_memory=options.max_memory, time_limit=limit)
     )
-    if seconds is not None and any(event.learned for event in symbolic.events):
+    if seconds is not None and any(event.evaluated for event in symbolic.events):
         raise UnsupportedError(_TOO_MUCH)
-    last: deque[Found] = deque(maxlen=1)
+    last: deque[SearchState] = deque(maxlen=1)
     try:
         space = reach(symbolic, watch=last.append)
     except TimeLimitError as error:

@@ -1,1 +1,3 @@
-"""From a bound model to diagrams: encoding, relations, search, matrices."""
+"""Symbolic model construction: from a bound model to diagrams of its transition relation, state
+space and matrices.
+"""

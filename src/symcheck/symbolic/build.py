@@ -1,4 +1,6 @@
-"""Building: a bound model becomes guards, updates and relations; with `construct`, everything an engine needs."""
+"""Symbolic model construction: `build` encodes a bound model, `construct` also computes its state
+space and matrices.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +10,16 @@ from typing import TYPE_CHECKING
 from symcheck.errors import converts_memory_error
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
-from symcheck.symbolic.encoding.translate import Limits
-from symcheck.symbolic.events.encode_events import assemble
+from symcheck.symbolic.events.encode_events import encode_events
 from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
 from symcheck.symbolic.ordering.order import is_sifted, variable_order
 from symcheck.symbolic.reachability.search import reach
+from symcheck.symbolic.tuning import EncodingLimits
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import DiagramManager
 
-__all__ = ["Observer", "build", "chosen_order", "construct", "explored"]
+__all__ = ["Observer", "build", "build_state_space", "chosen_order", "construct"]
 
 Observer = Callable[[object], None]
 
@@ -30,38 +32,57 @@ def build(
     *,
     order: Sequence[str] | None = None,
     manager: DiagramManager | None = None,
-    limits: Limits | None = None,
+    limits: EncodingLimits | None = None,
 ) -> SymbolicModel:
-    """Encode a model: bits, guards, updates, relations. Reachability and matrices come after (`reach`, `transitions`).
+    """Encode a model as diagrams: bits, guards, updates and transition relations.
 
-    `observer` gets a SiftedOrder where one is found, and each EncodedEvent as it is made. `order`: names of variables from the
-    top of the diagrams down; by default what the options say.
-    `manager`: a fresh diagram manager to build in. Raises UnsupportedError for unbounded integers, ResourceError at a limit.
+    Args:
+        options: limits of memory and time, and the variable order.
+        observer: is called with a SiftedOrder, where sifting finds one, and with each EncodedEvent.
+        order: names of variables from the top of the diagrams down; None: as in the options.
+        manager: a new diagram manager to use; None: one is created.
+        limits: where one way of translating expressions ends and the next begins; None: the default
+            limits.
+
+    Returns:
+        The encoded model, the argument of `reach`.
+
+    Raises:
+        UnsupportedError: a variable without bounds.
+        ResourceError: a limit of memory or time is reached.
+
+    Example:
+        >>> import symcheck
+        >>> text = "dtmc module m x:[0..5]; [] x<5 -> (x'=x+1); endmodule"
+        >>> model = symcheck.bind(symcheck.parse_model(text))
+        >>> symcheck.build(model, symcheck.Options()).encoding.rows
+        ('x.2', 'x.1', 'x.0')
     """
     order = order or chosen_order(model, options, observer)
     if manager is None:
         from symcheck.dd.manager import DiagramManager
 
         manager = DiagramManager(max_memory=options.max_memory, time_limit=options.time_limit)
-    return assemble(model, manager, order, observer, limits=limits)
+    return encode_events(model, manager, order, observer, limits=limits)
 
 
 def chosen_order(
     model: BoundModel, options: BuildSettings, observer: Observer | None = None
 ) -> tuple[str, ...] | None:
-    """The names from the top of the diagrams down that the options stand for; None is declaration order.
+    """The variable order that the options ask for: names from the top down; None is declaration
+    order.
 
-    An order that sifting finds is looked for here, and told to the observer as a SiftedOrder. Raises UsageError for a name that
-    no variable has, and what `sift` raises.
+    Sifting is done here, and the observer is called with its SiftedOrder. Raises UsageError for an
+    unknown name, and as `sift`.
     """
     if not is_sifted(model, options.order):
         return variable_order(model, options.order)
     from symcheck.symbolic.ordering.sifting import sift
 
-    found = sift(model, options)
+    sifted = sift(model, options)
     if observer is not None:
-        observer(found)
-    return found.order
+        observer(sifted)
+    return sifted.order
 
 
 def construct(
@@ -71,23 +92,29 @@ def construct(
     *,
     order: Sequence[str] | None = None,
 ) -> Transitions:
-    """Build, explore and make the matrices, in one call. `observer` gets events, iterations and the results between.
+    """Encode a model, search its reachable states and compute its matrices.
 
-    Raises ModelFault for a model that breaks a rule at a reachable state, and what `build` raises.
+    Args:
+        observer: is called with events, iterations and the results of the stages.
+        order: as in `build`.
+
+    Raises:
+        ModelFault: the model breaks a rule in a reachable state.
+        UnsupportedError, ResourceError: as `build`.
     """
     from symcheck.symbolic.matrix.transitions import transitions
 
-    return transitions(explored(model, options, observer, order=order), options, observer)
+    return transitions(build_state_space(model, options, observer, order=order), options, observer)
 
 
-def explored(
+def build_state_space(
     model: BoundModel,
     options: BuildSettings,
     observer: Observer | None = None,
     *,
     order: Sequence[str] | None = None,
 ) -> StateSpace:
-    """Build and explore: what `construct` does before the matrices are made."""
+    """Encode a model and search its reachable states: `construct` without the matrices."""
     space = reach(build(model, options, observer, order=order), observer)
     if observer is not None:
         observer(space)

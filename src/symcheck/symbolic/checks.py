@@ -1,7 +1,9 @@
-"""Rules that reachable states must keep, checked on the diagrams: sums, signs, ranges, deadlocks.
+"""Rules for reachable states, checked on diagrams: sums and signs of probabilities, ranges of
+variables, deadlocks.
 
-What breaks a rule is found as a set of states; its lowest state is the example. What exactly is wrong there is said by
-the scalar semantics (`symcheck.semantics.interpreter`), which every way of building shares, so all engines report alike.
+The states that break a rule are computed as a set. The interpreter
+(`symcheck.semantics.interpreter`) describes the fault in its lowest state, so that all engines
+report the same.
 """
 
 from __future__ import annotations
@@ -25,17 +27,18 @@ __all__ = ["check_initial", "check_model"]
 
 
 def check_initial(symbolic: SymbolicModel) -> None:
-    """Raise ModelFault where `init … endinit` holds in no state."""
+    """Raise ModelFault if no state satisfies `init … endinit`."""
     if not symbolic.initial and symbolic.model.initial is not None:
         raise ModelFault(state_faults.no_initial_state(symbolic.model.initial.span))
 
 
 def check_model(space: StateSpace, options: BuildSettings) -> None:
-    """Raise ModelFault with what is wrong at reachable states, an example of each fault found."""
+    """Raise ModelFault if a reachable state breaks a rule, with an example of each fault."""
     found: dict[Diagnostic, None] = {}
     seen = space.symbolic.manager.false
     for states in _violations(space, options):
-        # A state tells its first fault only: an example where nothing else was found wrong tells this one.
+        # The interpreter reports the first fault of a state, so states without an earlier violation
+        # are preferred.
         found.update(dict.fromkeys(_explain(space, states - seen or states, options)))
         seen = seen | states
     if space.deadlocks and not options.fix_deadlocks:
@@ -64,39 +67,42 @@ def _explain(space: StateSpace, states: Bdd, options: BuildSettings) -> tuple[Di
 def _violations(space: StateSpace, options: BuildSettings) -> Iterator[Bdd]:
     """Non-empty sets of reachable states that break a rule, one per command and rule.
 
-    Guards are small and reachable sets may be large: they meet only where a command could break a rule somewhere.
+    Guards are small and reachable sets may be large: they meet only where a command could break a
+    rule somewhere.
     """
     translator = space.symbolic.translator
     for event in space.symbolic.events:
         guards = [c.command.guard for commands in event.participants for c in commands]
         yield from filter(None, (translator.faults(g) & space.states for g in guards))
-        enabled = _Once(partial(and_, event.guard, space.states))
-        happens = _Once(partial(_happening, space, event, enabled))
+        enabled = _LazySet(partial(and_, event.guard, space.states))
+        happens = _LazySet(partial(_happening, space, event, enabled))
         if event.guard.disjoint(space.states):
             continue
         for command in (c for commands in event.participants for c in commands):
             yield from filter(None, _command_violations(space, command, enabled, happens, options))
 
 
-def _happening(space: StateSpace, event: EncodedEvent, enabled: _Once) -> Bdd:
+def _happening(space: StateSpace, event: EncodedEvent, enabled: _LazySet) -> Bdd:
     return enabled() & _possible(space, event)
 
 
-class _Once:
-    """A set that is worked out when it is first asked for."""
+class _LazySet:
+    """A set that is computed on first use."""
 
     def __init__(self, make: Callable[[], Bdd]) -> None:
         self._make = make
-        self._made: Bdd | None = None
+        self._set: Bdd | None = None
 
     def __call__(self) -> Bdd:
-        if self._made is None:
-            self._made = self._make()
-        return self._made
+        if self._set is None:
+            self._set = self._make()
+        return self._set
 
 
 def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
-    """Where each participant has an update of positive probability (rate): only then is any update carried out."""
+    """The rows where each participant has an update of positive probability (rate); elsewhere none
+    is carried out.
+    """
     manager, translator = space.symbolic.manager, space.symbolic.translator
     moves = [
         [c.guard & positive(translator, u) for c in commands for u in c.updates]
@@ -108,12 +114,12 @@ def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
 def _command_violations(
     space: StateSpace,
     command: EncodedCommand,
-    enabled: _Once,
-    happens: _Once,
+    enabled: _LazySet,
+    happens: _LazySet,
     options: BuildSettings,
 ) -> Iterator[Bdd]:
     translator = space.symbolic.translator
-    where = _Once(lambda: command.guard & enabled())
+    where = _LazySet(lambda: command.guard & enabled())
     for update in command.updates:
         if isinstance(update.probability, float):
             if not 0 <= update.probability < float("inf"):
@@ -132,7 +138,7 @@ def _command_violations(
         yield _wrong_sum(space, command, where)
 
 
-def _wrong_sum(space: StateSpace, command: EncodedCommand, where: _Once) -> Bdd:
+def _wrong_sum(space: StateSpace, command: EncodedCommand, where: _LazySet) -> Bdd:
     manager = space.symbolic.manager
     constant = sum(u.probability for u in command.updates if isinstance(u.probability, float))
     variable = [u.probability for u in command.updates if not isinstance(u.probability, float)]

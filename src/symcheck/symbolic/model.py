@@ -1,10 +1,12 @@
-"""What building yields: an encoded model, its state space, and its transitions as diagrams.
+"""The stages of symbolic model construction: an encoded model, its state space, and its
+transitions.
 
-    encode/build            reach                transitions
+       build                 reach            transitions
     BoundModel ──▶ SymbolicModel ──▶ StateSpace ──▶ Transitions
 
-`SymbolicModel` knows no reachable state: guards, updates and one relation per group of events, each over the variables
-that it touches only. `StateSpace` is the reachable set. `Transitions` holds the full matrices, on reachable rows only.
+`SymbolicModel` has guards, updates and one transition relation per group of events, each over the
+variables that it touches. `StateSpace` is the set of reachable states. `Transitions` has the
+matrices on the reachable rows.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from typing import TYPE_CHECKING, TypeVar, overload
 
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event
-from symcheck.symbolic.encoding.enumerate_states import minterms
+from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.encoding.variables import Encoding
 from symcheck.syntax.ast import Expression
 
@@ -26,16 +28,16 @@ if TYPE_CHECKING:
     from symcheck.symbolic.encoding.translate import Translator
 
 __all__ = [
-    "ChoiceSlot",
-    "Deferred",
+    "ChoiceClass",
     "EncodedCommand",
     "EncodedEvent",
     "EncodedUpdate",
     "Iteration",
+    "LazySequence",
     "Relation",
     "StateSpace",
-    "Step",
     "SymbolicModel",
+    "TransitionPart",
     "Transitions",
 ]
 
@@ -45,8 +47,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class EncodedUpdate:
-    """One update. `probability`: a number or an MTBDD over row bits; `relation`: row bits to the column bits of the
-    `assigned` variables (indices); `in_range`: rows where every assigned value is in its variable's range.
+    """One update.
+
+    Attributes:
+        probability: a number, or an MTBDD over row bits (a rate in a CTMC).
+        assigned: indices of the assigned variables.
+        relation: over row bits and the column bits of the assigned variables.
+        in_range: the rows where every assigned value is in the range of its variable.
     """
 
     update: BoundUpdate
@@ -67,9 +74,16 @@ class EncodedCommand:
 
 @dataclass(frozen=True, eq=False)
 class EncodedEvent:
-    """An event. `touched`: indices of the variables that any of its commands assigns; `guard`: some joint command is
-    enabled; `relation`: row bits to the column bits of the touched variables, transitions of positive probability only;
-    `learned`: None if it is encoded in full, else how many valuations it was encoded for (see `learn`).
+    """An event: commands that are taken together, one of each participant.
+
+    Attributes:
+        participants: the commands of each participant.
+        touched: indices of the variables that its commands assign.
+        guard: the rows where a joint command is enabled.
+        relation: its transitions of positive probability, over row bits and the column bits of the
+            touched variables.
+        evaluated: number of valuations for which it is encoded on the fly; None if it is encoded in
+            full.
     """
 
     event: Event
@@ -77,7 +91,7 @@ class EncodedEvent:
     touched: tuple[int, ...]
     guard: Bdd
     relation: Bdd
-    learned: int | None = None
+    evaluated: int | None = None
 
     def __repr__(self) -> str:
         commands = " × ".join(str(len(p)) for p in self.participants)
@@ -86,8 +100,14 @@ class EncodedEvent:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """Some of the transitions, over the variables that they change; `top` is the place in the order of the first of them."""
+class TransitionPart:
+    """A part of the partitioned transition relation, over the variables that it touches.
+
+    Attributes:
+        relation: over row bits and the column bits of the touched variables.
+        transition: the touched variables, prepared for images.
+        top: position of the first touched variable in the order.
+    """
 
     relation: Bdd
     transition: Transition
@@ -98,13 +118,13 @@ class Step:
         return self.transition.image(states, self.relation)
 
     def preimage(self, states: Bdd) -> Bdd:
-        """Predecessors (reachable or not)."""
+        """Predecessors, reachable or not."""
         return self.transition.preimage(states, self.relation)
 
 
 @dataclass(frozen=True, eq=False)
-class Relation(Step):
-    """The transitions of all events (by number) with the same touched variables."""
+class Relation(TransitionPart):
+    """The transitions of all events (by number) that touch the same variables (by index)."""
 
     events: tuple[int, ...]
     touched: tuple[int, ...]
@@ -115,7 +135,9 @@ class Relation(Step):
 
 @dataclass(frozen=True, eq=False)
 class SymbolicModel:
-    """A model's guards and updates as diagrams in `manager`. `initial` over row bits."""
+    """The guards, updates and transition relations of a model as diagrams; `initial` is over row
+    bits.
+    """
 
     model: BoundModel
     manager: DiagramManager
@@ -126,11 +148,11 @@ class SymbolicModel:
     relations: tuple[Relation, ...] = field(repr=False)
 
     def successors(self, states: Bdd) -> Bdd:
-        """States that some transition from `states` leads to."""
+        """The states that a transition from `states` leads to."""
         return self.manager.disjunction([relation.image(states) for relation in self.relations])
 
     def predecessors(self, states: Bdd) -> Bdd:
-        """States with some transition into `states`, reachable or not."""
+        """The states with a transition into `states`, reachable or not."""
         return self.manager.disjunction([relation.preimage(states) for relation in self.relations])
 
     def __repr__(self) -> str:
@@ -153,7 +175,9 @@ class SymbolicModel:
 
 @dataclass(frozen=True, slots=True)
 class Iteration:
-    """One step of the search: numbers of states and of BDD nodes (None where not counted), seconds since it began."""
+    """Counters of one step of a search: states and BDD nodes (None: not counted), seconds since its
+    start.
+    """
 
     number: int
     states: int | None
@@ -165,8 +189,16 @@ class Iteration:
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """The reachable states. `deadlocks` have no transition of their own. `symbolic` is the encoded model (complete on
-    the reachable states, learned parts included); `schedule` says how the search went, `iterations` what it saw.
+    """The reachable states of a model.
+
+    Attributes:
+        symbolic: the model, complete on the reachable states where it is encoded on the fly.
+        states: the reachable states, over row bits.
+        deadlocks: those of them without a transition.
+        count: their number.
+        schedule: the schedule that found them last (see `symcheck.symbolic.reachability.search`).
+        seconds: duration of the search.
+        iterations: its counters.
     """
 
     symbolic: SymbolicModel = field(repr=False)
@@ -184,7 +216,9 @@ class StateSpace:
 
     @cached_property
     def odd(self) -> Odd:
-        """State numbers, lexicographic in diagram order (declaration order by default)."""
+        """The numbering of the states, lexicographic in diagram order (by default the order of
+        declaration).
+        """
         from symcheck.dd.odd import Odd
 
         return Odd(self.symbolic.manager, self.states, self.symbolic.encoding.rows)
@@ -192,22 +226,23 @@ class StateSpace:
     def where(self, expression: Expression) -> Bdd:
         """The reachable states that satisfy a boolean expression over the variables.
 
-        Raises ModelFault where it has no value at one of them.
+        Raises ModelFault if it has no value in one of them.
         """
-        found = self.symbolic.translator.boolean_on(expression, self.states) & self.states
+        satisfying = self.symbolic.translator.boolean_on(expression, self.states) & self.states
         self._raise_fault(expression, self.states)
-        return found
+        return satisfying
 
     def values(self, expression: Expression, states: Bdd | None = None) -> Mtbdd:
-        """The value of a numeric expression on the reachable states (or those in `states`), 0 elsewhere.
+        """The values of a numeric expression on the reachable states (or those in `states`), 0
+        elsewhere.
 
-        Where it is NaN, such as 0/0, it is 0 here: `symbolic.translator.undefined(expression)` says where.
-        Raises ModelFault where it has no value at one of them.
+        They are also 0 in the states `symbolic.translator.undefined(expression)`, where it is NaN,
+        such as 0/0. Raises ModelFault if it has no value in one of the states.
         """
         chosen = self.states if states is None else states & self.states
-        found = self.symbolic.translator.number_on(expression, chosen)
+        values = self.symbolic.translator.number_on(expression, chosen)
         self._raise_fault(expression, chosen)
-        return found
+        return values
 
     def _raise_fault(self, expression: Expression, states: Bdd) -> None:
         """Raise what the scalar evaluation raises at the first of the states where it does."""
@@ -216,9 +251,11 @@ class StateSpace:
             evaluate(expression, dict(zip(names, state, strict=True)))
 
     def valuations(self, states: Bdd, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
-        """Variable values of the states in the set, lowest first in diagram order; at most `limit`."""
+        """The values of the variables in the states of a set, in diagram order; at most `limit`
+        states.
+        """
         encoding = self.symbolic.encoding
-        rows = minterms(self.symbolic.manager, states & self.states, encoding.rows, limit)
+        rows = enumerate_states(self.symbolic.manager, states & self.states, encoding.rows, limit)
         for row in encoding.codes(rows).tolist():
             yield tuple(
                 bool(x) if v.is_bool else x for v, x in zip(encoding.variables, row, strict=True)
@@ -240,19 +277,24 @@ class StateSpace:
 
 
 @dataclass(frozen=True, eq=False)
-class ChoiceSlot:
-    """Choices of an MDP of which a state has at most one: its distribution over column bits, on the rows of `guard`."""
+class ChoiceClass:
+    """A choice class of an MDP: choices of which each state has at most one.
+
+    Attributes:
+        matrix: per row, the distribution of the choice over column bits.
+        guard: the rows with such a choice.
+    """
 
     matrix: Mtbdd
     guard: Bdd
 
 
-class Deferred(Sequence[T]):
-    """A sequence of which each item is made when it is first asked for."""
+class LazySequence(Sequence[T]):
+    """A sequence whose items are computed on first access."""
 
     def __init__(self, makers: Sequence[Callable[[], T]]) -> None:
         self._makers = makers
-        self._made: dict[int, T] = {}
+        self._items: dict[int, T] = {}
 
     def __len__(self) -> int:
         return len(self._makers)
@@ -264,31 +306,38 @@ class Deferred(Sequence[T]):
     def __getitem__(self, index: int | slice) -> T | Sequence[T]:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        place = range(len(self))[index]
-        if place not in self._made:
-            self._made[place] = self._makers[place]()
-        return self._made[place]
+        number = range(len(self))[index]
+        if number not in self._items:
+            self._items[number] = self._makers[number]()
+        return self._items[number]
 
     def __repr__(self) -> str:
-        return f"Deferred({len(self)} items, {len(self._made)} made)"
+        return f"LazySequence({len(self)} items, {len(self._items)} computed)"
 
 
 @dataclass(frozen=True, eq=False)
 class Transitions:
-    """The matrices, on reachable rows; deadlocks have a self-loop (probability or rate 1; in an MDP in slot 0) where
-    `fixed`.
+    """The transition matrices and rewards of a model, on reachable rows.
 
-    matrix: probabilities (DTMC) or rates (CTMC) over row and column bits; None for an MDP.
-    choices: the slots of an MDP; empty otherwise.
-    action_sets: (slot, action or None) to the states whose choice in that slot has that action; DTMC and CTMC: empty.
-    state_rewards: per structure, over row bits. transition_rewards: per structure and slot (a single slot for DTMC and
-    CTMC), over row bits: the sum over the row's transitions of probability (rate) times reward. Both are made when a
-    structure is first asked for, which raises ModelFault where a reward is infinite or has no value.
+    Rewards are computed on first access to a structure, which raises ModelFault where one is
+    infinite or has no value.
+
+    Attributes:
+        matrix: probabilities (DTMC) or rates (CTMC) over row and column bits; None for an MDP.
+        choices: the choice classes of an MDP; empty otherwise.
+        action_sets: (number of a choice class, action or None) to the states whose choice in that
+            class has that action; empty for a DTMC or CTMC.
+        state_rewards: per structure, over row bits.
+        transition_rewards: per structure and choice class (a single one for a DTMC or CTMC), over
+            row bits: the sum of probability (rate) times reward over the transitions of a row.
+        fixed: deadlock states that were given a self-loop of weight 1 (in an MDP, in choice class
+            0).
+        seconds: duration of the construction.
     """
 
     space: StateSpace
     matrix: Mtbdd | None
-    choices: tuple[ChoiceSlot, ...]
+    choices: tuple[ChoiceClass, ...]
     action_sets: Mapping[tuple[int, str | None], Bdd]
     state_rewards: Sequence[Mtbdd]
     transition_rewards: Sequence[tuple[Mtbdd, ...]]
@@ -297,18 +346,18 @@ class Transitions:
 
     @property
     def roots(self) -> tuple[Mtbdd, ...]:
-        """The matrix of a DTMC or CTMC, or one matrix per slot of an MDP."""
+        """The matrix of a DTMC or CTMC, or one matrix per choice class of an MDP."""
         return tuple(c.matrix for c in self.choices) if self.matrix is None else (self.matrix,)
 
     @cached_property
     def transition_count(self) -> int:
-        """Number of non-zero entries, of all choices; self-loops of deadlocks included."""
+        """Number of non-zero entries of all choices, self-loops of deadlocks included."""
         encoding, manager = self.space.symbolic.encoding, self.space.symbolic.manager
         return sum(manager.count(root.to_bdd(), encoding.bits) for root in self.roots)
 
     @cached_property
     def choice_count(self) -> int:
-        """Number of choices over all states (the number of states, for a DTMC or CTMC)."""
+        """Number of choices of all states (for a DTMC or CTMC, the number of states)."""
         symbolic = self.space.symbolic
         if self.matrix is not None:
             return self.space.count
@@ -316,9 +365,9 @@ class Transitions:
 
     def __repr__(self) -> str:
         nodes = sum(root.node_count for root in self.roots)
-        slots = (
+        classes = (
             ""
             if self.matrix is not None
-            else f", {self.choice_count} choices in {len(self.choices)} slots"
+            else f", {self.choice_count} choices in {len(self.choices)} classes"
         )
-        return f"Transitions({self.transition_count} transitions{slots}, {nodes} nodes)"
+        return f"Transitions({self.transition_count} transitions{classes}, {nodes} nodes)"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from symcheck.symbolic.encoding.enumerate_states import minterms
+from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.reachability.search import search
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def frontiers(
     """
     encoding = symbolic.encoding
     for found in islice(search(symbolic, schedule), frames):
-        rows = minterms(found.symbolic.manager, found.frontier, encoding.rows, limit)
+        rows = enumerate_states(found.symbolic.manager, found.frontier, encoding.rows, limit)
         values = tuple(
             tuple(bool(x) if v.is_bool else x for v, x in zip(encoding.variables, row, strict=True))
             for row in encoding.codes(rows).tolist()

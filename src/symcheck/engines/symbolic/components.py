@@ -14,7 +14,7 @@ import numpy as np
 
 from symcheck.dd.manager import Bdd
 from symcheck.dd.odd import Odd
-from symcheck.engines.symbolic.diagrams import Diagrams, Step
+from symcheck.engines.symbolic.diagrams import Diagrams, TransitionPart
 from symcheck.engines.symbolic.sets import SymbolicSet
 from symcheck.engines.symbolic.steps import Steps
 from symcheck.engines.symbolic.system import Owner as SystemOwner
@@ -63,7 +63,7 @@ class Components:
         )
         return self._d.states - moves
 
-    def _unchanged(self, step: Step) -> Bdd:
+    def _unchanged(self, step: TransitionPart) -> Bdd:
         core = self._d.manager.core
         pairs = [
             core.literal(row).equivalent(core.literal(column))

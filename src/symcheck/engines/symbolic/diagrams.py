@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol, assert_never
 
 from symcheck.dd.odd import Odd
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
-from symcheck.symbolic.model import Step
+from symcheck.symbolic.model import TransitionPart
 from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     )
     from symcheck.symbolic.model import StateSpace, Transitions
 
-__all__ = ["Diagrams", "HasDiagrams", "Step", "diagrams_of"]
+__all__ = ["Diagrams", "HasDiagrams", "TransitionPart", "diagrams_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Diagrams:
     initial: Bdd = field(repr=False)
     deadlocks: Bdd = field(repr=False)
     loops: Bdd = field(repr=False)
-    steps: tuple[Step, ...] = field(repr=False)
+    steps: tuple[TransitionPart, ...] = field(repr=False)
     roots: Sequence[Mtbdd] = field(repr=False)
     guards: tuple[Bdd, ...] | None = field(repr=False)
     actions: Mapping[tuple[int, str | None], Bdd] = field(repr=False)
@@ -108,9 +108,9 @@ class Diagrams:
         return (self.states,) if self.guards is None else self.guards
 
     @cached_property
-    def levels(self) -> tuple[tuple[Step, ...], ...]:
+    def levels(self) -> tuple[tuple[TransitionPart, ...], ...]:
         """Steps by the topmost variable that they change, lowest in the diagrams first."""
-        groups: dict[int, list[Step]] = {}
+        groups: dict[int, list[TransitionPart]] = {}
         for step in self.steps:
             groups.setdefault(step.top, []).append(step)
         return tuple(tuple(groups[top]) for top in sorted(groups, reverse=True))

@@ -20,10 +20,10 @@ from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.model import ExplicitModel
 from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.checks import check_model
-from symcheck.symbolic.matrix.enumerate_rows import listed_rows
+from symcheck.symbolic.matrix.enumerate_rows import enumerate_rows
 from symcheck.symbolic.matrix.rewards import chain_rewards, state_rewards
-from symcheck.symbolic.matrix.transitions import choice_numbers, transitions
-from symcheck.symbolic.model import Deferred, StateSpace
+from symcheck.symbolic.matrix.transitions import choice_counts, transitions
+from symcheck.symbolic.model import LazySequence, StateSpace
 from symcheck.syntax.ast import Expression, ModelType
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def listed(space: StateSpace, options: BuildSettings, name: str) -> ListedEngine
     ):
         return None
     check_model(space, options)
-    matrix = listed_rows(space)
+    matrix = enumerate_rows(space)
     if matrix is None:
         return None
     source = SparseEngine(_diagrams(space, options), space)
@@ -90,7 +90,7 @@ def listed(space: StateSpace, options: BuildSettings, name: str) -> ListedEngine
 def _diagrams(space: StateSpace, options: BuildSettings) -> Diagrams:
     """What engines share; the matrix is made when somebody asks for it after all."""
     symbolic = space.symbolic
-    numbers = choice_numbers(space) if symbolic.model.type is ModelType.DTMC else None
+    numbers = choice_counts(space) if symbolic.model.type is ModelType.DTMC else None
     return Diagrams(
         symbolic.manager,
         symbolic.encoding.rows,
@@ -100,7 +100,7 @@ def _diagrams(space: StateSpace, options: BuildSettings) -> Diagrams:
         space.deadlocks,
         space.deadlocks,
         symbolic.relations,
-        Deferred([partial(_matrix, space, options)]),
+        LazySequence([partial(_matrix, space, options)]),
         None,
         {},
         state_rewards(space),

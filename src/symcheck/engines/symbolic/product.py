@@ -10,7 +10,7 @@ import numpy as np
 
 from symcheck.dd.odd import Odd
 from symcheck.engines.base import Engine
-from symcheck.engines.symbolic.diagrams import Diagrams, Step
+from symcheck.engines.symbolic.diagrams import Diagrams, TransitionPart
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.engines.symbolic.sets import Piece, SymbolicSet, SymbolicValues, merged, picked
 
@@ -200,8 +200,8 @@ def _moves(
 
 
 def _with_automaton(
-    manager: DiagramManager, counter: Counter, relation: Bdd, step: Step | None
-) -> Step:
+    manager: DiagramManager, counter: Counter, relation: Bdd, step: TransitionPart | None
+) -> TransitionPart:
     """A step that moves the automaton too; without a base step, it alone."""
     pairs = (
         [(manager.name_of(a), manager.name_of(b)) for a, b in step.transition.pairs]
@@ -212,7 +212,7 @@ def _with_automaton(
         [*counter.rows, *(a for a, _ in pairs)],
         [*counter.columns, *(b for _, b in pairs)],
     )
-    return Step(
+    return TransitionPart(
         relation,
         manager.transition(rows, columns),
         step.top if step is not None else len(manager.order()),

@@ -1,1 +1,1 @@
-"""State variables as bits, expressions as BDDs and MTBDDs."""
+"""Encoding: variables as bits, expressions as BDDs and MTBDDs."""

@@ -1,4 +1,4 @@
-"""Sets of states as rows of bits, enumerated level by level with numpy."""
+"""The members of a set as rows of bits, enumerated level by level with numpy."""
 
 from __future__ import annotations
 
@@ -11,15 +11,20 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager
 
-__all__ = ["minterms"]
+__all__ = ["enumerate_states"]
 
 
-def minterms(
+def enumerate_states(
     manager: DiagramManager, states: Bdd, bits: Sequence[str], limit: int | None = None
 ) -> NDArray[np.uint8]:
-    """All assignments of `bits` (in diagram order) in a set that depends on no others: uint8[n, len(bits)], lexicographic.
+    """The assignments in a set, in lexicographic order; time and memory are O(n k).
 
-    `limit`: only the first so many. O(n len(bits)) time and memory: for sets that are to be listed.
+    Args:
+        bits: k variables in diagram order, on which alone the set depends.
+        limit: return at most this many, the first ones.
+
+    Returns:
+        uint8[n, k].
     """
     table = manager.export_bdd(states)
     level, low, high = table.level, table.low, table.high
@@ -30,14 +35,14 @@ def minterms(
         children = np.stack(
             [np.where(here, low[nodes], nodes), np.where(here, high[nodes], nodes)], axis=1
         ).reshape(-1)
-        # Every partial row can be completed, so the first `limit` partial rows are all that the first `limit` rows need.
+        # Every partial row can be completed, so the first `limit` partial rows suffice.
         kept = np.flatnonzero(children)[:limit]
         history.append((kept >> 1, (kept & 1).astype(np.uint8)))
         nodes = children[kept]
     rows = np.empty((len(nodes), len(bits)), dtype=np.uint8)
-    place = np.arange(len(nodes))
+    index = np.arange(len(nodes))
     for k in range(len(bits) - 1, -1, -1):
         parents, values = history[k]
-        rows[:, k] = values[place]
-        place = parents[place]
+        rows[:, k] = values[index]
+        index = parents[index]
     return rows

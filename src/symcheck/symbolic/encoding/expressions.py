@@ -1,4 +1,6 @@
-"""What the translation to diagrams asks of expressions: what they read, and what they are made of."""
+"""Properties of expressions that the translation to diagrams needs: variables, operands, numbers of
+values.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ def support(expression: Expression) -> frozenset[str]:
 
 
 def mesh(variables: Sequence[EncodedVariable]) -> dict[str, Column]:
-    """All values of each variable, each along an axis of its own (axes in the given order)."""
+    """The values of each variable along an axis of its own, as for numpy.ogrid."""
     columns: dict[str, Column] = {}
     for axis, v in enumerate(variables):
         shape = [1] * len(variables)
@@ -32,7 +34,7 @@ def mesh(variables: Sequence[EncodedVariable]) -> dict[str, Column]:
 
 
 def leaf_bound(operator: str, x: NDArray[np.float64], y: NDArray[np.float64]) -> int:
-    """How many different values x op y may take, at most."""
+    """An upper bound on the number of distinct values of x op y."""
     pairs = len(x) * len(y)
     if operator == "*" or not (np.all(x == np.floor(x)) and np.all(y == np.floor(y))):
         return pairs
@@ -46,7 +48,9 @@ def contains(expression: Expression, part: Expression) -> bool:
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:
-    """The operands of an arithmetic expression; none for a literal, a name and what is not arithmetic."""
+    """The operands of an arithmetic expression; none for a literal, a name and what is not
+    arithmetic.
+    """
     match expression:
         case Unary(_, operand):
             return (operand,)

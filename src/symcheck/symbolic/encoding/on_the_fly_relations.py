@@ -1,15 +1,19 @@
-"""Learned relations: an expression that reads too many valuations is encoded only for those that are reached.
+"""Expressions that are encoded on the fly: those that read too many valuations to be encoded in
+full.
 
-Before an event's image of a frontier is taken, the frontier is projected onto the variables that such an expression
-reads; valuations not seen before are enumerated, the expression is evaluated on them (vectorised), and exactly these
-rows join its diagram. So the work is in the valuations reached, not in the domain's product. After Blom, van de Pol &
-Weber (2010), "LTSmin: distributed and symbolic reachability" (partitioned next-state functions), here for values,
-probabilities and guards alike.
+Before the image of a frontier is taken, the frontier is projected onto the variables that such an
+expression reads. New valuations are enumerated, the expression is evaluated on them (vectorised),
+and these rows are added to its diagram. So the work grows with the valuations that are reached, not
+with the product of the domains.
+
+Source: Blom, van de Pol and Weber (2010), LTSmin: distributed and symbolic reachability
+(partitioned next-state functions); here for values, probabilities and guards.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,103 +21,105 @@ from numpy.typing import NDArray
 
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.expressions.vectorised import Column, Lanes, evaluate_columns
-from symcheck.symbolic.encoding.enumerate_states import minterms
+from symcheck.symbolic import tuning
+from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
 
-__all__ = ["Learned", "LearnedAssignment", "LearnedBoolean", "LearnedNumber"]
+__all__ = ["OnTheFly", "OnTheFlyAssignment", "OnTheFlyCondition", "OnTheFlyNumber"]
 
 
-MAX_VALUATIONS = 20_000_000  # of one expression, found at once: 1 GB while they are evaluated
+@dataclass(eq=False)
+class OnTheFly:
+    """An expression and the diagram of its values on the valuations evaluated so far; subclasses
+    hold the diagram.
 
+    Args:
+        names: the variables that the expression reads.
 
-class Learned:
-    """What is known of one expression: `known` holds the valuations (row bits of `variables`) evaluated so far.
-
-    `evaluated` counts them. Subclasses keep the diagram that grows with them.
+    Attributes:
+        known: the valuations evaluated so far, over the row bits of `variables`.
+        evaluated: their number.
+        faults: those of them where the expression has no value.
     """
 
-    def __init__(
-        self,
-        manager: DiagramManager,
-        encoding: Encoding,
-        names: Iterable[str],
-        expression: Expression,
-    ) -> None:
-        self.manager = manager
-        self.expression = expression
-        self.variables = encoding.sorted(names)
+    manager: DiagramManager
+    encoding: Encoding
+    names: Iterable[str]
+    expression: Expression
+    evaluated: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self.variables = self.encoding.sorted(self.names)
         self.bits = tuple(bit for v in self.variables for bit in v.rows)
-        self.others = manager.cube([bit for bit in encoding.rows if bit not in set(self.bits)])
-        self.known: Bdd = manager.false
-        self.faults: Bdd = manager.false
-        self.evaluated = 0
+        own = set(self.bits)
+        self.others = self.manager.cube([bit for bit in self.encoding.rows if bit not in own])
+        self.known: Bdd = self.manager.false
+        self.faults: Bdd = self.manager.false
 
     def extend(self, states: Bdd) -> bool:
-        """Evaluate the expression on what `states` has of unseen valuations. True if there were any."""
-        unseen = states.exists(self.others) - self.known
-        if not unseen:
+        """Evaluate the expression on the new valuations in `states`; whether there were any.
+
+        Raises UnsupportedError where there are too many at once.
+        """
+        new = states.exists(self.others) - self.known
+        if not new:
             return False
-        if self.manager.count(unseen, self.bits) > MAX_VALUATIONS:
+        count = self.manager.count(new, self.bits)
+        if count > tuning.MAX_VALUATIONS:
             raise UnsupportedError(
-                f"an expression would have to be evaluated for {self.manager.count(unseen, self.bits)} valuations of the "
-                f"{len(self.variables)} variables that it reads ({self.expression.span}): use the explicit engine (-ex)"
+                f"an expression would have to be evaluated for {count} valuations of the "
+                f"{len(self.variables)} variables that it reads ({self.expression.span}): "
+                "use the explicit engine (-ex)"
             )
-        rows = minterms(self.manager, unseen, self.bits)
+        rows = enumerate_states(self.manager, new, self.bits)
         lanes = evaluate_columns(self.expression, columns_of(self.variables, rows)).spread(
             rows.shape[:1]
         )
         if lanes.faults is not None:
             self.faults = self.faults | self.manager.bdd_from_rows(self.bits, rows[lanes.faults])
         self.add(rows, lanes)
-        self.known = self.known | unseen
+        self.known = self.known | new
         self.evaluated += rows.shape[0]
         return True
 
     def add(self, rows: NDArray[np.uint8], lanes: Lanes) -> None:
-        """Add the value of the expression on each row (minterms over `bits`, lexicographic)."""
+        """Add the values of the expression to the diagram.
+
+        rows: uint8[n, bits], lexicographic; lanes: n values.
+        """
         raise NotImplementedError
 
 
-class LearnedBoolean(Learned):
+@dataclass(eq=False)
+class OnTheFlyCondition(OnTheFly):
     """A condition; `holds` is right on known valuations and false elsewhere."""
 
-    def __init__(
-        self,
-        manager: DiagramManager,
-        encoding: Encoding,
-        names: Iterable[str],
-        expression: Expression,
-    ) -> None:
-        super().__init__(manager, encoding, names, expression)
-        self.holds: Bdd = manager.false
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.holds: Bdd = self.manager.false
 
     def add(self, rows: NDArray[np.uint8], lanes: Lanes) -> None:
-        """See `Learned.add`."""
+        """See `OnTheFly.add`."""
         self.holds = self.holds | self.manager.bdd_from_rows(
             self.bits, rows[lanes.values.astype(np.bool_)]
         )
 
 
-class LearnedNumber(Learned):
-    """A number; `value` is right on known valuations and 0 elsewhere (and where it is `undefined`)."""
+@dataclass(eq=False)
+class OnTheFlyNumber(OnTheFly):
+    """A number; `value` is right on known valuations, and 0 elsewhere and where it is `undefined`."""
 
-    def __init__(
-        self,
-        manager: DiagramManager,
-        encoding: Encoding,
-        names: Iterable[str],
-        expression: Expression,
-    ) -> None:
-        super().__init__(manager, encoding, names, expression)
-        self.value: Mtbdd = manager.zero
-        self.undefined: Bdd = manager.false
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.value: Mtbdd = self.manager.zero
+        self.undefined: Bdd = self.manager.false
 
     def add(self, rows: NDArray[np.uint8], lanes: Lanes) -> None:
-        """See `Learned.add`."""
+        """See `OnTheFly.add`."""
         numbers = lanes.numbers()
         nan = np.isnan(numbers)
         if nan.any():
@@ -123,24 +129,19 @@ class LearnedNumber(Learned):
         )
 
 
-class LearnedAssignment(Learned):
-    """`target' = expression`; `relation` and `in_range` hold known valuations only."""
+@dataclass(eq=False)
+class OnTheFlyAssignment(OnTheFly):
+    """The assignment `target' = expression`; `relation` and `in_range` hold known valuations only."""
 
-    def __init__(
-        self,
-        manager: DiagramManager,
-        encoding: Encoding,
-        names: Iterable[str],
-        expression: Expression,
-        target: EncodedVariable,
-    ) -> None:
-        super().__init__(manager, encoding, names, expression)
-        self.target = target
-        self.relation: Bdd = manager.false
-        self.in_range: Bdd = manager.false
+    target: EncodedVariable
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.relation: Bdd = self.manager.false
+        self.in_range: Bdd = self.manager.false
 
     def add(self, rows: NDArray[np.uint8], lanes: Lanes) -> None:
-        """See `Learned.add`."""
+        """See `OnTheFly.add`."""
         codes, valid = code_values(self.target, lanes)
         shifts = np.arange(self.target.width - 1, -1, -1)
         code_bits = (codes[:, None] >> shifts & 1).astype(np.uint8)
@@ -152,7 +153,7 @@ class LearnedAssignment(Learned):
 
 
 def columns_of(variables: Sequence[EncodedVariable], bits: NDArray[np.uint8]) -> dict[str, Column]:
-    """Values from minterms: bit columns of the variables one after the other, most significant bit first."""
+    """Values of the variables from their bits (uint8[n, bits]), most significant bit first."""
     columns: dict[str, Column] = {}
     start = 0
     for v in variables:
@@ -167,7 +168,9 @@ def columns_of(variables: Sequence[EncodedVariable], bits: NDArray[np.uint8]) ->
 def code_values(
     target: EncodedVariable, lanes: Lanes
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Codes of values assigned to `target`, and which values are in its range (the code is 0 where not)."""
+    """Codes of values assigned to `target` (0 where out of range), and which values are in its
+    range.
+    """
     whole = lanes.values.astype(np.int64)
     valid = (whole >= target.low) & (whole <= target.high)
     if lanes.faults is not None:

@@ -1,14 +1,15 @@
-"""From expressions to diagrams over row bits: boolean ones become BDDs, numeric ones MTBDDs.
+"""Translation of expressions to diagrams over row bits: conditions become BDDs, numbers MTBDDs.
 
-Three ways, by the size of the domain that an expression reads:
+There are three ways, by the number of valuations that an expression reads:
 
-- *tabulated*: evaluated with numpy on an open mesh over all valuations of its variables, then reduced bottom-up. Used
-  for any expression that reads at most `Limits.table` valuations; what the expression computes does not matter.
-- *composed*: operator by operator on diagrams. Boolean structure, sums, minima and comparisons of wide expressions.
-- *listed*: evaluated only on given valuations (those that a guard allows, or that a frontier reaches: `learn`).
+- *tabulated*: it is evaluated with numpy on all valuations of its variables, and the table is
+  reduced bottom-up. This is done for every expression that reads at most
+  `EncodingLimits.table_bits` bits.
+- *composed*: operators are applied to the diagrams of the operands.
+- *on the fly*: it is evaluated only on the valuations that are reached (`on_the_fly_relations.py`).
 
-Codes above a variable's range (a range that is no power of two) stand for no state. Tables give them the value of the
-highest valid code, which keeps diagrams small; sets of states never hold them.
+A variable whose range is no power of two has unused codes. In tables these have the value of the
+highest valid code, which keeps diagrams small; sets of states never contain them.
 """
 
 from __future__ import annotations
@@ -25,46 +26,36 @@ from symcheck.semantics.expressions.vectorised import Lanes, evaluate_columns
 from symcheck.semantics.model import BoundCommand
 from symcheck.symbolic.encoding.expressions import children, contains, leaf_bound, mesh, support
 from symcheck.symbolic.encoding.on_the_fly_relations import (
-    Learned,
-    LearnedAssignment,
-    LearnedBoolean,
-    LearnedNumber,
+    OnTheFly,
+    OnTheFlyAssignment,
+    OnTheFlyCondition,
+    OnTheFlyNumber,
     code_values,
 )
 from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
+from symcheck.symbolic.tuning import EncodingLimits
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
 
-__all__ = ["Assigned", "Limits", "TooLarge", "Translator"]
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Where one way of translating ends and the next begins.
-
-    table: bits (log2 of valuations) up to which an expression is tabulated at once.
-    wide: bits up to which it is tabulated when composing is not possible.
-    nodes: nodes of a composed diagram beyond which its expression counts as too large.
-    moves: bits up to which an assignment is tabulated when composing is not possible.
-    leaves: different values of a diagram of more than `table` bits beyond which it is not even tried.
-    """
-
-    table: int = 14
-    wide: int = 20
-    nodes: int = 500_000
-    moves: int = 16
-    leaves: int = 20_000
+__all__ = ["EncodedAssignment", "TooLarge", "Translator"]
 
 
 class TooLarge(UnsupportedError):
-    """An expression that reads too many valuations to be encoded in full: `learn` encodes what is reached."""
+    """An expression reads too many valuations to be encoded in full; it is encoded on the fly
+    instead.
+    """
 
 
 @dataclass(frozen=True, slots=True)
-class Assigned:
-    """`x' = expression` as a relation (row bits to x's column bits) and the rows where the value is in x's range."""
+class EncodedAssignment:
+    """An assignment `x' = expression`.
+
+    Attributes:
+        relation: over row bits and the column bits of x.
+        in_range: the rows where the value is in the range of x.
+    """
 
     relation: Bdd
     in_range: Bdd
@@ -75,21 +66,25 @@ _COMPARISONS = {"=", "!=", "<", "<=", ">", ">="}
 
 
 class Translator:
-    """Translates expressions of one model into one manager's diagrams, each expression once."""
+    """Translates the expressions of a model into diagrams of one manager, each expression once.
+
+    Args:
+        limits: where one way of translating ends and the next begins; None: the default limits.
+    """
 
     def __init__(
-        self, manager: DiagramManager, encoding: Encoding, limits: Limits | None = None
+        self, manager: DiagramManager, encoding: Encoding, limits: EncodingLimits | None = None
     ) -> None:
         self.manager = manager
         self.encoding = encoding
-        self.limits = limits or Limits()
-        self.learned: dict[tuple[str, Expression], Learned] = {}
+        self.limits = limits or EncodingLimits()
+        self.on_the_fly: dict[tuple[str, Expression], OnTheFly] = {}
         self._parts: dict[
-            tuple[int, int], tuple[BoundCommand, tuple[list[Learned], list[Learned]]]
+            tuple[int, int], tuple[BoundCommand, tuple[list[OnTheFly], list[OnTheFly]]]
         ] = {}
         self._booleans: dict[Expression, Bdd] = {}
         self._numbers: dict[Expression, Mtbdd] = {}
-        self._assignments: dict[tuple[str, Expression], Assigned] = {}
+        self._assignments: dict[tuple[str, Expression], EncodedAssignment] = {}
         self._undefined: dict[Expression, Bdd] = {}
         self._faults: dict[Expression, Bdd] = {}
         self._identities: dict[tuple[int, ...], Bdd] = {}
@@ -109,17 +104,20 @@ class Translator:
         """Number of row bits that `expression` reads."""
         return sum(self.encoding.by_name[name].width for name in self.support(expression))
 
-    def learned_parts(self, command: BoundCommand) -> tuple[list[Learned], list[Learned]]:
-        """Learned parts of a command: those that matter in every state, and those that matter where its guard holds."""
-        if not self.learned:
+    def on_the_fly_parts(self, command: BoundCommand) -> tuple[list[OnTheFly], list[OnTheFly]]:
+        """The parts of a command that are encoded on the fly: those needed in every state, and
+        those needed where its guard holds.
+        """
+        if not self.on_the_fly:
             return [], []
-        # Asked for at every step of a search; telling long expressions apart takes longer than what is done with them.
-        key = id(command), len(self.learned)
+        # Cached, as this is called at every step of a search and comparing long expressions takes
+        # long.
+        key = id(command), len(self.on_the_fly)
         if key not in self._parts:
-            self._parts[key] = command, self._learned_parts(command)
+            self._parts[key] = command, self._on_the_fly_parts(command)
         return self._parts[key][1]
 
-    def _learned_parts(self, command: BoundCommand) -> tuple[list[Learned], list[Learned]]:
+    def _on_the_fly_parts(self, command: BoundCommand) -> tuple[list[OnTheFly], list[OnTheFly]]:
         names = {
             (self.encoding.variables[i].name, e) for u in command.updates for i, e in u.assignments
         }
@@ -127,44 +125,48 @@ class Translator:
             e for u in command.updates for e in (u.probability, *(e for _, e in u.assignments))
         }
         always, guarded = [], []
-        for (name, part), learned in self.learned.items():
-            if name or isinstance(learned, LearnedNumber):
+        for (name, part), on_the_fly in self.on_the_fly.items():
+            if name or isinstance(on_the_fly, OnTheFlyNumber):
                 if (name, part) in names or part in behind:
-                    guarded.append(learned)
+                    guarded.append(on_the_fly)
             elif any(part == e or contains(e, part) for e in (command.guard, *behind)):
-                always.append(learned)
+                always.append(on_the_fly)
         return always, guarded
 
-    def reads_learned(self, expression: Expression) -> bool:
-        """Whether the diagram of `expression` contains a learned part, so that it changes as that grows."""
+    def reads_on_the_fly(self, expression: Expression) -> bool:
+        """Whether the diagram of `expression` contains a part that is encoded on the fly, and so
+        may change.
+        """
         return any(
             not name and (part == expression or contains(expression, part))
-            for name, part in self.learned
+            for name, part in self.on_the_fly
         )
 
     # ------------------------------------------------------------------------------------------------ booleans
 
     def boolean(self, expression: Expression) -> Bdd:
-        """The states that satisfy a boolean expression; a part that is too large is right only where it was learned."""
-        known = self.learned.get(("", expression))
-        if isinstance(known, LearnedBoolean):
+        """The states that satisfy a boolean expression; a part that is encoded on the fly is right
+        on its known valuations only.
+        """
+        known = self.on_the_fly.get(("", expression))
+        if isinstance(known, OnTheFlyCondition):
             return known.holds
         found = self._booleans.get(expression)
         if found is None:
             try:
                 found = self._boolean(expression)
             except TooLarge:
-                learned = LearnedBoolean(
+                on_the_fly = OnTheFlyCondition(
                     self.manager, self.encoding, self.support(expression), expression
                 )
-                self.learned["", expression] = learned
-                return learned.holds
-            if not self.reads_learned(expression):
+                self.on_the_fly["", expression] = on_the_fly
+                return on_the_fly.holds
+            if not self.reads_on_the_fly(expression):
                 self._booleans[expression] = found
         return found
 
     def _boolean(self, expression: Expression) -> Bdd:
-        if self.width(expression) <= self.limits.table:
+        if self.width(expression) <= self.limits.table_bits:
             return self._bdd_table(expression)
         match expression:
             case Unary("!", operand):
@@ -199,7 +201,7 @@ class Translator:
         found, undefined = x.compare(operator, y), self.undefined(left) | self.undefined(right)
         return (
             found | undefined if operator == "!=" else found - undefined
-        )  # as of what is no number
+        )  # a comparison with NaN is false, and != is true
 
     def _is_boolean(self, expression: Expression) -> bool:
         match expression:
@@ -223,74 +225,84 @@ class Translator:
     # ------------------------------------------------------------------------------------------------ numbers
 
     def number(self, expression: Expression) -> Mtbdd:
-        """The value of a numeric expression in each state (a boolean one counts as 0 or 1). Raises TooLarge."""
+        """The value of a numeric expression (a boolean one counts as 0 or 1) in each state. Raises
+        TooLarge.
+        """
         found = self._numbers.get(expression)
         if found is None:
             found = self._number(expression)
-            if found.node_count > self.limits.nodes:
+            if found.node_count > self.limits.max_nodes:
                 raise TooLarge(
                     f"the diagram of an expression has {found.node_count} nodes ({expression.span})"
                 )
-            if not self.reads_learned(expression):
+            if not self.reads_on_the_fly(expression):
                 self._numbers[expression] = found
         return found
 
-    def learned_number(self, expression: Expression) -> Mtbdd:
-        """As `number`; what is too large is right only where it was learned."""
-        known = self.learned.get(("", expression))
-        if isinstance(known, LearnedNumber):
+    def number_on_the_fly(self, expression: Expression) -> Mtbdd:
+        """As `number`; an expression that is too large is encoded on the fly, right on its known
+        valuations only.
+        """
+        known = self.on_the_fly.get(("", expression))
+        if isinstance(known, OnTheFlyNumber):
             return known.value
         try:
             return self.number(expression)
         except TooLarge:
-            learned = LearnedNumber(
+            on_the_fly = OnTheFlyNumber(
                 self.manager, self.encoding, self.support(expression), expression
             )
-            self.learned["", expression] = learned
-            return learned.value
+            self.on_the_fly["", expression] = on_the_fly
+            return on_the_fly.value
 
     def boolean_on(self, expression: Expression, states: Bdd) -> Bdd:
-        """As `boolean`, right on `states` also where a part of it is too large."""
+        """As `boolean`, but right on all of `states`: parts that are encoded on the fly are
+        extended to them.
+        """
         found = self.boolean(expression)
-        if self.learned and sum(part.extend(states) for part in self._conditions_in(expression)):
+        if self.on_the_fly and sum(part.extend(states) for part in self._conditions_in(expression)):
             found = self.boolean(expression)
         return found
 
     def number_on(self, expression: Expression, states: Bdd) -> Mtbdd:
-        """The number on `states`, 0 elsewhere; also where the expression is too large."""
-        self.learned_number(expression)
-        for part in (self.learned.get(("", expression)), *self._conditions_in(expression)):
+        """As `number`, but 0 outside of `states`, and right on them also where it is encoded on the
+        fly.
+        """
+        self.number_on_the_fly(expression)
+        for part in (self.on_the_fly.get(("", expression)), *self._conditions_in(expression)):
             if part is not None:
                 part.extend(states)
-        return self.learned_number(expression).times_bdd(states)
+        return self.number_on_the_fly(expression).times_bdd(states)
 
-    def _conditions_in(self, expression: Expression) -> list[Learned]:
+    def _conditions_in(self, expression: Expression) -> list[OnTheFly]:
         return [
-            learned
-            for (name, part), learned in self.learned.items()
-            if isinstance(learned, LearnedBoolean)
+            on_the_fly
+            for (name, part), on_the_fly in self.on_the_fly.items()
+            if isinstance(on_the_fly, OnTheFlyCondition)
             and not name
             and (part == expression or contains(expression, part))
         ]
 
     def undefined(self, expression: Expression) -> Bdd:
-        """Where a numeric expression has no value (NaN, such as 0/0); its diagram holds 0 there."""
-        self.learned_number(expression)
-        known = self.learned.get(("", expression))
-        if isinstance(known, LearnedNumber):
+        """The states where a numeric expression is NaN, such as 0/0; its diagram is 0 there."""
+        self.number_on_the_fly(expression)
+        known = self.on_the_fly.get(("", expression))
+        if isinstance(known, OnTheFlyNumber):
             return known.undefined
-        if expression in self._undefined or self.width(expression) <= self.limits.table:
+        if expression in self._undefined or self.width(expression) <= self.limits.table_bits:
             return self._undefined.get(expression, self.manager.false)
         return self.manager.disjunction([self.undefined(e) for e in children(expression)])
 
     def faults(self, expression: Expression) -> Bdd:
-        """Where an expression that has been translated has no value, so that the scalar evaluation raises an error."""
-        known = self.learned.get(("", expression))
+        """Where an expression that has been translated has no value, so that the scalar evaluation
+        raises an error.
+        """
+        known = self.on_the_fly.get(("", expression))
         if known is not None:
             return known.faults
         if expression in self._faults:
             return self._faults[expression]
-        if not self._faults and not any(part.faults for part in self.learned.values()):
+        if not self._faults and not any(part.faults for part in self.on_the_fly.values()):
             return self.manager.false
         match expression:
             case Binary("&" | "|" | "=>" as operator, left, right):
@@ -309,10 +321,10 @@ class Translator:
         """A probability or rate: a float where it is constant."""
         if not self.support(expression):
             return float(evaluate_columns(expression, {}).numbers())
-        return self.learned_number(expression)
+        return self.number_on_the_fly(expression)
 
     def _number(self, expression: Expression) -> Mtbdd:
-        if self.width(expression) <= self.limits.table:
+        if self.width(expression) <= self.limits.table_bits:
             return self._mtbdd_table(expression)
         if self._is_boolean(expression):
             return self.boolean(expression).to_mtbdd()
@@ -324,7 +336,7 @@ class Translator:
                     return self._arithmetic(
                         operator, self.number(left), self.number(right), expression
                     )
-                except NumericalError:  # infinity - infinity somewhere: a table says where
+                except NumericalError:  # infinity - infinity in some state: tabulate
                     return self._mtbdd_table(expression)
             case Conditional(condition, then, otherwise):
                 return self.boolean(condition).ite(self.number(then), self.number(otherwise))
@@ -338,9 +350,9 @@ class Translator:
                 return self._mtbdd_table(expression)
 
     def _arithmetic(self, operator: str, x: Mtbdd, y: Mtbdd, expression: Expression) -> Mtbdd:
-        """X op y, unless the result may have so many leaves that its diagram cannot be small."""
+        """The diagram of x op y. Raises TooLarge if it may have too many leaves."""
         leaves = leaf_bound(operator, x.leaves, y.leaves)
-        if leaves > self.limits.leaves:
+        if leaves > self.limits.max_leaves:
             raise TooLarge(
                 f"the diagram of an expression may have {leaves} different values ({expression.span})"
             )
@@ -348,7 +360,9 @@ class Translator:
         return self._exact_or_table(expression, result)
 
     def _exact_or_table(self, expression: Expression, number: Mtbdd) -> Mtbdd:
-        """A composed number, or a table: a double cannot tell large ints apart, nor which are beyond 64 bits."""
+        """A composed number, or a table: a double cannot tell large ints apart, nor which are
+        beyond 64 bits.
+        """
         return number if self._is_exact(expression, number) else self._mtbdd_table(expression)
 
     def _is_exact(self, expression: Expression, number: Mtbdd) -> bool:
@@ -363,11 +377,11 @@ class Translator:
         variables, lanes = self._tabulate(expression)
         numbers = lanes.numbers()
         if (
-            self.width(expression) > self.limits.table
-            and len(np.unique(numbers)) > self.limits.leaves
+            self.width(expression) > self.limits.table_bits
+            and len(np.unique(numbers)) > self.limits.max_leaves
         ):
             raise TooLarge(
-                f"the diagram of an expression has more than {self.limits.leaves} different values ({expression.span})"
+                f"the diagram of an expression has more than {self.limits.max_leaves} different values ({expression.span})"
             )
         nan = np.isnan(numbers)
         if nan.any():
@@ -378,12 +392,14 @@ class Translator:
     # ------------------------------------------------------------------------------------------------ tables
 
     def _tabulate(self, expression: Expression) -> tuple[tuple[EncodedVariable, ...], Lanes]:
-        """Variables in diagram order and the expression's values, one per code combination, first variable slowest."""
+        """Variables in diagram order and the expression's values, one per code combination, first
+        variable slowest.
+        """
         variables = self.encoding.sorted(self.support(expression))
         width = sum(v.width for v in variables)
-        if width > self.limits.wide:
+        if width > self.limits.wide_table_bits:
             raise TooLarge(
-                f"an expression reads {width} bits at once, a table may have {self.limits.wide} ({expression.span})"
+                f"an expression reads {width} bits at once, a table may have {self.limits.wide_table_bits} ({expression.span})"
             )
         lanes = evaluate_columns(expression, mesh(variables)).spread(
             tuple(1 << v.width for v in variables)
@@ -394,42 +410,47 @@ class Translator:
 
     # ------------------------------------------------------------------------------------------------ assignments
 
-    def assignment(self, target: EncodedVariable, expression: Expression) -> Assigned:
-        """`target' = expression`; where the expression is too large, for the valuations that were learned."""
+    def assignment(self, target: EncodedVariable, expression: Expression) -> EncodedAssignment:
+        """The assignment `target' = expression`; where that is too large, on its known valuations
+        only.
+        """
         key = (target.name, expression)
-        known = self.learned.get(key)
-        if isinstance(known, LearnedAssignment):
-            return Assigned(known.relation, known.in_range)
+        known = self.on_the_fly.get(key)
+        if isinstance(known, OnTheFlyAssignment):
+            return EncodedAssignment(known.relation, known.in_range)
         found = self._assignments.get(key)
         if found is None:
             try:
                 found = self._assignment(target, expression)
             except TooLarge:
-                learned = LearnedAssignment(
+                on_the_fly = OnTheFlyAssignment(
                     self.manager, self.encoding, self.support(expression), expression, target
                 )
-                self.learned[key] = learned
-                return Assigned(learned.relation, learned.in_range)
-            if not self.reads_learned(expression):
+                self.on_the_fly[key] = on_the_fly
+                return EncodedAssignment(on_the_fly.relation, on_the_fly.in_range)
+            if not self.reads_on_the_fly(expression):
                 self._assignments[key] = found
         return found
 
-    def _assignment(self, target: EncodedVariable, expression: Expression) -> Assigned:
+    def _assignment(self, target: EncodedVariable, expression: Expression) -> EncodedAssignment:
         if isinstance(expression, Name) and expression.name == target.name:
-            return Assigned(self.unchanged(target), self.manager.true)
-        if self.width(expression) <= self.limits.table:
+            return EncodedAssignment(self.unchanged(target), self.manager.true)
+        if self.width(expression) <= self.limits.table_bits:
             return self._assignment_table(target, expression)
-        # A wide counter that counts itself is a small relation; one wide variable in another has a node per value.
+        # A counter that reads only itself gives a small relation, whereas copying a wide variable
+        # takes a node per value.
         if self.support(expression) <= {target.name}:
             return self._assignment_table(target, expression)
         try:
             return self._assignment_composed(target, expression)
         except TooLarge:
-            if self.width(expression) > self.limits.moves:
+            if self.width(expression) > self.limits.assignment_bits:
                 raise
             return self._assignment_table(target, expression)
 
-    def _assignment_table(self, target: EncodedVariable, expression: Expression) -> Assigned:
+    def _assignment_table(
+        self, target: EncodedVariable, expression: Expression
+    ) -> EncodedAssignment:
         variables, lanes = self._tabulate(expression)
         codes, valid = code_values(target, lanes)
         rows = _row_bits(variables)
@@ -441,15 +462,17 @@ class Translator:
             ],
         )
         if bool(valid.all()):
-            return Assigned(relation, self.manager.true)
+            return EncodedAssignment(relation, self.manager.true)
         in_range = self.manager.bdd_table(rows, valid)
-        return Assigned(relation & in_range, in_range)
+        return EncodedAssignment(relation & in_range, in_range)
 
-    def _assignment_composed(self, target: EncodedVariable, expression: Expression) -> Assigned:
+    def _assignment_composed(
+        self, target: EncodedVariable, expression: Expression
+    ) -> EncodedAssignment:
         if target.is_bool:
             relation = self.manager.variable(target.columns[0]).equivalent(self.boolean(expression))
             in_range = ~self.faults(expression)
-            return Assigned(relation & in_range, in_range)
+            return EncodedAssignment(relation & in_range, in_range)
         number = self.number(expression)
         if max(abs(target.low), abs(target.high)) >= _LARGEST_EXACT_INT:
             raise TooLarge(f"{target.name} holds ints of 2^53 or more ({expression.span})")
@@ -459,17 +482,19 @@ class Translator:
             "<=", float(target.high)
         )
         in_range = in_range - self.faults(expression)
-        return Assigned(relation & in_range, in_range)
+        return EncodedAssignment(relation & in_range, in_range)
 
     def bits_equal(self, target: EncodedVariable, bits: Sequence[Bdd]) -> Bdd:
-        """The column bits of `target` equal these functions of the row bits (most significant first)."""
+        """The relation in which the column bits of `target` equal these functions of the row bits,
+        highest first.
+        """
         result = self.manager.true
         for column, bit in zip(reversed(target.columns), reversed(bits), strict=True):
             result = result & self.manager.variable(column).equivalent(bit)
         return result
 
     def identity(self, indices: tuple[int, ...]) -> Bdd:
-        """The variables with these indices stay as they are."""
+        """The relation that keeps the variables with these indices."""
         found = self._identities.get(indices)
         if found is None:
             found = self.manager.true
@@ -481,21 +506,21 @@ class Translator:
         return found
 
     def unchanged(self, target: EncodedVariable) -> Bdd:
-        """`target' = target`."""
+        """The relation `target' = target`."""
         return self.bits_equal(target, [self.manager.variable(row) for row in target.rows])
 
     def next_valid(self, target: EncodedVariable) -> Bdd:
-        """The column bits of `target` hold a code that stands for a value."""
+        """The set where the column bits of `target` are a valid code."""
         codes = np.arange(1 << target.width)
         return self.manager.bdd_table(target.columns, codes <= target.high - target.low)
 
     def valid(self, target: EncodedVariable) -> Bdd:
-        """The row bits of `target` hold a code that stands for a value."""
+        """The set where the row bits of `target` are a valid code."""
         codes = np.arange(1 << target.width)
         return self.manager.bdd_table(target.rows, codes <= target.high - target.low)
 
     def state(self, values: Mapping[str, int | bool]) -> Bdd:
-        """The set of states with these values; variables not given are free."""
+        """The states with these values of some variables."""
         result = self.manager.true
         for v in reversed(self.encoding.sorted(values)):
             code = v.code(values[v.name])

@@ -1,9 +1,12 @@
-"""From state variables to diagram variables ("bits").
+"""The encoding of model variables by diagram variables ("bits").
 
-A model variable with values low..high becomes ceil(log2(high-low+1)) bits that hold value - low, most significant bit
-first. Each bit exists twice: the row bit for the current state (`s.2`, where 2 is the bit's exponent) and the column bit
-for the next state (`s.2'`), next to each other in the order. Rows and columns interleaved is what keeps "unchanged" and
-"plus one" small (Ciardo; Kwiatkowska, Norman, Parker: MTBDDs of Markov chains).
+A variable with values low..high is encoded by ceil(log2(high - low + 1)) bits that hold value -
+low, most significant bit first. Each bit exists twice: a row bit for the current state (`s.2`,
+where 2 is the exponent of the bit) and a column bit for the next state (`s.2'`), next to each other
+in the order. With rows and columns interleaved, the relations "unchanged" and "plus one" are small.
+
+Source: Hermanns, Kwiatkowska, Norman, Parker and Siegle (2003), On the use of MTBDDs for
+performability analysis and verification of stochastic systems.
 """
 
 from __future__ import annotations
@@ -26,7 +29,9 @@ MAX_BITS = 62
 
 @dataclass(frozen=True)
 class EncodedVariable:
-    """A model variable and its bits, most significant first. `index` is its place in the model's declarations."""
+    """A model variable and its bits, most significant first; `index` is its position in the
+    declarations.
+    """
 
     variable: Variable
     index: int
@@ -51,18 +56,22 @@ class EncodedVariable:
         return self.variable.type is Type.BOOL
 
     def code(self, value: Value) -> int:
-        """The bits of a value, read as a number. Raises ValueError for a value out of range."""
+        """The code of a value: the number that its bits hold. Raises ValueError for a value out of
+        range.
+        """
         code = int(value) - self.low
         if not 0 <= code <= self.high - self.low:
             raise ValueError(f"{self.name}={value} is not within {self.low}..{self.high}")
         return code
 
     def value(self, code: int) -> int | bool:
-        """The value that a code stands for."""
+        """The value of a code."""
         return bool(code) if self.is_bool else self.low + code
 
     def column(self, *, padded: bool = True) -> NDArray[np.int64] | NDArray[np.bool_]:
-        """All values by code. `padded`: codes above the range repeat the highest value, up to 2**width entries."""
+        """The values by code. `padded`: 2**width entries, where codes above the range have the
+        highest value.
+        """
         codes = np.arange(1 << self.width if padded else self.high - self.low + 1, dtype=np.int64)
         return (
             codes.astype(np.bool_)
@@ -76,9 +85,13 @@ class EncodedVariable:
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """All variables' bits. `variables` in declaration order, `order` their places from the top of the diagrams.
+    """The bits of all variables.
 
-    `nondeterminism` is empty: an MDP has one matrix per choice slot instead of extra bits.
+    Nondeterminism needs no bits: an MDP has one matrix per choice class.
+
+    Attributes:
+        variables: in declaration order.
+        order: indices into `variables`, from the top of the diagrams down.
     """
 
     variables: tuple[EncodedVariable, ...]
@@ -101,12 +114,14 @@ class Encoding:
 
     @cached_property
     def bits(self) -> tuple[str, ...]:
-        """Row and column bits interleaved, from the top down: what the manager declares."""
+        """Row and column bits interleaved, from the top down, as the manager declares them."""
         return tuple(bit for pair in zip(self.rows, self.columns, strict=True) for bit in pair)
 
     @property
     def in_declaration_order(self) -> bool:
-        """Whether an ODD over the row bits numbers the states lexicographically in declaration order."""
+        """Whether an ODD over the row bits numbers the states lexicographically in declaration
+        order.
+        """
         return self.order == tuple(range(len(self.order)))
 
     @cached_property
@@ -116,7 +131,7 @@ class Encoding:
 
     @cached_property
     def rank(self) -> Mapping[str, int]:
-        """Place of a variable (by name) from the top of the diagrams."""
+        """Position of each variable (by name) in the order, from the top."""
         return {v.name: i for i, v in enumerate(self.ordered)}
 
     def sorted(self, names: Iterable[str]) -> tuple[EncodedVariable, ...]:
@@ -124,7 +139,9 @@ class Encoding:
         return tuple(self.by_name[n] for n in sorted(names, key=self.rank.__getitem__))
 
     def codes(self, bits: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Values from row bits: uint8[n, len(rows)] in diagram order to int64[n, variables] in declaration order."""
+        """Values of states: row bits uint8[n, k] in diagram order to int64[n, variables] in
+        declaration order.
+        """
         values = np.empty((bits.shape[0], len(self.variables)), dtype=np.int64)
         start = 0
         for v in self.ordered:
@@ -141,11 +158,15 @@ class Encoding:
 
 
 def encode(model: BoundModel, order: Sequence[str] | None = None) -> Encoding:
-    """Bits for the variables of `model`.
+    """The encoding of a model's variables.
 
-    `order`: names from the top of the diagrams down (names not given follow in declaration order); None is declaration
-    order. Raises UnsupportedError for an unbounded integer and for a range of more than 2**62 values, KeyError for an
-    unknown name in `order`.
+    Args:
+        order: names from the top of the diagrams down; others follow in declaration order. None:
+            declaration order.
+
+    Raises:
+        UnsupportedError: an integer without bounds, or a range of more than 2**62 values.
+        KeyError: an unknown name in `order`.
     """
     variables = tuple(_encode(variable, index) for index, variable in enumerate(model.variables))
     index = {v.name: v.index for v in variables}
@@ -159,12 +180,14 @@ def _encode(variable: Variable, index: int) -> EncodedVariable:
     if low is None or high is None:
         raise UnsupportedError(
             f"variable {variable.name} has no bounds ({variable.span}), and diagrams need bounds: "
-            f"give it a range, or use the explicit engine (-ex), which only needs that finitely many values are reachable"
+            "give it a range, or use the explicit engine (-ex), which only needs that finitely many "
+            "values are reachable"
         )
     width = max(high - low, 0).bit_length()
     if width > MAX_BITS:
         raise UnsupportedError(
-            f"variable {variable.name} needs {width} bits, and diagrams take {MAX_BITS}: use the explicit engine (-ex)"
+            f"variable {variable.name} needs {width} bits, and diagrams take {MAX_BITS}: "
+            "use the explicit engine (-ex)"
         )
     rows = tuple(f"{variable.name}.{e}" for e in range(width - 1, -1, -1))
     return EncodedVariable(variable, index, low, high, rows, tuple(f"{row}'" for row in rows))

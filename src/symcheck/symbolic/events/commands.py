@@ -1,7 +1,8 @@
 """Commands and events as diagrams.
 
-An event with several participants is the product of its participants, each the sum of its commands: relations are
-conjoined participant by participant and never command combination by command combination, of which there may be 2**n.
+The relation of an event is the conjunction of its participants' relations, each the union of the
+relations of its commands. So combinations of commands, of which there may be 2**n, are never
+enumerated.
 """
 
 from __future__ import annotations
@@ -16,11 +17,18 @@ from symcheck.symbolic.model import EncodedCommand, EncodedEvent, EncodedUpdate
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
 
-__all__ = ["encode_command", "encode_event", "frame", "knowledge", "positive", "touched_by"]
+__all__ = [
+    "encode_command",
+    "encode_event",
+    "evaluated_valuations",
+    "frame",
+    "positive",
+    "touched_by",
+]
 
 
 def encode_event(translator: Translator, event: Event) -> EncodedEvent:
-    """Encode the commands of an event, and how it moves states."""
+    """Encode the commands of an event, its guard and its transition relation."""
     participants = tuple(
         tuple(encode_command(translator, c) for c in commands) for commands in event.participants
     )
@@ -34,23 +42,27 @@ def encode_event(translator: Translator, event: Event) -> EncodedEvent:
     else:
         relation = manager.false
     touched = tuple(sorted({i for commands in participants for i in touched_by(commands)}))
-    return EncodedEvent(event, participants, touched, guard, relation, knowledge(translator, event))
+    return EncodedEvent(
+        event, participants, touched, guard, relation, evaluated_valuations(translator, event)
+    )
 
 
-def knowledge(translator: Translator, event: Event) -> int | None:
-    """How many valuations the learned parts of an event know, None if it has no such part."""
+def evaluated_valuations(translator: Translator, event: Event) -> int | None:
+    """Number of valuations for which an event is encoded on the fly; None if it is encoded in full."""
     parts = [
         part
         for commands in event.participants
         for c in commands
-        for kind in translator.learned_parts(c)
+        for kind in translator.on_the_fly_parts(c)
         for part in kind
     ]
     return sum(part.evaluated for part in parts) if parts else None
 
 
 def encode_command(translator: Translator, command: BoundCommand) -> EncodedCommand:
-    """Encode a guard and the updates behind it. An update whose probability is the constant 0 is left out."""
+    """Encode a guard and the updates behind it. An update whose probability is the constant 0 is
+    left out.
+    """
     guard = translator.boolean(command.guard)
     updates: list[EncodedUpdate] = []
     if guard:
@@ -91,17 +103,17 @@ def _participant_relation(translator: Translator, commands: Sequence[EncodedComm
 
 
 def positive(translator: Translator, update: EncodedUpdate) -> Bdd:
-    """The rows where the update has a positive probability (rate)."""
+    """The rows where an update has a positive probability (rate)."""
     if isinstance(update.probability, float):
         return translator.manager.true if update.probability > 0 else translator.manager.false
     return update.probability.compare(">", 0.0)
 
 
 def touched_by(commands: Sequence[EncodedCommand]) -> tuple[int, ...]:
-    """Indices of the variables that some update of some of the commands assigns."""
+    """Indices of the variables that the commands assign."""
     return tuple(sorted({i for c in commands for u in c.updates for i in u.assigned}))
 
 
 def frame(translator: Translator, touched: Sequence[int], assigned: Sequence[int]) -> Bdd:
-    """The touched variables that are not assigned stay as they are."""
+    """The relation that keeps the touched variables that are not assigned."""
     return translator.identity(tuple(i for i in touched if i not in assigned))

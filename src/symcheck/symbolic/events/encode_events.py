@@ -1,4 +1,4 @@
-"""A model's events as diagrams in a given order of the variables, in a given manager."""
+"""The events of a model as diagrams, in a given manager and variable order."""
 
 from __future__ import annotations
 
@@ -6,30 +6,36 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from symcheck.semantics.model import BoundModel
-from symcheck.symbolic.encoding.translate import Limits, Translator
+from symcheck.symbolic.encoding.translate import Translator
 from symcheck.symbolic.encoding.variables import encode
 from symcheck.symbolic.events.commands import encode_event
 from symcheck.symbolic.events.relations import group_relations
 from symcheck.symbolic.model import EncodedEvent, SymbolicModel
+from symcheck.symbolic.tuning import EncodingLimits
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager
 
-__all__ = ["assemble"]
+__all__ = ["encode_events"]
 
 
-def assemble(
+def encode_events(
     model: BoundModel,
     manager: DiagramManager,
     order: Sequence[str] | None,
     observer: Callable[[object], None] | None = None,
     *,
-    limits: Limits | None = None,
+    limits: EncodingLimits | None = None,
 ) -> SymbolicModel:
-    """Bits, guards, updates and relations of a model in a fresh manager. `observer` gets each EncodedEvent as it is made.
+    """The bits, guards, updates and transition relations of a model in a new manager.
 
-    `order`: names of variables from the top of the diagrams down; None is declaration order. Raises UnsupportedError for
-    unbounded integers, ResourceError at a limit.
+    Args:
+        order: names of variables from the top of the diagrams down; None: declaration order.
+        observer: is called with each EncodedEvent.
+
+    Raises:
+        UnsupportedError: a variable without bounds.
+        ResourceError: a limit of the manager is reached.
     """
     encoding = encode(model, order)
     manager.add_variables(encoding.bits)
@@ -53,7 +59,7 @@ def assemble(
 
 
 def _initial_states(model: BoundModel, translator: Translator) -> Bdd:
-    """The initial states: those that satisfy `init … endinit`, or the one that the declarations give."""
+    """The states that satisfy `init … endinit`, or the one given by the declarations."""
     encoding = translator.encoding
     if model.initial is None:
         return translator.state(

@@ -1,4 +1,6 @@
-"""Relations: the events of a model, united where they touch the same variables."""
+"""The partitioned transition relation: the events of a model, united where they touch the same
+variables.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,12 @@ __all__ = ["group_relations"]
 def group_relations(
     manager: DiagramManager, encoding: Encoding, events: Sequence[EncodedEvent]
 ) -> tuple[Relation, ...]:
-    """One relation for all events that touch the same variables, from the lowest-touching to the highest."""
+    """One relation per set of touched variables, sorted from the lowest topmost variable to the
+    highest.
+    """
     groups: dict[tuple[int, ...], list[int]] = {}
     for number, event in enumerate(events):
-        if event.relation or event.learned is not None:
+        if event.relation or event.evaluated is not None:
             groups.setdefault(event.touched, []).append(number)
     relations = [_united(manager, encoding, events, numbers) for numbers in groups.values()]
     return tuple(sorted(relations, key=lambda r: -r.top))

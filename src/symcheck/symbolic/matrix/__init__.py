@@ -1,1 +1,1 @@
-"""Transition matrices and rewards as MTBDDs or rows; choice classes of MDPs."""
+"""Transition matrices and rewards as MTBDDs or rows, and the choice classes of MDPs."""

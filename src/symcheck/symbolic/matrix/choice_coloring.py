@@ -1,8 +1,9 @@
-"""Choices of an MDP without nondeterminism bits: commands that are never enabled together share a slot.
+"""Choice classes of an MDP, by greedy colouring of the conflict graph of its commands.
 
-First within each participant of an event, then joint commands across all events, greedily. A state has at most one
-choice in a slot, so that the number of slots is about the largest number of choices that any state has, and each slot
-has one matrix over row and column bits.
+Two commands conflict if a reachable state enables both. Commands are coloured first within each
+participant of an event, then joint commands across all events. A state has at most one choice in a
+class. So each class has one matrix over row and column bits, without extra bits for nondeterminism,
+and there are about as many classes as the most choices of a state.
 """
 
 from __future__ import annotations
@@ -16,28 +17,33 @@ from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
 
-__all__ = ["JointSlot", "choice_slots", "colour"]
+__all__ = ["JointClass", "choice_classes", "color_greedily"]
 
 
 @dataclass(frozen=True, eq=False)
-class JointSlot:
-    """Commands of an event, per participant pairwise disjoint, and the reachable states where one joint is enabled."""
+class JointClass:
+    """Joint commands of an event of which each state enables at most one.
+
+    Attributes:
+        participants: per participant, commands with disjoint guards.
+        guard: the reachable states where a joint command is enabled.
+    """
 
     event: EncodedEvent
     participants: tuple[tuple[EncodedCommand, ...], ...]
     guard: Bdd
 
 
-def choice_slots(space: StateSpace) -> tuple[tuple[JointSlot, ...], ...]:
-    """The slots of an MDP, each a set of joint slots with disjoint guards."""
-    joint = [j for event in space.symbolic.events for j in _joint_slots(space, event)]
+def choice_classes(space: StateSpace) -> tuple[tuple[JointClass, ...], ...]:
+    """The choice classes of an MDP, each a tuple of joint classes with disjoint guards."""
+    joint = [j for event in space.symbolic.events for j in _joint_classes(space, event)]
     order = sorted(range(len(joint)), key=lambda i: (joint[i].event.event.action is None, i))
-    groups = colour([joint[i].guard for i in order])
+    groups = color_greedily([joint[i].guard for i in order])
     return tuple(tuple(joint[order[i]] for i in group) for group in groups)
 
 
-def _joint_slots(space: StateSpace, event: EncodedEvent) -> list[JointSlot]:
-    """Combinations of the participants' slots that some reachable state enables."""
+def _joint_classes(space: StateSpace, event: EncodedEvent) -> list[JointClass]:
+    """The combinations of the participants' classes that a reachable state enables."""
     union = space.symbolic.manager.disjunction
     start = space.states & event.guard
     partial: list[tuple[tuple[tuple[EncodedCommand, ...], ...], Bdd]] = (
@@ -46,7 +52,8 @@ def _joint_slots(space: StateSpace, event: EncodedEvent) -> list[JointSlot]:
     for commands in event.participants:
         usable = [c for c in commands if not c.guard.disjoint(start)]
         classes = [
-            tuple(usable[i] for i in group) for group in colour([c.guard & start for c in usable])
+            tuple(usable[i] for i in group)
+            for group in color_greedily([c.guard & start for c in usable])
         ]
         guards = [union([c.guard for c in group]) for group in classes]
         partial = [
@@ -55,11 +62,14 @@ def _joint_slots(space: StateSpace, event: EncodedEvent) -> list[JointSlot]:
             for group, enabled in zip(classes, guards, strict=True)
             if not guard.disjoint(enabled)
         ]
-    return [JointSlot(event, chosen, guard) for chosen, guard in partial]
+    return [JointClass(event, chosen, guard) for chosen, guard in partial]
 
 
-def colour(guards: Sequence[Bdd]) -> list[list[int]]:
-    """Partition into classes of pairwise disjoint guards: each goes into the first class that it does not meet."""
+def color_greedily(guards: Sequence[Bdd]) -> list[list[int]]:
+    """Greedy colouring: each guard goes into the first class whose guards are disjoint from it.
+
+    Returns the indices of the guards in each class.
+    """
     classes: list[list[int]] = []
     unions: list[Bdd] = []
     for number, guard in enumerate(guards):

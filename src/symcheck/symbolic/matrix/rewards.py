@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 
 from symcheck.semantics import interpreter
 from symcheck.semantics.model import BoundRewards
-from symcheck.symbolic.matrix.choice_coloring import JointSlot
-from symcheck.symbolic.model import Deferred, EncodedCommand, StateSpace
+from symcheck.symbolic.matrix.choice_coloring import JointClass
+from symcheck.symbolic.model import EncodedCommand, LazySequence, StateSpace
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
 
-__all__ = ["chain_rewards", "slot_rewards", "state_rewards"]
+__all__ = ["chain_rewards", "class_rewards", "state_rewards"]
 
 
-def state_rewards(space: StateSpace) -> Deferred[Mtbdd]:
+def state_rewards(space: StateSpace) -> LazySequence[Mtbdd]:
     """The state rewards of each structure, 0 outside the reachable states."""
-    return Deferred(
+    return LazySequence(
         [
             partial(_earned, space, structure, space.states, True, None)
             for structure in space.symbolic.model.rewards
@@ -28,11 +28,14 @@ def state_rewards(space: StateSpace) -> Deferred[Mtbdd]:
     )
 
 
-def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> Deferred[tuple[Mtbdd, ...]]:
-    """Transition rewards of a DTMC or CTMC: per structure one MTBDD, the sum over transitions of probability (rate)
-    times reward. `numbers`: enabled joint commands per state, where there may be several (DTMC).
+def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> LazySequence[tuple[Mtbdd, ...]]:
+    """Transition rewards of a DTMC or CTMC: per structure one MTBDD, the sum over transitions of
+    probability (rate) times reward.
+
+    Args:
+        numbers: enabled joint commands per state, where a DTMC may have several.
     """
-    return Deferred(
+    return LazySequence(
         [
             partial(_chain_reward, space, structure, numbers)
             for structure in space.symbolic.model.rewards
@@ -54,28 +57,32 @@ def _chain_reward(
     return (total if numbers is None else total / numbers,)
 
 
-def slot_rewards(
-    space: StateSpace, slots: Sequence[Sequence[JointSlot]]
-) -> Deferred[tuple[Mtbdd, ...]]:
-    """Transition rewards of an MDP: per structure and slot, the reward of the state's choice in that slot."""
-    return Deferred(
+def class_rewards(
+    space: StateSpace, classes: Sequence[Sequence[JointClass]]
+) -> LazySequence[tuple[Mtbdd, ...]]:
+    """Transition rewards of an MDP: per structure and choice class, the reward of a state's choice
+    in that class.
+    """
+    return LazySequence(
         [
-            partial(_slots_reward, space, structure, slots)
+            partial(_class_rewards, space, structure, classes)
             for structure in space.symbolic.model.rewards
         ]
     )
 
 
-def _slots_reward(
-    space: StateSpace, structure: BoundRewards, slots: Sequence[Sequence[JointSlot]]
+def _class_rewards(
+    space: StateSpace, structure: BoundRewards, classes: Sequence[Sequence[JointClass]]
 ) -> tuple[Mtbdd, ...]:
-    return tuple(_slot_reward(space, structure, slot) for slot in slots)
+    return tuple(_class_reward(space, structure, choice_class) for choice_class in classes)
 
 
-def _slot_reward(space: StateSpace, structure: BoundRewards, slot: Sequence[JointSlot]) -> Mtbdd:
+def _class_reward(
+    space: StateSpace, structure: BoundRewards, choice_class: Sequence[JointClass]
+) -> Mtbdd:
     manager = space.symbolic.manager
     by_action: dict[str | None, list[Bdd]] = {}
-    for joint in slot:
+    for joint in choice_class:
         if _rewards_action(structure, joint.event.event.action):
             by_action.setdefault(joint.event.event.action, []).append(joint.guard)
     return manager.sum(
@@ -108,7 +115,7 @@ def _earned(
 
 
 def check_finite(space: StateSpace, value: Mtbdd, undefined: Bdd, on_states: bool) -> None:
-    """Raise ModelFault where a reward is infinite or has no value, as the scalar semantics says it."""
+    """Raise the interpreter's ModelFault where a reward is infinite or has no value."""
     if not undefined and value.maximum_leaf < inf and value.minimum_leaf > -inf:
         return
     bad = undefined | value.equal(inf) | value.equal(-inf)
@@ -120,7 +127,9 @@ def check_finite(space: StateSpace, value: Mtbdd, undefined: Bdd, on_states: boo
 
 
 def _action_weight(space: StateSpace, action: str | None) -> Mtbdd:
-    """Sum of probabilities (rates) of all transitions of an action (before dividing by the number of choices)."""
+    """Sum of the probabilities (rates) of all transitions of an action, before division by the
+    number of choices.
+    """
     parts = []
     for event in space.symbolic.events:
         enabled = event.guard & space.states

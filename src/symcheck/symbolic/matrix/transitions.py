@@ -1,7 +1,9 @@
-"""Matrices on the reachable states: one MTBDD for a DTMC or CTMC, one per choice slot for an MDP.
+"""Transition matrices on the reachable states: one MTBDD for a DTMC or CTMC, one per choice class
+for an MDP.
 
-Each event's matrix is the product of its participants' sums, over touched variables; events that touch the same
-variables are added before the others' identity is multiplied in, and everything is restricted to reachable rows.
+The matrix of an event, over its touched variables, is the product over participants of the sums of
+their commands. Events that touch the same variables are added first, then multiplied with the
+identity of the other variables and restricted to reachable rows.
 """
 
 from __future__ import annotations
@@ -14,10 +16,10 @@ from typing import TYPE_CHECKING
 from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.events.commands import frame, touched_by
-from symcheck.symbolic.matrix.choice_coloring import choice_slots
-from symcheck.symbolic.matrix.rewards import chain_rewards, slot_rewards, state_rewards
+from symcheck.symbolic.matrix.choice_coloring import choice_classes
+from symcheck.symbolic.matrix.rewards import chain_rewards, class_rewards, state_rewards
 from symcheck.symbolic.model import (
-    ChoiceSlot,
+    ChoiceClass,
     EncodedCommand,
     EncodedEvent,
     StateSpace,
@@ -29,7 +31,7 @@ from symcheck.syntax.ast import ModelType
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
 
-__all__ = ["choice_numbers", "full_matrix", "participant_matrix", "transitions"]
+__all__ = ["choice_counts", "full_matrix", "participant_matrix", "transitions"]
 
 
 def transitions(
@@ -37,12 +39,22 @@ def transitions(
 ) -> Transitions:
     """The matrices, rewards and choices of a model, on its reachable states.
 
-    Raises ModelFault where a reachable state breaks a rule: probabilities that do not sum to 1 (unless
-    `options.check_sums` is off), negative ones, values out of range, deadlocks if `options.fix_deadlocks` is off.
+    Args:
+        observer: is called with the result.
+
+    Raises:
+        ModelFault: a reachable state breaks a rule: probabilities do not sum to 1 (unless
+            `options.check_sums` is off), a probability is negative, a value is out of range, or
+            there is a deadlock and `options.fix_deadlocks` is off.
+        ResourceError: a limit of the manager is reached.
     """
     started = time.perf_counter()
     check_model(space, options)
-    result = _decisions(space) if space.symbolic.model.type is ModelType.MDP else _chain(space)
+    result = (
+        _mdp_transitions(space)
+        if space.symbolic.model.type is ModelType.MDP
+        else _chain_transitions(space)
+    )
     result = replace(result, seconds=time.perf_counter() - started)
     if observer is not None:
         observer(result)
@@ -52,11 +64,11 @@ def transitions(
 # ------------------------------------------------------------------------------------------------ DTMC, CTMC
 
 
-def _chain(space: StateSpace) -> Transitions:
+def _chain_transitions(space: StateSpace) -> Transitions:
     symbolic = space.symbolic
     parts = [(e, e.participants) for e in symbolic.events if not e.guard.disjoint(space.states)]
     matrix = full_matrix(symbolic, parts, space.states)
-    numbers = choice_numbers(space) if symbolic.model.type is ModelType.DTMC else None
+    numbers = choice_counts(space) if symbolic.model.type is ModelType.DTMC else None
     if numbers is not None:
         matrix = matrix / numbers
     if space.deadlocks:
@@ -66,8 +78,10 @@ def _chain(space: StateSpace) -> Transitions:
     )
 
 
-def choice_numbers(space: StateSpace) -> Mtbdd | None:
-    """How many joint commands are enabled in each state (1 where none is), or None where never more than one is."""
+def choice_counts(space: StateSpace) -> Mtbdd | None:
+    """The number of enabled joint commands per state (1 where none is); None if no state enables
+    several.
+    """
     manager = space.symbolic.manager
     once = twice = manager.false
     for event in space.symbolic.events:
@@ -84,7 +98,9 @@ def choice_numbers(space: StateSpace) -> Mtbdd | None:
 
 
 def _multiplicity(space: StateSpace, event: EncodedEvent) -> tuple[Bdd, Bdd]:
-    """Reachable states where some joint command of the event is enabled, and where several are."""
+    """The reachable states where a joint command of the event is enabled, and those where several
+    are.
+    """
     once, twice = space.states & event.guard, space.symbolic.manager.false
     for commands in event.participants if once else ():
         seen = space.symbolic.manager.false
@@ -101,25 +117,25 @@ def _counted(space: StateSpace, commands: Sequence[EncodedCommand]) -> Mtbdd:
 # ------------------------------------------------------------------------------------------------ MDP
 
 
-def _decisions(space: StateSpace) -> Transitions:
+def _mdp_transitions(space: StateSpace) -> Transitions:
     symbolic = space.symbolic
     manager = symbolic.manager
-    slots = choice_slots(space)
+    classes = choice_classes(space)
     actions: dict[tuple[int, str | None], Bdd] = {}
-    choices: list[ChoiceSlot] = []
-    for number, joint in enumerate(slots):
+    choices: list[ChoiceClass] = []
+    for number, joint in enumerate(classes):
         for j in joint:
             key = (number, j.event.event.action)
             actions[key] = actions.get(key, manager.false) | j.guard
         matrix = manager.sum(
             [full_matrix(symbolic, [(j.event, j.participants)], j.guard) for j in joint]
         )
-        choices.append(ChoiceSlot(matrix, manager.disjunction([j.guard for j in joint])))
+        choices.append(ChoiceClass(matrix, manager.disjunction([j.guard for j in joint])))
     if space.deadlocks:
-        slots = slots or ((),)
-        first = choices[0] if choices else ChoiceSlot(manager.zero, manager.false)
+        classes = classes or ((),)
+        first = choices[0] if choices else ChoiceClass(manager.zero, manager.false)
         choices[:1] = [
-            ChoiceSlot(
+            ChoiceClass(
                 first.matrix + _self_loops(symbolic, space.deadlocks), first.guard | space.deadlocks
             )
         ]
@@ -130,7 +146,7 @@ def _decisions(space: StateSpace) -> Transitions:
         tuple(choices),
         actions,
         state_rewards(space),
-        slot_rewards(space, slots),
+        class_rewards(space, classes),
         space.deadlocks,
     )
 
@@ -143,9 +159,10 @@ def full_matrix(
     parts: Iterable[tuple[EncodedEvent, Sequence[Sequence[EncodedCommand]]]],
     rows: Bdd,
 ) -> Mtbdd:
-    """Sum over events, each restricted to some commands per participant, over all row and column bits, on given rows.
+    """The sum of events, over all row and column bits, on given rows.
 
-    Variables that an event does not touch stay as they are.
+    Args:
+        parts: events with the commands of each participant that are included.
     """
     groups: dict[tuple[int, ...], list[Mtbdd]] = {}
     for event, participants in parts:
@@ -169,7 +186,9 @@ def full_matrix(
 def participant_matrix(
     symbolic: SymbolicModel, commands: Sequence[EncodedCommand], touched: Sequence[int], rows: Bdd
 ) -> Mtbdd:
-    """Sum of commands, over row bits and the column bits of `touched`; right on `rows` at least."""
+    """Sum of commands, over row bits and the column bits of `touched`; right on `rows`, arbitrary
+    elsewhere.
+    """
     parts = []
     for command in commands:
         if command.guard.disjoint(rows):

@@ -1,7 +1,10 @@
-"""Orders of the variables, which decide how large diagrams become: given by name, or found by FORCE (by sifting: `sift.py`).
+"""Variable orders: given by name, or computed by FORCE. Sifting is in `sifting.py`.
 
-FORCE (Aloul, Markov & Sakallah 2003) moves each variable to the mean of the centres of what it occurs in, here the events,
-and repeats that while the spans (how far an event's variables are apart in the order) get smaller.
+FORCE moves each variable to the mean of the centres of gravity of the hyperedges that it belongs
+to, here the events, and repeats this while the total span of the hyperedges decreases.
+
+Source: Aloul, Markov and Sakallah (2003), FORCE: a fast and easy-to-implement variable-ordering
+heuristic.
 """
 
 from __future__ import annotations
@@ -14,92 +17,99 @@ from numpy.typing import NDArray
 from symcheck.errors import UsageError
 from symcheck.semantics.model import BoundModel, Event
 from symcheck.symbolic.encoding.expressions import support
+from symcheck.symbolic.tuning import FORCE_ROUNDS
 
-__all__ = ["FORCE", "SIFT", "check_order", "force", "is_sifted", "spans", "variable_order"]
+__all__ = ["FORCE", "SIFT", "check_order", "force", "is_sifted", "total_span", "variable_order"]
 
 FORCE = "force"
-"""The name that asks for an order found by FORCE, unless a variable is called so."""
+"""The name that stands for an order computed by FORCE, unless a variable has this name."""
 
 SIFT = "sift"
-"""The name that asks for an order found by sifting, unless a variable is called so."""
-
-_ROUNDS = 100
+"""The name that stands for an order computed by sifting, unless a variable has this name."""
 
 
-def is_sifted(model: BoundModel, asked: Sequence[str] | None) -> bool:
-    """Whether `asked` stands for an order that sifting is to find."""
+def is_sifted(model: BoundModel, requested: Sequence[str] | None) -> bool:
+    """Whether `requested` stands for an order by sifting."""
     return (
-        asked is not None and list(asked) == [SIFT] and all(v.name != SIFT for v in model.variables)
+        requested is not None
+        and list(requested) == [SIFT]
+        and all(v.name != SIFT for v in model.variables)
     )
 
 
-def variable_order(model: BoundModel, asked: Sequence[str] | None) -> tuple[str, ...] | None:
-    """The names from the top of the diagrams down that `asked` stands for; None is declaration order.
+def variable_order(model: BoundModel, requested: Sequence[str] | None) -> tuple[str, ...] | None:
+    """The requested order as names from the top of the diagrams down; None is declaration order.
 
-    Raises UsageError for a name that no variable has.
+    Raises UsageError for an unknown name.
     """
-    if asked is None:
+    if requested is None:
         return None
     names = [v.name for v in model.variables]
-    if list(asked) == [FORCE] and FORCE not in names:
+    if list(requested) == [FORCE] and FORCE not in names:
         return tuple(names[i] for i in force(_occurrences(model), len(names)))
-    check_order(model, asked)
-    return tuple(asked)
+    check_order(model, requested)
+    return tuple(requested)
 
 
-def check_order(model: BoundModel, asked: Sequence[str]) -> None:
-    """Raise UsageError for a name that no variable has, nor stands for an order that is looked for."""
+def check_order(model: BoundModel, requested: Sequence[str]) -> None:
+    """Raise UsageError for a name that neither a variable has nor stands for a computed order."""
     names = [v.name for v in model.variables]
     unknown = (
-        [] if list(asked) in ([FORCE], [SIFT]) else [name for name in asked if name not in names]
+        []
+        if list(requested) in ([FORCE], [SIFT])
+        else [name for name in requested if name not in names]
     )
     if unknown:
         raise UsageError(
-            f"the order names {unknown[0]}, and the model has no such variable\n  hint: it has {', '.join(names[:20])}"
+            f"the order names {unknown[0]}, and the model has no such variable\n"
+            f"  hint: it has {', '.join(names[:20])}"
         )
 
 
 def force(edges: Sequence[NDArray[np.int64]], count: int) -> list[int]:
-    """An order of `count` things that brings those close that share an edge; never worse in spans than 0, 1, 2 …
+    """The order of `count` vertices by FORCE; its total span is at most that of 0, 1, 2 … O(rounds
+    * members).
 
-    edges: the members of each edge. O(rounds × members).
+    edges: the vertices of each hyperedge, int64 arrays.
     """
     edges = [e for e in edges if len(e) > 1]
-    place = np.arange(count, dtype=np.float64)
-    best, smallest = place, spans(edges, place)
+    position = np.arange(count, dtype=np.float64)
+    best, smallest = position, total_span(edges, position)
     if not edges:
         return list(range(count))
     members = np.concatenate(edges)
     of = np.repeat(np.arange(len(edges)), [len(e) for e in edges])
     degree = np.bincount(members, minlength=count)
     sizes = np.bincount(of)
-    for _ in range(_ROUNDS):
-        centres = np.bincount(of, weights=place[members]) / sizes
+    for _ in range(FORCE_ROUNDS):
+        centres = np.bincount(of, weights=position[members]) / sizes
         pulled = np.bincount(members, weights=centres[of], minlength=count)
-        wanted = np.where(degree > 0, pulled / np.maximum(degree, 1), place)
+        target = np.where(degree > 0, pulled / np.maximum(degree, 1), position)
         moved = np.empty(count)
-        moved[np.argsort(wanted, kind="stable")] = np.arange(count)
-        size = spans(edges, moved)
+        moved[np.argsort(target, kind="stable")] = np.arange(count)
+        size = total_span(edges, moved)
         if size < smallest:
             best, smallest = moved, size
-        elif np.array_equal(moved, place):
+        elif np.array_equal(moved, position):
             break
-        place = moved
+        position = moved
     return [int(i) for i in np.argsort(best)]
 
 
-def spans(edges: Sequence[NDArray[np.int64]], place: NDArray[np.float64]) -> float:
-    """How far the members of each edge are apart, in total."""
+def total_span(edges: Sequence[NDArray[np.int64]], position: NDArray[np.float64]) -> float:
+    """The total span of the hyperedges: the distances between their first and last vertices."""
     edges = [e for e in edges if len(e)]
     if not edges:
         return 0.0
     starts = np.cumsum([0, *(len(e) for e in edges[:-1])])
-    places = place[np.concatenate(edges)]
-    return float((np.maximum.reduceat(places, starts) - np.minimum.reduceat(places, starts)).sum())
+    positions = position[np.concatenate(edges)]
+    return float(
+        (np.maximum.reduceat(positions, starts) - np.minimum.reduceat(positions, starts)).sum()
+    )
 
 
 def _occurrences(model: BoundModel) -> list[NDArray[np.int64]]:
-    """The variables that each event reads or assigns, each set once."""
+    """The sets of variables that the events read or assign, without duplicates."""
     index = {v.name: i for i, v in enumerate(model.variables)}
     sets = {frozenset(_variables(event, index)) for event in model.events}
     return [np.array(sorted(s), dtype=np.int64) for s in sorted(sets, key=sorted) if s]

@@ -1,18 +1,25 @@
-"""An order of the variables that sifting finds: a stage of its own, before a model is built.
+"""Variable orders by sifting: a stage of its own, before the model is built.
 
-Sifting (Rudell 1993) moves each variable through all levels and leaves it where the diagrams are smallest. Recursions of our
-own hold nodes and levels, so nothing is reordered while they run. Instead the states are searched in a manager made for
-this, everything but the states and the relations is let go, and CUDD sifts these two with the bits of each variable, and of
-each the row and the column bit, held together as a block (group sifting: Panda & Somenzi 1995). The model is then built anew
-in the order found: all above sees one more static order, and the same order can be given by name.
+Sifting moves each variable through all levels and leaves it where the diagrams are smallest.
+Nothing may be reordered while our recursions run, because they hold nodes and levels. So the states
+are searched in a separate manager, everything but the states and the relations is released, and
+CUDD sifts these with the bits of each variable, and the row and column bit of each pair, held
+together as a block. The model is then built again in the order found, which the user may also give
+by name.
 
-What is sifted matters more than how long. Matrices hold the same structure ten times over: with them, sifting kanban t=30 takes
-40 times as long and finds the same; mapk N=8 ends with twice the nodes. A part of the states misleads: the first 2 000 nodes
-of firewire_impl_dl lead to an order with 2.6 times the nodes of the declared one, all of its states to 0.47. So all states are
-searched where that takes a bounded number of look-ups, and a part is taken only where it does not, to search again in the
-order that it gave. Single bits as blocks would gain up to 1.4 beyond whole variables (kanban, wlan) or nothing (csma, egl).
+The choice of the sifted diagrams matters more than the time spent. With the matrices as well,
+sifting kanban with t=30 takes 40 times as long and finds the same, and mapk with N=8 ends with
+twice the nodes. A part of the states misleads: the first 2 000 nodes of firewire_impl_dl lead to an
+order with 2.6 times the nodes of the declared one, all of its states to 0.47 times. So all states
+are searched where that takes a bounded number of look-ups; otherwise a part is sifted, and the
+search is repeated in the order found. Single bits as blocks gain at most a factor of 1.4 (kanban,
+wlan) or nothing (csma, egl).
 
-Work is bounded by counters, so that the same model gets the same order on any machine; only a limit of time ends it sooner.
+Work is bounded by counters, so that a model gets the same order on every machine; only the user's
+time limit ends it sooner.
+
+Sources: Rudell (1993), Dynamic variable ordering for ordered binary decision diagrams; Panda and
+Somenzi (1995), Who are the variables in your neighborhood (group sifting).
 """
 
 from __future__ import annotations
@@ -26,46 +33,39 @@ from typing import TYPE_CHECKING
 from symcheck.errors import MemoryLimitError, TimeLimitError
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
-from symcheck.symbolic.events.encode_events import assemble
+from symcheck.symbolic import tuning
+from symcheck.symbolic.events.encode_events import encode_events
 from symcheck.symbolic.model import SymbolicModel
 from symcheck.symbolic.ordering.order import FORCE, variable_order
-from symcheck.symbolic.reachability.clock_search import advance, begin, clocks
-from symcheck.symbolic.reachability.search import learns, prepare_saturation
+from symcheck.symbolic.reachability.clock_search import (
+    apply_clocks,
+    cache_lookups,
+    clock_relations,
+    start_clock_search,
+)
+from symcheck.symbolic.reachability.search import has_on_the_fly_parts, prepare_saturation
+from symcheck.symbolic.tuning import SiftLimits
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager
 
-__all__ = ["SiftLimits", "SiftedOrder", "sift"]
+__all__ = ["SiftedOrder", "sift"]
 
-_LEARNED = "as relations are learned for the states that are reached, and diagrams of such compress little in any order"
-_NOTHING = "as the limits were met before anything could be sifted"
-_SHARE = 0.25  # of the time limit that looking for an order may take
-
-
-@dataclass(frozen=True, slots=True)
-class SiftLimits:
-    """What looking for an order may cost.
-
-    steps: look-ups in CUDD's cache of one search for all states; two million are about a second.
-    parts: nodes of the part of the states that is sifted where the search is too long, one try after the other.
-    work: nodes times bits of all rounds of sifting; two million are about a second.
-    growth: how much the diagrams may grow while a variable moves.
-    gain: sifting ends with the second round in a row that makes the diagrams smaller by less than this share.
-    """
-
-    steps: int = 20_000_000
-    parts: tuple[int, ...] = (20_000, 50_000, 100_000)
-    work: int = 40_000_000
-    growth: float = 1.2
-    gain: float = 0.1
+_ON_THE_FLY = "as relations are computed on the fly, whose diagrams compress little in any order"
+_NOTHING_SIFTED = "as the limits were reached before anything could be sifted"
 
 
 @dataclass(frozen=True, slots=True)
 class SiftedOrder:
-    """An order, from the top of the diagrams down, of all variables of a model.
+    """A variable order found by sifting.
 
-    before, after: nodes of the states and relations that were sifted, in the order that was there and in this one.
-    whole: whether these were all reachable states. note: why the order is as declared, None where it was sifted.
+    Attributes:
+        order: all variables of the model, from the top of the diagrams down.
+        before, after: nodes of the states and relations that were sifted, in the initial order and
+            in this one.
+        whole: whether all reachable states were sifted.
+        note: the reason why the order is the declared one; None if it was sifted.
+        seconds: duration of the search for the order.
     """
 
     order: tuple[str, ...]
@@ -85,7 +85,12 @@ class SiftedOrder:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """What is sifted, and nothing else that its manager would hold. pairs: row and column bits of each variable that has some."""
+    """The diagrams that are sifted, alone in their manager.
+
+    Attributes:
+        pairs: row and column bits of each variable that has bits.
+        whole: whether these are all reachable states.
+    """
 
     manager: DiagramManager
     states: Bdd
@@ -106,11 +111,16 @@ class _Sample:
 def sift(
     model: BoundModel, options: BuildSettings, limits: SiftLimits | None = None
 ) -> SiftedOrder:
-    """Look for an order of the variables in which the reachable states and the relations of `model` have few nodes.
+    """Search for a variable order in which the reachable states and the relations of a model have
+    few nodes.
 
-    Where a limit of memory or time ends the search, the order is what was found until then; a quarter of the time limit is
-    used. Where relations are learned on the way, and where nothing could be built, it is as declared. Raises UnsupportedError for
-    unbounded integers, and Interrupted.
+    At a limit of memory or time the best order so far is returned; a quarter of the time limit is
+    used. It is the declared order where relations are computed on the fly, and where the model
+    could not be built within the limits.
+
+    Raises:
+        UnsupportedError: a variable without bounds.
+        Interrupted: Ctrl-C.
     """
     from symcheck.dd.manager import DiagramManager
 
@@ -118,11 +128,11 @@ def sift(
     declared = tuple(v.name for v in model.variables)
     order: Sequence[str] | None = None
     found: SiftedOrder | None = None
-    for part in limits.parts:
+    for part in limits.part_nodes:
         left = (
             None
             if options.time_limit is None
-            else _SHARE * options.time_limit - (perf_counter() - started)
+            else tuning.SIFT_TIME_SHARE * options.time_limit - (perf_counter() - started)
         )
         try:
             sample = _sample(
@@ -133,7 +143,7 @@ def sift(
                 part,
             )
             if sample is None:
-                return SiftedOrder(declared, 0, 0, False, _LEARNED, perf_counter() - started)
+                return SiftedOrder(declared, 0, 0, False, _ON_THE_FLY, perf_counter() - started)
             before = sample.nodes
             _sift(sample, limits)
         except (MemoryLimitError, TimeLimitError):
@@ -147,7 +157,7 @@ def sift(
         )
         if sample.whole:
             break
-    return found or SiftedOrder(declared, 0, 0, False, _NOTHING, perf_counter() - started)
+    return found or SiftedOrder(declared, 0, 0, False, _NOTHING_SIFTED, perf_counter() - started)
 
 
 def _sample(
@@ -157,16 +167,18 @@ def _sample(
     limits: SiftLimits,
     part: int,
 ) -> _Sample | None:
-    """States and relations in a manager made for them; None where relations are learned."""
-    symbolic = assemble(model, manager, order)
-    if learns(symbolic):
+    """The states and relations in a manager of their own; None where relations are computed on the
+    fly.
+    """
+    symbolic = encode_events(model, manager, order)
+    if has_on_the_fly_parts(symbolic):
         return None
     relations = tuple(r.relation for r in symbolic.relations)
     bits = len(symbolic.encoding.rows)
-    states = _all_states(symbolic, limits.steps)
+    states = _all_states(symbolic, limits.lookups)
     whole = states is not None and manager.shared_size([states, *relations]) * bits <= limits.work
     if states is None or not whole:
-        states = _some_states(symbolic, part, limits.steps)
+        states = _some_states(symbolic, part, limits.lookups)
     pairs = {
         v.name: tuple(zip(v.rows, v.columns, strict=True))
         for v in symbolic.encoding.ordered
@@ -175,29 +187,33 @@ def _sample(
     return _Sample(manager, states, relations, pairs, whole)
 
 
-def _all_states(symbolic: SymbolicModel, steps: int) -> Bdd | None:
-    """The reachable states, by saturation and then by ticks; None where both take more than so many look-ups."""
+def _all_states(symbolic: SymbolicModel, max_lookups: int) -> Bdd | None:
+    """The reachable states, by saturation or else by clock search; None where each takes too many
+    look-ups.
+    """
     try:
-        states = prepare_saturation(symbolic).saturate(symbolic.initial, max_lookups=steps)
-        if states is not None or not clocks(symbolic):
+        states = prepare_saturation(symbolic).saturate(symbolic.initial, max_lookups=max_lookups)
+        if states is not None or not clock_relations(symbolic):
             return states
-        end = _lookups(symbolic) + steps
-        front = begin(symbolic)
-        while not front.done:
-            left = end - _lookups(symbolic)
-            following = advance(symbolic, front, left) if left > 0 else None
+        end = cache_lookups(symbolic) + max_lookups
+        search = start_clock_search(symbolic)
+        while not search.complete:
+            left = end - cache_lookups(symbolic)
+            following = apply_clocks(symbolic, search, left) if left > 0 else None
             if following is None:
                 return None
-            front = following
-        return front.states
+            search = following
+        return search.states
     except MemoryLimitError:
         return None
 
 
-def _some_states(symbolic: SymbolicModel, nodes: int, steps: int) -> Bdd:
-    """Reachable states of at least so many nodes, unless there are fewer or the look-ups are used up."""
+def _some_states(symbolic: SymbolicModel, nodes: int, max_lookups: int) -> Bdd:
+    """Reachable states whose diagram has at least `nodes` nodes, or fewer where there are no more
+    or look-ups end.
+    """
     states, before = symbolic.initial, symbolic.manager.false
-    end = _lookups(symbolic) + steps
+    end = cache_lookups(symbolic) + max_lookups
     while states != before:
         before = states
         for relation in symbolic.relations:
@@ -205,21 +221,19 @@ def _some_states(symbolic: SymbolicModel, nodes: int, steps: int) -> Bdd:
                 states = states | relation.image(states)
             except MemoryLimitError:
                 return states
-            if states.node_count >= nodes or _lookups(symbolic) > end:
+            if states.node_count >= nodes or cache_lookups(symbolic) > end:
                 return states
     return states
 
 
-def _lookups(symbolic: SymbolicModel) -> int:
-    return int(symbolic.manager.statistics().cache_lookups)
-
-
 def _sift(sample: _Sample, limits: SiftLimits) -> None:
-    """Sift as long as that gains. A limit of time ends it in the order reached by then, which is as good as any on the way.
+    """Sift in rounds until two rounds in a row gain little, or a limit is reached; leave the best
+    order.
 
-    CUDD judges how far a block is worth moving by its lowest level alone. Where that is a column bit, it sees the relations
-    that mention it, but not the states, which have no columns; where it is a row bit, it sees both, and may give up sooner. So
-    rounds take turns, and two that gain little end it.
+    CUDD judges how far a block is worth moving by its lowest level alone. If that is a column bit,
+    it takes the relations into account but not the states, which have no column bits; if it is a
+    row bit, it takes both into account but may stop sooner. So the rounds alternate between the
+    two.
     """
     sample.manager.collect()
     bits = sum(map(len, sample.pairs.values()))
@@ -231,23 +245,25 @@ def _sift(sample: _Sample, limits: SiftLimits) -> None:
         work -= nodes * bits
         try:
             sample.manager.sift(
-                _place(sample, sample.order(), lowest_is_row=lowest_is_row), limits.growth
+                _set_order(sample, sample.order(), lowest_is_row=lowest_is_row), limits.growth
             )
         except TimeLimitError:
-            sample.manager.limit_time(None)  # what is asked of the manager from now on is its order
+            sample.manager.limit_time(None)  # the remaining operations only set the order
             work = 0
-        _place(sample, sample.order())
+        _set_order(sample, sample.order())
         nodes = sample.nodes
         idle = idle + 1 if nodes > (1 - limits.gain) * least else 0
         if nodes < least:
             best, least = sample.order(), nodes
-    _place(sample, best)
+    _set_order(sample, best)
 
 
-def _place(
+def _set_order(
     sample: _Sample, order: Sequence[str], *, lowest_is_row: bool = False
 ) -> list[list[str]]:
-    """The block of each variable, put in this order with the column bit of each pair below the row bit, or above."""
+    """Set the order of the variables' blocks, with column bits below or above their row bits;
+    returns the blocks.
+    """
     blocks = []
     for variable in order:
         pairs = [

@@ -1,1 +1,1 @@
-"""The reachable states, by image computation and saturation."""
+"""Search for the reachable states: schedules over partitioned transition relations."""

@@ -1,13 +1,16 @@
-"""Search where a clock drives everything: what changes little is closed at once, what changes most of the state goes step by step.
+"""Search for models of timed systems, where one event, the tick of a clock, changes nearly every
+variable.
 
-In models of timed systems one event, the tick of a clock, changes nearly every variable, and the others change a few each.
-Saturation then visits sets of states at many different times, whose diagrams are large and forgotten again; a search breadth
-first takes a step for each of the small events, and many more images. `Front` does neither: what a tick finds is closed under
-the small events by saturation, and only that is moved on by the next tick. csma with 4 stations and 39 051 159 469 states
-takes 18 million look-ups in CUDD's cache instead of 52 million breadth first, and more by saturation.
+Saturation then visits sets of states at many different times, whose diagrams are large, and
+breadth-first search takes a step for each of the other, small events. `ClockSearch` does neither:
+the states that a tick reaches are saturated with the small events, and the next tick is applied to
+these only. csma with 4 stations and 39 051 159 469 states takes 18 million look-ups in CUDD's
+cache, instead of 52 million breadth first and more by saturation.
 
-Elsewhere (firewire_impl_dl, whose deadline is a long clock) ticks are up to 40 times slower than saturation. Nothing that is
-known before tells the two apart, so they take turns (`turns`): ticks go on where they stopped, saturation finds what it remembers.
+Elsewhere, as in firewire_impl_dl, whose deadline is a long clock, this is up to 40 times slower
+than saturation. Nothing that is known in advance tells the two cases apart, so `alternate` runs
+both in turns: clock search goes on where it stopped, and saturation finds its earlier results in
+the cache.
 """
 
 from __future__ import annotations
@@ -17,46 +20,56 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import TYPE_CHECKING
 
+from symcheck.symbolic import tuning
 from symcheck.symbolic.model import Relation, SymbolicModel
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Saturation
 
-__all__ = ["BUDGETS", "PROBE", "Front", "Turn", "advance", "begin", "clocks", "turns"]
-
-BUDGETS = ((500_000, 3_000_000), (6_000_000, 18_000_000))
-"""Look-ups in CUDD's cache of the turns of saturation and of ticks; two million are about a second.
-
-They are counted so that a run takes the same turns on any machine. What saturation solves of PRISM's benchmark suite, it solves
-within the second of its turns; the first turn of ticks is enough for csma with 3 stations.
-"""
-
-PROBE = 150_000
-"""Look-ups after which the first turn of ticks ends, unless it has found a state or more with each.
-
-csma has found 26 to 90 states with each by then; firewire_impl_dl and zeroconf, where saturation is better, 0.1 at most.
-"""
+__all__ = [
+    "ClockSearch",
+    "SearchPhase",
+    "alternate",
+    "apply_clocks",
+    "cache_lookups",
+    "clock_relations",
+    "start_clock_search",
+]
 
 
 @dataclass(frozen=True, eq=False)
-class Front:
-    """A search on its way. states: found, and closed under `local`. frontier: the last of them. news: what ticks made of these."""
+class ClockSearch:
+    """A clock search in progress.
+
+    Attributes:
+        clocks: the relations that change most variables.
+        local: the other relations, prepared for saturation.
+        states: the states found, closed under `local`.
+        frontier: those found by the last step.
+        images: successors of the frontier by the clocks that are not yet in `states`.
+    """
 
     clocks: tuple[Relation, ...]
     local: Saturation
     states: Bdd
     frontier: Bdd
-    news: Bdd
+    images: Bdd
 
     @property
-    def done(self) -> bool:
+    def complete(self) -> bool:
         """Whether all reachable states are found."""
-        return not self.news
+        return not self.images
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
-    """What is found after a tick or by saturation. frontier: what is new. complete: whether this is all that can be reached."""
+class SearchPhase:
+    """The states found by a step of clock search or by saturation.
+
+    Attributes:
+        frontier: the new ones among `states`.
+        schedule: 'clock' or 'saturation'.
+        complete: whether these are all reachable states.
+    """
 
     states: Bdd
     frontier: Bdd
@@ -64,78 +77,99 @@ class Turn:
     complete: bool
 
 
-def clocks(symbolic: SymbolicModel) -> tuple[Relation, ...]:
-    """The relations that change more than half of the variables; none where all others do too, or there is nothing else."""
+def clock_relations(symbolic: SymbolicModel) -> tuple[Relation, ...]:
+    """The relations that change more than half of the variables; none where all relations do."""
     variables = sum(1 for v in symbolic.encoding.variables if v.width)
-    found = tuple(r for r in symbolic.relations if 2 * len(r.touched) > variables)
-    return found if len(found) < len(symbolic.relations) else ()
+    clocks = tuple(r for r in symbolic.relations if 2 * len(r.touched) > variables)
+    return clocks if len(clocks) < len(symbolic.relations) else ()
 
 
-def begin(symbolic: SymbolicModel) -> Front:
-    """Before the first tick."""
-    manager, ticking = symbolic.manager, clocks(symbolic)
+def start_clock_search(symbolic: SymbolicModel) -> ClockSearch:
+    """The search before its first step."""
+    manager, clocks = symbolic.manager, clock_relations(symbolic)
     local = manager.saturation(
-        [(r.relation, r.transition) for r in symbolic.relations if r not in ticking]
+        [(r.relation, r.transition) for r in symbolic.relations if r not in clocks]
     )
-    return Front(ticking, local, manager.false, manager.false, symbolic.initial)
+    return ClockSearch(clocks, local, manager.false, manager.false, symbolic.initial)
 
 
-def advance(symbolic: SymbolicModel, front: Front, steps: int | None = None) -> Front | None:
-    """Close what is new under the local relations, and let the clocks tick once. None: it takes more than so many `steps`."""
-    closed = front.local.saturate(front.news, max_lookups=steps)
+def apply_clocks(
+    symbolic: SymbolicModel, search: ClockSearch, max_lookups: int | None = None
+) -> ClockSearch | None:
+    """Saturate the new states with the local relations, and apply the clocks once. None:
+    `max_lookups` are used up.
+    """
+    closed = search.local.saturate(search.images, max_lookups=max_lookups)
     if closed is None:
         return None
-    frontier = closed - front.states
-    states = front.states | frontier
-    ticked = symbolic.manager.disjunction([r.image(frontier) for r in front.clocks])
-    return replace(front, states=states, frontier=frontier, news=ticked - states)
+    frontier = closed - search.states
+    states = search.states | frontier
+    images = symbolic.manager.disjunction([r.image(frontier) for r in search.clocks])
+    return replace(search, states=states, frontier=frontier, images=images - states)
 
 
-def turns(
-    symbolic: SymbolicModel, whole: Saturation, budgets: Iterable[tuple[int, int]] = BUDGETS
-) -> Iterator[Turn]:
-    """Saturation by `whole` (all relations) and ticks in turn, each pair of turns for so many look-ups (and on: the last, doubled).
+def alternate(
+    symbolic: SymbolicModel,
+    saturation: Saturation,
+    lookups: Iterable[tuple[int, int]] = tuning.ALTERNATION_LOOKUPS,
+) -> Iterator[SearchPhase]:
+    """Run saturation and clock search in turns, until one of them is complete or both need too many
+    event partitions.
 
-    It ends when one of them is complete, or both need more families of relations than a closure may have.
+    Args:
+        saturation: all relations of the model.
+        lookups: cache look-ups of each pair of turns (saturation, clock search); the last pair is
+            doubled for ever.
     """
-    front, known = begin(symbolic), symbolic.initial
-    for saturated, ticked in _doubling(budgets):
-        states = whole.saturate(symbolic.initial, max_lookups=saturated)
+    search, known = start_clock_search(symbolic), symbolic.initial
+    for for_saturation, for_clocks in _doubling(lookups):
+        states = saturation.saturate(symbolic.initial, max_lookups=for_saturation)
         if states is not None:
-            yield Turn(states, states - known, "saturation", complete=True)
+            yield SearchPhase(states, states - known, "saturation", complete=True)
             return
-        for following in _ticking(symbolic, front, ticked):
-            yield Turn(
-                following.states, following.frontier - symbolic.initial, "ticks", following.done
+        for following in _clock_turn(symbolic, search, for_clocks):
+            yield SearchPhase(
+                following.states,
+                following.frontier - symbolic.initial,
+                "clock",
+                following.complete,
             )
-            front, known = following, following.states
-        if front.done or (whole.exhausted and front.local.exhausted):
+            search, known = following, following.states
+        if search.complete or (saturation.exhausted and search.local.exhausted):
             return
 
 
-def _doubling(budgets: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+def _doubling(lookups: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    """The pairs, and then the last one multiplied by 2, 4, 8 …"""
     last = (1, 1)
-    for last in budgets:
+    for last in lookups:
         yield last
     for power in count(1):
         yield last[0] << power, last[1] << power
 
 
-def _ticking(symbolic: SymbolicModel, front: Front, steps: int) -> Iterator[Front]:
-    """Ticks for so many look-ups; fewer where the first of them find few states."""
-    begun, probing = _lookups(symbolic), not front.states
-    while not front.done:
-        used = _lookups(symbolic) - begun
-        if probing and used >= PROBE:
+def _clock_turn(
+    symbolic: SymbolicModel, search: ClockSearch, max_lookups: int
+) -> Iterator[ClockSearch]:
+    """Steps of clock search within `max_lookups`; fewer where the first of them find few states per
+    look-up.
+    """
+    start, probing = cache_lookups(symbolic), not search.states
+    while not search.complete:
+        used = cache_lookups(symbolic) - start
+        if probing and used >= tuning.PROBE_LOOKUPS:
             probing = False
-            if symbolic.manager.count(front.states, symbolic.encoding.rows) < used:
+            if symbolic.manager.count(search.states, symbolic.encoding.rows) < used:
                 return
-        following = advance(symbolic, front, steps - used) if used < steps else None
+        following = (
+            apply_clocks(symbolic, search, max_lookups - used) if used < max_lookups else None
+        )
         if following is None:
             return
-        front = following
-        yield front
+        search = following
+        yield search
 
 
-def _lookups(symbolic: SymbolicModel) -> int:
+def cache_lookups(symbolic: SymbolicModel) -> int:
+    """Look-ups in CUDD's cache so far: the measure of work on diagrams."""
     return int(symbolic.manager.statistics().cache_lookups)

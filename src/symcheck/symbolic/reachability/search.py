@@ -1,15 +1,16 @@
-"""The reachable states, by image computation with partitioned relations.
+"""Reachable states, by image computation with partitioned transition relations.
 
 Schedules (`schedule` of `search`):
 
-- `frontier`: breadth first. Each iteration takes the images of the states found last, by every relation.
-- `chaining`: each relation in turn is applied to all states found so far, so one sweep does the work of many steps
-  (Roig, Cortadella & Pastor 1995). Few sweeps, but each image is of a larger set.
-- `saturation`: node by node: the set under a node is closed under what does not change the variables above it, before
-  anything above is applied again (Ciardo, Lüttgen & Siminiscalco 2001; see `DiagramManager.saturation`). One step, best nearly
-  always.
-- `ticks`: where a clock changes nearly every variable. What a tick finds is closed under all else by saturation (`symbolic/reachability/clock_search.py`).
-- `turns`: saturation and ticks in turn, until one of them ends.
+- `frontier`: breadth first. Each iteration takes the images of the states found last under every
+  relation.
+- `chaining`: each relation in turn is applied to all states found so far, so that one sweep does
+  the work of many breadth-first steps, on larger sets (Roig, Cortadella and Pastor 1995).
+- `saturation`: node by node, from the bottom of the diagrams up (Ciardo, Lüttgen and Siminiceanu
+  2001). It is the best one nearly always.
+- `clock`: where a clock changes nearly every variable; the states that a tick reaches are saturated
+  with the other relations (`clock_search.py`).
+- `alternating`: saturation and clock search in turns, until one of them ends.
 """
 
 from __future__ import annotations
@@ -21,22 +22,32 @@ from typing import TYPE_CHECKING
 
 from symcheck.errors import converts_memory_error
 from symcheck.symbolic.checks import check_initial
-from symcheck.symbolic.events.commands import encode_event, knowledge
+from symcheck.symbolic.events.commands import encode_event, evaluated_valuations
 from symcheck.symbolic.events.relations import group_relations
 from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
-from symcheck.symbolic.reachability.clock_search import advance, begin, clocks, turns
+from symcheck.symbolic.reachability.clock_search import (
+    alternate,
+    apply_clocks,
+    clock_relations,
+    start_clock_search,
+)
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Saturation
 
-__all__ = ["SCHEDULES", "Found", "reach", "search"]
+__all__ = ["SCHEDULES", "SearchState", "reach", "search"]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What the search knows after an iteration: states, those found last, and the model as far as it is learned.
+class SearchState:
+    """The state of a search after an iteration.
 
-    `schedule`: how they were found, which of several says where they take turns.
+    Attributes:
+        symbolic: the model, complete on `states` where relations are computed on the fly.
+        states: the states found so far.
+        frontier: those found last.
+        iteration: the counters of this iteration.
+        schedule: the schedule that found them.
     """
 
     symbolic: SymbolicModel
@@ -52,26 +63,39 @@ def reach(
     observer: Callable[[object], None] | None = None,
     *,
     schedule: str | None = None,
-    watch: Callable[[Found], object] | None = None,
+    watch: Callable[[SearchState], object] | None = None,
 ) -> StateSpace:
-    """All reachable states, and those of them that have no transition (deadlocks).
+    """The reachable states, and the deadlocks among them.
 
-    `observer` gets each Iteration; without one, neither states nor nodes are counted on the way (which may cost as much
-    as the search). `watch` gets what is found, of which nothing need be counted. `schedule`: one of SCHEDULES, by default
-    chosen for the model. Raises ResourceError at a limit (of the manager, set by `build`), and ModelFault where no state is
-    initial.
+    Args:
+        observer: is called with each Iteration. Without one, states and nodes are not counted on
+            the way, which may take as long as the search.
+        schedule: one of SCHEDULES; None: chosen for the model.
+        watch: is called with each SearchState.
+
+    Raises:
+        ModelFault: no state is initial.
+        ResourceError: a limit of the manager (set by `build`) is reached.
+
+    Example:
+        >>> import symcheck
+        >>> text = "dtmc module m x:[0..5]; [] x<3 -> (x'=x+1); endmodule"
+        >>> model = symcheck.bind(symcheck.parse_model(text))
+        >>> space = symcheck.reach(symcheck.build(model, symcheck.Options()))
+        >>> space.count, list(space.valuations(space.deadlocks))
+        (4, [(3,)])
     """
     check_initial(symbolic)
     started = time.perf_counter()
     schedule = schedule or choose_schedule(symbolic)
     iterations: list[Iteration] = []
-    for found in search(symbolic, schedule, counting=observer is not None):
-        complete, states, schedule = found.symbolic, found.states, found.schedule
-        iterations.append(found.iteration)
+    for state in search(symbolic, schedule, counting=observer is not None):
+        complete, states, schedule = state.symbolic, state.states, state.schedule
+        iterations.append(state.iteration)
         if watch is not None:
-            watch(found)
+            watch(state)
         if observer is not None:
-            observer(found.iteration)
+            observer(state.iteration)
     deadlocks = states - enabled(complete)
     count = symbolic.manager.count(states, symbolic.encoding.rows)
     return StateSpace(
@@ -86,37 +110,43 @@ def reach(
 
 
 def enabled(symbolic: SymbolicModel) -> Bdd:
-    """States with some transition."""
+    """The states with a transition."""
     return symbolic.manager.disjunction(
         [r.relation.exists(r.transition.columns) for r in symbolic.relations]
     )
 
 
 def choose_schedule(symbolic: SymbolicModel) -> str:
-    """A schedule by the model's structure: saturation, unless relations are to be learned on the way.
+    """The schedule for a model: saturation, except where relations are computed on the fly.
 
-    Measured on the PRISM benchmark suite: saturation wins by 3 to 300 times nearly everywhere. Where there is something like
-    a clock, it may lose by as much (csma), or win all the same (firewire_impl_dl): it takes turns with ticks.
+    On PRISM's benchmark suite saturation wins by 3 to 300 times nearly everywhere. Where a relation
+    looks like a clock, it may lose by as much (csma) or win all the same (firewire_impl_dl), so
+    both alternate.
     """
-    if learns(symbolic):
+    if has_on_the_fly_parts(symbolic):
         return "frontier"
-    return "turns" if clocks(symbolic) else "saturation"
+    return "alternating" if clock_relations(symbolic) else "saturation"
 
 
 def search(
     symbolic: SymbolicModel, schedule: str = "frontier", *, counting: bool = True
-) -> Iterator[Found]:
-    """Explore step by step; the last value has all reachable states. `counting`: fill in numbers of states and nodes.
+) -> Iterator[SearchState]:
+    """Explore step by step; the last item has all reachable states.
 
-    Raises ValueError for an unknown schedule, or one that cannot learn (all but frontier) where something is to learn.
+    Args:
+        counting: whether iterations have numbers of states and nodes.
+
+    Raises:
+        ValueError: an unknown schedule, or one other than frontier where relations are computed on
+            the fly.
     """
     if schedule not in SCHEDULES:
         raise ValueError(f"unknown schedule {schedule}: one of {', '.join(SCHEDULES)}")
-    if schedule != "frontier" and learns(symbolic):
-        raise ValueError(f"schedule {schedule} cannot learn relations on the way: use frontier")
+    if schedule != "frontier" and has_on_the_fly_parts(symbolic):
+        raise ValueError(f"schedule {schedule} cannot compute relations on the fly: use frontier")
     started = time.perf_counter()
     for number, (model, states, frontier, how) in enumerate(SCHEDULES[schedule](symbolic)):
-        yield Found(
+        yield SearchState(
             model,
             states,
             frontier,
@@ -144,23 +174,23 @@ def _measure(
 
 # ------------------------------------------------------------------------------------------------ schedules
 
-Progress = Iterator[tuple[SymbolicModel, "Bdd", "Bdd", str]]
-"""The model as far as it is learned, states found so far, those of them that are new, and how they were found."""
+SearchStates = Iterator[tuple[SymbolicModel, "Bdd", "Bdd", str]]
+"""The model, the states found so far, the new ones among them, and the schedule that found them."""
 
 
-def _by_frontier(symbolic: SymbolicModel) -> Progress:
+def _by_frontier(symbolic: SymbolicModel) -> SearchStates:
     states = frontier = symbolic.initial
     yield symbolic, states, frontier, "frontier"
     while frontier:
-        symbolic = learn(symbolic, frontier)
+        symbolic = extend_relations(symbolic, frontier)
         frontier = symbolic.successors(frontier) - states
         states = states | frontier
         if frontier:
             yield symbolic, states, frontier, "frontier"
-    yield symbolic, states, frontier, "frontier"  # with what the last frontier taught
+    yield symbolic, states, frontier, "frontier"  # complete on the last frontier
 
 
-def _by_chaining(symbolic: SymbolicModel) -> Progress:
+def _by_chaining(symbolic: SymbolicModel) -> SearchStates:
     states, before = symbolic.initial, symbolic.manager.false
     while states != before:
         yield symbolic, states, states - before, "chaining"
@@ -170,7 +200,7 @@ def _by_chaining(symbolic: SymbolicModel) -> Progress:
     yield symbolic, states, symbolic.manager.false, "chaining"
 
 
-def _by_saturation(symbolic: SymbolicModel) -> Progress:
+def _by_saturation(symbolic: SymbolicModel) -> SearchStates:
     from symcheck.dd.saturation import saturate
 
     yield symbolic, symbolic.initial, symbolic.initial, "saturation"
@@ -181,63 +211,66 @@ def _by_saturation(symbolic: SymbolicModel) -> Progress:
         yield symbolic, states, states - symbolic.initial, "saturation"
 
 
-def _by_ticks(symbolic: SymbolicModel) -> Progress:
-    yield symbolic, symbolic.initial, symbolic.initial, "ticks"
-    front = begin(symbolic)
-    while not front.done:
-        following = advance(symbolic, front)
+def _by_clock(symbolic: SymbolicModel) -> SearchStates:
+    yield symbolic, symbolic.initial, symbolic.initial, "clock"
+    search = start_clock_search(symbolic)
+    while not search.complete:
+        following = apply_clocks(symbolic, search)
         if following is None:
             yield from _by_chaining(symbolic)
             return
-        front = following
-        yield symbolic, front.states, front.frontier - symbolic.initial, "ticks"
+        search = following
+        yield symbolic, search.states, search.frontier - symbolic.initial, "clock"
 
 
-def _by_turns(symbolic: SymbolicModel) -> Progress:
+def _alternating(symbolic: SymbolicModel) -> SearchStates:
     yield symbolic, symbolic.initial, symbolic.initial, "saturation"
-    found = False
-    for step in turns(symbolic, prepare_saturation(symbolic)):
-        found = step.complete
-        yield symbolic, step.states, step.frontier, step.schedule
-    if not found:
+    complete = False
+    for phase in alternate(symbolic, prepare_saturation(symbolic)):
+        complete = phase.complete
+        yield symbolic, phase.states, phase.frontier, phase.schedule
+    if not complete:
         yield from _by_chaining(symbolic)
 
 
 def prepare_saturation(symbolic: SymbolicModel, *, forward: bool = True) -> Saturation:
-    """All relations of a model, prepared for closing sets under them."""
+    """All relations of a model, prepared for saturation."""
     return symbolic.manager.saturation(
         [(r.relation, r.transition) for r in symbolic.relations], forward=forward
     )
 
 
-SCHEDULES: dict[str, Callable[[SymbolicModel], Progress]] = {
+SCHEDULES: dict[str, Callable[[SymbolicModel], SearchStates]] = {
     "frontier": _by_frontier,
     "chaining": _by_chaining,
     "saturation": _by_saturation,
-    "ticks": _by_ticks,
-    "turns": _by_turns,
+    "clock": _by_clock,
+    "alternating": _alternating,
 }
 
 
-# ------------------------------------------------------------------------------------------------ learning
+# ------------------------------------------------------------------------------------------------ relations on the fly
 
 
-def learns(symbolic: SymbolicModel) -> bool:
-    """Whether some event is encoded only for the valuations that are reached."""
-    return any(e.learned is not None for e in symbolic.events)
+def has_on_the_fly_parts(symbolic: SymbolicModel) -> bool:
+    """Whether an event is encoded on the fly, for the valuations that are reached."""
+    return any(e.evaluated is not None for e in symbolic.events)
 
 
-def learn(symbolic: SymbolicModel, states: Bdd) -> SymbolicModel:
-    """Complete the learned events on `states`; the same model if nothing is new."""
-    if not learns(symbolic):
+def extend_relations(symbolic: SymbolicModel, states: Bdd) -> SymbolicModel:
+    """Complete the events that are encoded on the fly on `states`; the same model if nothing is
+    new.
+    """
+    if not has_on_the_fly_parts(symbolic):
         return symbolic
     translator = symbolic.translator
     events = list(symbolic.events)
     for number, event in enumerate(events):
-        # Again as long as something is new: once a guard is known to hold, what is behind it has to be learned as well,
-        # and other events may have taught what this one reads.
-        while event.learned is not None and (
-            _extend(symbolic, event, states) or knowledge(translator, event.event) != event.learned
+        # Repeated while something is new: once a guard is known to hold, the updates behind it are
+        # evaluated too, and an expression of this event may have been evaluated for another event.
+        while event.evaluated is not None and (
+            _extend(symbolic, event, states)
+            or evaluated_valuations(translator, event.event) != event.evaluated
         ):
             event = events[number] = encode_event(translator, event.event)
     if all(new is old for new, old in zip(events, symbolic.events, strict=True)):
@@ -250,10 +283,12 @@ def learn(symbolic: SymbolicModel, states: Bdd) -> SymbolicModel:
 
 
 def _extend(symbolic: SymbolicModel, event: EncodedEvent, states: Bdd) -> bool:
-    """Evaluate the learned parts of an event on `states`; whether anything was new."""
+    """Evaluate the parts of an event that are encoded on the fly on `states`; whether a valuation
+    was new.
+    """
     translator, changed = symbolic.translator, False
     for command in (c for commands in event.event.participants for c in commands):
-        always, guarded = translator.learned_parts(command)
+        always, guarded = translator.on_the_fly_parts(command)
         for part in always:
             changed |= part.extend(states)
         if guarded:

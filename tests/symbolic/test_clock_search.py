@@ -1,4 +1,4 @@
-"""Search by ticks: what changes little is closed at once, what changes most of the state goes step by step."""
+"""Clock search finds the same states as saturation, and alternation ends with either of them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,13 @@ import symcheck
 from symcheck.options import Options
 from symcheck.symbolic.build import build
 from symcheck.symbolic.model import SymbolicModel
-from symcheck.symbolic.reachability.clock_search import Front, advance, begin, clocks, turns
+from symcheck.symbolic.reachability.clock_search import (
+    ClockSearch,
+    alternate,
+    apply_clocks,
+    clock_relations,
+    start_clock_search,
+)
 from symcheck.symbolic.reachability.search import choose_schedule, prepare_saturation, reach
 
 _STATION = """
@@ -32,50 +38,50 @@ def _timed() -> SymbolicModel:
     return _model("mdp" + _STATION)
 
 
-def test_a_clock_is_what_changes_more_than_half_of_the_variables() -> None:
+def test_a_clock_changes_more_than_half_of_the_variables() -> None:
     model = _model(
         "mdp module a x:[0..3]; y:[0..3]; z:[0..3]; [] x<3 -> (x'=x+1); [] true -> (x'=0)&(y'=1)&(z'=2); endmodule"
     )
-    assert [len(r.touched) for r in clocks(model)] == [3]
-    assert choose_schedule(model) == "turns"
+    assert [len(r.touched) for r in clock_relations(model)] == [3]
+    assert choose_schedule(model) == "alternating"
 
 
-def test_where_everything_is_a_clock_there_is_none() -> None:
+def test_there_is_no_clock_where_all_relations_change_most_variables() -> None:
     model = _model("mdp module a x:[0..3]; [] x<3 -> (x'=x+1); endmodule")
-    assert clocks(model) == ()
+    assert clock_relations(model) == ()
     assert choose_schedule(model) == "saturation"
 
 
-def test_ticks_find_what_saturation_finds() -> None:
+def test_clock_search_finds_the_states_of_saturation() -> None:
     model = _timed()
-    by_ticks, saturated = (reach(model, schedule=s) for s in ("ticks", "saturation"))
-    assert by_ticks.states == saturated.states
-    assert (by_ticks.schedule, saturated.schedule) == ("ticks", "saturation")
+    by_clock, saturated = (reach(model, schedule=s) for s in ("clock", "saturation"))
+    assert by_clock.states == saturated.states
+    assert (by_clock.schedule, saturated.schedule) == ("clock", "saturation")
 
 
-def test_what_a_tick_finds_is_closed_under_the_rest() -> None:
+def test_states_of_a_step_are_closed_under_the_local_relations() -> None:
     model = _timed()
-    front, ticks = begin(model), 0
-    local = [r for r in model.relations if r not in clocks(model)]
-    while not front.done:
-        following = advance(model, front)
-        assert isinstance(following, Front)
-        assert following.frontier.disjoint(front.states)
+    search, steps = start_clock_search(model), 0
+    local = [r for r in model.relations if r not in clock_relations(model)]
+    while not search.complete:
+        following = apply_clocks(model, search)
+        assert isinstance(following, ClockSearch)
+        assert following.frontier.disjoint(search.states)
         assert all(r.image(following.states) <= following.states for r in local)
-        front, ticks = following, ticks + 1
-    assert ticks > 3
+        search, steps = following, steps + 1
+    assert steps > 3
 
 
-def test_turns_go_on_where_they_stopped_and_say_which_ended() -> None:
+def test_alternation_goes_on_where_it_stopped_and_names_the_schedule_that_ended() -> None:
     expected = reach(_timed(), schedule="saturation")
     count = expected.count
     for budgets, winner in [
-        (((1, 1),), {"ticks", "saturation"}),
-        (((1, 10**9),), {"ticks"}),
+        (((1, 1),), {"clock", "saturation"}),
+        (((1, 10**9),), {"clock"}),
         (((10**9, 1),), {"saturation"}),
     ]:
         model = _timed()
-        found = list(turns(model, prepare_saturation(model), budgets))
+        found = list(alternate(model, prepare_saturation(model), budgets))
         assert model.manager.count(found[-1].states, model.encoding.rows) == count
         assert found[-1].complete
         assert not any(t.complete for t in found[:-1])

@@ -20,10 +20,11 @@ from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import build, chosen_order
 from symcheck.symbolic.encoding.variables import encode
-from symcheck.symbolic.events.encode_events import assemble
+from symcheck.symbolic.events.encode_events import encode_events
 from symcheck.symbolic.ordering import sifting as module
-from symcheck.symbolic.ordering.sifting import SiftedOrder, SiftLimits, sift
+from symcheck.symbolic.ordering.sifting import SiftedOrder, sift
 from symcheck.symbolic.reachability.search import reach
+from symcheck.symbolic.tuning import SiftLimits
 from symcheck.syntax.parse import parse_model_file
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -53,7 +54,7 @@ def test_an_order_that_is_exponential_as_declared_becomes_linear(n):
 
 def test_it_is_found_where_the_search_as_declared_is_too_long():
     model = bound(partners(18))
-    found = sift(model, Options(), SiftLimits(steps=20_000, parts=(500, 500, 500, 500)))
+    found = sift(model, Options(), SiftLimits(lookups=20_000, part_nodes=(500, 500, 500, 500)))
     assert found.whole
     assert nodes(model, Options(order=found.order)) <= 8 * 18
 
@@ -133,7 +134,7 @@ def test_learned_relations_stay_as_declared():
         Options(),
     )
     assert found.order == tuple(f"x{i}" for i in range(7))
-    assert "learned" in str(found)
+    assert "on the fly" in str(found)
 
 
 def test_unbounded_integers_are_refused_as_everywhere_on_diagrams():
@@ -163,7 +164,7 @@ def test_a_limit_of_time_in_the_middle_leaves_the_order_reached_by_then(monkeypa
 
 
 def test_diagrams_that_would_be_too_much_work_are_left_as_they_are():
-    found = sift(bound(partners(8)), Options(), SiftLimits(work=1000, parts=(100,)))
+    found = sift(bound(partners(8)), Options(), SiftLimits(work=1000, part_nodes=(100,)))
     assert not found.whole
     assert found.order == tuple(f"{x}{i}" for x in "xy" for i in range(8))
     assert "a part of the states" in str(found)
@@ -191,9 +192,9 @@ def test_where_the_declared_order_does_not_fit_it_starts_from_the_one_of_force(m
         orders.append(order)
         if order is None:
             raise MemoryLimitError("too many nodes")
-        return assemble(model, manager, order, *rest, **named)
+        return encode_events(model, manager, order, *rest, **named)
 
-    monkeypatch.setattr(module, "assemble", failing)
+    monkeypatch.setattr(module, "encode_events", failing)
     found = sift(bound(partners(6)), Options())
     assert orders[0] is None
     assert len(orders) == 2

@@ -1,4 +1,4 @@
-"""Rows listed from the diagrams of commands: the matrix that the explicit search finds."""
+"""Rows enumerated from the diagrams of commands: the matrix that the explicit search finds."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import symcheck
 from engines.twins import MODELS as TWINS
 from generate import random_model, random_property
 from symbolic.oracle import bound
-from symbolic.test_learn import NOTHING, WIDE
+from symbolic.test_on_the_fly_relations import NOTHING, WIDE
 from symcheck.engines.symbolic import enumerated_rows
 from symcheck.engines.symbolic.enumerated_rows import ListedEngine
 from symcheck.errors import ModelFault, SymcheckError
 from symcheck.explicit.build import explore
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.options import Options
-from symcheck.symbolic.build import build, explored
-from symcheck.symbolic.matrix import enumerate_rows as lister
-from symcheck.symbolic.matrix.enumerate_rows import listed_rows
+from symcheck.symbolic import tuning
+from symcheck.symbolic.build import build, build_state_space
+from symcheck.symbolic.matrix.enumerate_rows import enumerate_rows
 from symcheck.symbolic.reachability.search import reach
 
 
@@ -33,21 +33,21 @@ def dense(matrix: SparseMatrix):
     return out
 
 
-@pytest.mark.parametrize("limits", [None, NOTHING], ids=["full", "learned"])
+@pytest.mark.parametrize("limits", [None, NOTHING], ids=["full", "on the fly"])
 @pytest.mark.parametrize("text", [TWINS["dtmc"], TWINS["ctmc"], WIDE], ids=["dtmc", "ctmc", "wide"])
-def test_listed_rows_are_those_of_the_search(text, limits, monkeypatch):
-    monkeypatch.setattr(lister, "_CHUNK", 7)
-    monkeypatch.setattr(lister, "_SLICE", 2)
+def test_enumerated_rows_are_those_of_the_search(text, limits, monkeypatch):
+    monkeypatch.setattr(tuning, "STATES_PER_CHUNK", 7)
+    monkeypatch.setattr(tuning, "TARGET_BITS", 2)
     model = bound(text)
-    found = listed_rows(reach(build(model, Options(), limits=limits)))
+    found = enumerate_rows(reach(build(model, Options(), limits=limits)))
     assert found is not None
     np.testing.assert_allclose(dense(found), dense(explore(model, Options()).matrix), rtol=1e-15)
 
 
-def test_choices_and_very_many_joint_updates_are_not_listed(monkeypatch):
-    assert listed_rows(explored(bound(TWINS["mdp"]), Options())) is None
-    monkeypatch.setattr(lister, "_MOVES", 1)
-    assert listed_rows(explored(bound(TWINS["dtmc"]), Options())) is None
+def test_choices_and_very_many_joint_updates_are_not_enumerated(monkeypatch):
+    assert enumerate_rows(build_state_space(bound(TWINS["mdp"]), Options())) is None
+    monkeypatch.setattr(tuning, "MAX_JOINT_UPDATES", 1)
+    assert enumerate_rows(build_state_space(bound(TWINS["dtmc"]), Options())) is None
 
 
 @pytest.mark.parametrize("engine", ["sparse", "hybrid", "mtbdd"])

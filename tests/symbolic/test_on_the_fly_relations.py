@@ -1,4 +1,4 @@
-"""Learned relations against full encoding, and where full encoding is hopeless."""
+"""Relations computed on the fly against full encoding, and where full encoding is impossible."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from symbolic.test_build import MODELS
 from symcheck.errors import ModelFault
 from symcheck.options import Options
 from symcheck.symbolic.build import build
-from symcheck.symbolic.encoding.translate import Limits
 from symcheck.symbolic.matrix.transitions import transitions
 from symcheck.symbolic.reachability.search import reach, search
+from symcheck.symbolic.tuning import EncodingLimits
 
-NOTHING = Limits(table=0, wide=0, nodes=0, leaves=0)
+NOTHING = EncodingLimits(table_bits=0, wide_table_bits=0, max_nodes=0, max_leaves=0)
 
 WIDE = """dtmc
 module walk
@@ -28,10 +28,10 @@ endmodule
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_everything_learned_is_the_same_model(name):
+def test_on_the_fly_and_full_encoding_agree(name):
     model = bound(MODELS[name])
     made = build(model, Options(), limits=NOTHING)
-    assert any(e.learned is not None for e in made.events)
+    assert any(e.evaluated is not None for e in made.events)
     space = reach(made)
     assert_same(model, transitions(space, Options()))
 
@@ -39,16 +39,16 @@ def test_everything_learned_is_the_same_model(name):
 def test_a_domain_beyond_tables_needs_the_reached_valuations_only():
     model = bound(WIDE)
     made = build(model, Options())
-    assert any(e.learned is not None for e in made.events)
+    assert any(e.evaluated is not None for e in made.events)
     space = reach(made)
     expected = explore(model)
     assert set(states_of(space)) == set(expected)
     assert_same(model, transitions(space, Options()))
-    evaluated = sum(part.evaluated for part in space.symbolic.translator.learned.values())
+    evaluated = sum(part.evaluated for part in space.symbolic.translator.on_the_fly.values())
     assert evaluated < 20 * len(expected)
 
 
-def test_a_learned_update_out_of_range_is_reported():
+def test_an_update_out_of_range_on_the_fly_is_reported():
     text = "dtmc module m a : [0..1000000] init 1; b : [0..1000000] init 1; c : [0..100]; [] true -> (c'=a*b+c) & (a'=a*2+b); endmodule"
     space = reach(build(bound(text), Options()))
     with pytest.raises(ModelFault, match="c would become") as caught:
@@ -56,13 +56,14 @@ def test_a_learned_update_out_of_range_is_reported():
     assert [d.code for d in caught.value.diagnostics] == ["update-range"]
 
 
-def test_only_breadth_first_search_learns():
+def test_only_breadth_first_search_works_on_the_fly():
     with pytest.raises(ValueError, match="frontier"):
         list(search(build(bound(WIDE), Options()), "chaining"))
 
 
-def test_what_stands_behind_a_guard_that_something_else_taught_is_learned_too():
-    # The condition b is known from the initial states before the command was ever encoded behind it.
+def test_updates_behind_a_guard_known_from_another_event_are_evaluated():
+    # The condition b is known from the initial states before the command was ever encoded behind
+    # it.
     model = bound(
         "mdp module m b : bool; x : [0..2]; [] b -> (x'=floor(x/2)); endmodule init b endinit"
     )
