@@ -60,8 +60,8 @@ def test_switches_without_effect_are_taken_and_named(words, queue, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-param", "p=0:1"], "parametric model checking is not offered"),
-        (["-importpepa"], "PEPA is not read"),
+        (["-param", "p=0:1"], "parametric model checking is not supported"),
+        (["-importpepa"], "PEPA is not supported"),
         (["-exportmrmc"], "-exportmodel writes"),
         (
             ["-exporttrnas", "x"],

@@ -1,4 +1,4 @@
-"""Check a property: the formula's value in the initial states, with its accuracy and how it was found."""
+"""Check a property: its value in the initial states, its accuracy, and how it was computed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from symcheck.check.context import CheckLog, Context
-from symcheck.check.filters import Outcome
+from symcheck.check.filters import FilterResult
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import negated, resolve
 from symcheck.check.result import (
@@ -23,7 +23,7 @@ from symcheck.check.result import (
     Result,
     SolverRun,
 )
-from symcheck.check.state_formulas import filter_outcome, numbers, satisfying, states_of
+from symcheck.check.state_formulas import filter_result, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.numerics.linear.problem import Observer
@@ -61,14 +61,27 @@ def check(
 ) -> Result:
     """Check a bound formula (names resolved, constants folded) on a built model.
 
-    The answer is the value in the initial state; over several initial states, a bool is true where it is true in all of
-    them, and a number is the pair of the lowest and the highest. A filter as the outermost operator answers itself.
-    `labels` are those of the properties file, `properties` the named ones that the formula may refer to. `rebind` gives
-    the formula bound to an exactly bound model, for a comparison that only rational arithmetic decides. `observer` is told
-    of each step of a numerical computation, and may raise to end it. `shared`: a quotient for several formulas (see
-    `symcheck.check.bisimulation.on_quotient.shared_quotient`), used with the option `bisim` where it is good enough for this one.
+    The result is the value in the initial state. If there are several, a bool is true if it is true
+    in all of them, and a number is the pair of the lowest and the highest value. A filter as the
+    outermost operator computes the result itself.
 
-    Raises InputError, UnsupportedError, and NumericalError where the accuracy asked for is missed.
+    Args:
+        engine: the built model.
+        formula: the formula, or a property whose formula is bound.
+        options: how it is checked.
+        labels: those of the properties file.
+        properties: the named properties to which the formula may refer.
+        rebind: gives the formula bound to an exactly bound model, for a comparison that only
+            rational arithmetic decides.
+        observer: is told of each iteration of a numerical method, and may raise to end it.
+        shared: a quotient for several formulas (`bisimulation.on_quotient.shared_quotient`), used
+            with the option `bisim` if it preserves this formula.
+
+    Raises:
+        InputError: the formula refers to an unknown label, or a filter selects no state.
+        UnsupportedError: the engine or method does not support the formula.
+        NumericalError: the requested accuracy was not reached.
+        ResourceError: a limit was reached.
     """
     started = perf_counter()
     if isinstance(formula, Property):
@@ -84,9 +97,11 @@ def check(
         observer=observer,
     )
     kind = context.type(formula)
-    lumped = _lumped(context, formula, kind, shared) if context.options.bisim else None
-    if lumped is not None:
-        result = lumped
+    on_quotient = (
+        _check_on_quotient(context, formula, kind, shared) if context.options.bisim else None
+    )
+    if on_quotient is not None:
+        result = on_quotient
     elif isinstance(formula, Filter | StateFilter):
         result = _filtered(context, formula, kind)
     elif isinstance(formula, MultiObjective):
@@ -110,12 +125,13 @@ def check(
     )
 
 
-def _lumped(
+def _check_on_quotient(
     context: Context, formula: Expression, kind: Type, shared: SharedQuotient | None
 ) -> Result | None:
-    """The result of the quotient, lifted to all states; None, with a warning, where it cannot be had.
+    """The result on the quotient, lifted to all states; None, with a warning, if there is none.
 
-    A and E search, which costs no more than a partition, and show a path of the model's own states: they do without.
+    A and E are checked without quotient: their search costs no more than a partition, and their
+    witness is a path of the states of the model.
     """
     if isinstance(formula, PathQuantifier):
         return None
@@ -130,7 +146,7 @@ def _lumped(
             result = (
                 _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
             )
-            result = _lifted(result, smaller, context.engine.initial)
+            result = _lift_result(result, smaller, context.engine.initial)
     except (UnsupportedError, NumericalError) as error:
         context.log.warn(f"checked without -bisim: {error}")
         return None
@@ -142,8 +158,8 @@ def _lumped(
     return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
 
 
-def _lifted(result: Result, smaller: Quotient, initial: StateSet) -> Result:
-    """What was found of blocks, as said of states; several initial states have a range, if all are in one block too."""
+def _lift_result(result: Result, smaller: Quotient, initial: StateSet) -> Result:
+    """A result on the quotient as a result on the model, whose initial states may be in one block."""
     values = None if result.values is None else smaller.lift(result.values)
     satisfied = None if result.satisfying is None else smaller.lift_set(result.satisfying)
     result = replace(result, values=values, satisfying=satisfied)
@@ -158,7 +174,7 @@ def _lifted(result: Result, smaller: Quotient, initial: StateSet) -> Result:
 
 
 def _strategy(context: Context, formula: Expression) -> Strategy | None:
-    """A strategy that attains the value; where none can be given, a warning says why."""
+    """A strategy that attains the value; None, with a warning, if it is not supported."""
     from symcheck.check.strategies.strategy import strategy_of
 
     try:
@@ -193,7 +209,7 @@ def _numeric(context: Context, formula: Expression, type: Type) -> Result:
 
 
 def _initially(context: Context, values: Values, type: Type) -> Result:
-    """What a formula with a number at each state says: the one of the initial state, or the range over several."""
+    """The value in the initial state, or the range over several initial states."""
     initial = context.engine.initial
     if initial.count == 1:
         single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
@@ -206,15 +222,15 @@ def _initially(context: Context, values: Values, type: Type) -> Result:
 
 def _filtered(context: Context, formula: Filter | StateFilter, type: Type) -> Result:
     return _filter_result(
-        context, formula, filter_outcome(context, formula, context.engine.initial), type
+        context, formula, filter_result(context, formula, context.engine.initial), type
     )
 
 
 def _filter_result(
-    context: Context, formula: Filter | StateFilter, outcome: Outcome, type: Type
+    context: Context, formula: Filter | StateFilter, outcome: FilterResult, type: Type
 ) -> Result:
     everywhere: dict[str, Any] = {
-        "satisfying" if type is Type.BOOL else "values": outcome.everywhere
+        "satisfying" if type is Type.BOOL else "values": outcome.per_state
     }
     about = "+".join(formula.operators) if isinstance(formula, StateFilter) else formula.operator
     if outcome.value is None:
@@ -223,11 +239,11 @@ def _filter_result(
     return Result(value, accuracy, f"filter '{about}'", **everywhere)
 
 
-def _each_state(context: Context, outcome: Outcome, type: Type) -> Result:
-    """A filter that leaves each state its own answer (print, argmin, …) says what any formula would of the initial states."""
+def _each_state(context: Context, outcome: FilterResult, type: Type) -> Result:
+    """The result of a filter without a single value (print, argmin, …): that of the initial states."""
     if type is not Type.BOOL:
-        return _initially(context, outcome.everywhere, type)  # type: ignore[arg-type]
-    states: StateSet = outcome.everywhere  # type: ignore[assignment]
+        return _initially(context, outcome.per_state, type)  # type: ignore[arg-type]
+    states: StateSet = outcome.per_state  # type: ignore[assignment]
     initial = context.engine.initial
     return Result(
         initial <= states,
@@ -237,7 +253,7 @@ def _each_state(context: Context, outcome: Outcome, type: Type) -> Result:
     )
 
 
-def _outcome(context: Context, outcome: Outcome, type: Type) -> tuple[Answer, Accuracy]:
+def _outcome(context: Context, outcome: FilterResult, type: Type) -> tuple[Answer, Accuracy]:
     value = outcome.value
     if value is None or isinstance(value, bool):
         return value, Exact()
@@ -295,4 +311,5 @@ def _satisfied(count: int, initial: int) -> str:
                 "satisfied in the initial state" if count else "not satisfied in the initial state"
             )
         case _:
-            return f"satisfied in {'all' if count == initial else count or 'none'} of {initial} initial states"
+            share = "all" if count == initial else count or "none"
+            return f"satisfied in {share} of {initial} initial states"

@@ -1,8 +1,9 @@
-"""Expected results in comments: `// RESULT: 1/6` above a property, and the verdict of comparing them with a result.
+"""Expected results in comments, `// RESULT: 1/6` above a property, and their comparison with results.
 
-The convention is PRISM's. `RESULT (N=2,p=0.5): 0.25` holds for these values of constants only; of several lines the first
-that fits counts. A value ends at the first blank; `?` stands for 'not known', `Error…` for an error of any wording, and a
-leading `~` says that a number is approximate even where arithmetic is exact.
+The convention is PRISM's. `RESULT (N=2,p=0.5): 0.25` holds for these values of constants only; the
+first line whose constants match is used. A value ends at the first blank. `?` means unknown,
+`Error…` an error of any wording, and a leading `~` that a number is approximate even if arithmetic
+is exact.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _SPECIAL = {
 
 
 class VerdictKind(Enum):
-    """How a comparison ended."""
+    """The kinds of verdicts."""
 
     PASS = "PASS"
     FAIL = "FAIL"
@@ -47,7 +48,7 @@ class VerdictKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A verdict; as text it is what stands after `Testing result: `."""
+    """A verdict; its text follows `Testing result: ` in the output."""
 
     kind: VerdictKind
     message: str = ""
@@ -58,13 +59,13 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class _Unequal(Exception):
-    """The result is not what was expected; the text says how."""
+    """The result differs from the expected one; the message says how."""
 
     message: str
 
 
 def expected_value(comments: Sequence[str], constants: Mapping[str, Value]) -> str | None:
-    """The text of the first RESULT whose constants all have the values given; None if no line fits."""
+    """The text of the first RESULT line whose constants have the given values; None if there is none."""
     for comment in comments:
         found = _LINE.search(comment)
         if found is not None and _fits(found["constants"], constants):
@@ -83,7 +84,7 @@ def _fits(condition: str | None, constants: Mapping[str, Value]) -> bool:
 
 
 def _same(text: str, value: Value) -> bool:
-    """Ints and bools agree as texts, doubles as numbers."""
+    """Whether a text denotes a value: ints and bools are compared as texts, doubles as numbers."""
     if isinstance(value, bool):
         return text == str(value).lower()
     if isinstance(value, int):
@@ -101,10 +102,13 @@ def judge(
     *,
     exact: bool = False,
 ) -> Verdict:
-    """Compare the result of a property (or what was raised instead) with the RESULT lines above it.
+    """Compare the result of a property with the RESULT lines above it.
 
-    `constants`: all known constants, of the model and the properties. `exact`: arithmetic was rational, so that numbers
-    must be equal.
+    Args:
+        comments: the comments above the property.
+        outcome: the result, or the error that was raised instead.
+        constants: all known constants, of the model and the properties.
+        exact: arithmetic was rational: numbers must be equal.
     """
     expected = expected_value(comments, constants)
     if expected is None or expected == "?":
@@ -165,7 +169,10 @@ def _compare(expected: str, result: Result, constants: Mapping[str, Value], exac
 
 
 def _compare_number(expected: Any, value: Number, tolerance: float) -> None:
-    """`tolerance`: 0 for equality, the absolute one, or the relative one (to which the absolute one is added)."""
+    """Raise _Unequal unless two numbers are close.
+
+    tolerance: 0 for equality, _ABSOLUTE, or _RELATIVE (to which _ABSOLUTE is added).
+    """
     both = f"{_show(expected)} was expected, and the result is {_show(value)}"
     if isnan(expected) or isnan(value):
         if not (isnan(expected) and isnan(value)):
@@ -213,7 +220,7 @@ def _truth(text: str, constants: Mapping[str, Value]) -> bool:
 
 
 def _number(text: str, constants: Mapping[str, Value]) -> Any:
-    """The number that a text writes: special values, a fraction, a decimal, or an expression over the constants."""
+    """The number that a text denotes: special value, fraction, decimal, or expression over constants."""
     if text in _SPECIAL:
         return _SPECIAL[text]
     try:

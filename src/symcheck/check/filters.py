@@ -1,4 +1,4 @@
-"""Filters: one answer out of the values of a formula at many states."""
+"""Filters: one value from the values of a formula in many states."""
 
 from __future__ import annotations
 
@@ -13,31 +13,41 @@ from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError
 from symcheck.syntax.ast import Filter, Type
 
-__all__ = ["Outcome", "apply_filter", "lines"]
+__all__ = ["FilterResult", "apply_filter", "lines"]
 
 Formula = StateSet | Values
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What a filter makes of a formula.
+class FilterResult:
+    """The result of a filter.
 
-    `value`: the answer as bounds (lower, upper), a truth value, or two pairs of bounds (range); None: no single answer.
-    `rounded`: whether floating-point arithmetic made it.
-    `everywhere`: what the filter is at each state when it stands within a larger formula.
+    Attributes:
+        value: bounds (lower, upper), a bool, or two pairs of bounds (range); None if the filter has
+            no single value.
+        per_state: the value in each state, for a filter within a larger formula.
+        rounded: whether `value` was computed in floating-point arithmetic.
     """
 
     value: bool | tuple[float, float] | tuple[tuple[float, float], tuple[float, float]] | None
-    everywhere: Formula
+    per_state: Formula
     rounded: bool = False
 
 
 def apply_filter(
     context: Context, node: Filter, formula: Formula, states: StateSet, type: Type
-) -> Outcome:
-    """The outcome of a filter over `states`, whose formula (a set where it is a bool) is of the given type.
+) -> FilterResult:
+    """Apply a filter to the values of its formula.
 
-    Raises InputError where no state is selected, or not exactly one for 'state', or the formula has the wrong type.
+    Args:
+        context: the engine, and the log for printed lines.
+        node: the filter.
+        formula: a set of states for a bool, values for a number.
+        states: the states that the filter selects.
+        type: of the formula.
+
+    Raises:
+        InputError: no state is selected, or several for 'state', or the formula has a wrong type.
     """
     if not states:
         raise InputError(
@@ -57,92 +67,98 @@ def apply_filter(
     )
 
 
-def _truth(context: Context, value: bool) -> Outcome:
-    return Outcome(value, context.engine.all if value else context.engine.none)
+def _truth(context: Context, value: bool) -> FilterResult:
+    return FilterResult(value, context.engine.all if value else context.engine.none)
 
 
-def _number(context: Context, bounds: tuple[float, float], rounded: bool) -> Outcome:
-    return Outcome(bounds, context.engine.constant(*bounds, rounded=rounded), rounded)
+def _number(context: Context, bounds: tuple[float, float], rounded: bool) -> FilterResult:
+    return FilterResult(bounds, context.engine.constant(*bounds, rounded=rounded), rounded)
 
 
-def _one_bool(context: Context, _: Filter, formula: StateSet, states: StateSet) -> Outcome:
+def _one_bool(context: Context, _: Filter, formula: StateSet, states: StateSet) -> FilterResult:
     return _truth(context, bool(formula & states))
 
 
-def _state_bool(context: Context, node: Filter, formula: StateSet, states: StateSet) -> Outcome:
+def _state_bool(
+    context: Context, node: Filter, formula: StateSet, states: StateSet
+) -> FilterResult:
     return _one_bool(context, node, formula, _single(node, states))
 
 
-def _first_bool(context: Context, node: Filter, formula: StateSet, states: StateSet) -> Outcome:
+def _first_bool(
+    context: Context, node: Filter, formula: StateSet, states: StateSet
+) -> FilterResult:
     return _one_bool(context, node, formula, context.engine.first(states))
 
 
-def _forall(context: Context, _: Filter, formula: StateSet, states: StateSet) -> Outcome:
+def _forall(context: Context, _: Filter, formula: StateSet, states: StateSet) -> FilterResult:
     return _truth(context, states <= formula)
 
 
-def _count(context: Context, _: Filter, formula: StateSet, states: StateSet) -> Outcome:
+def _count(context: Context, _: Filter, formula: StateSet, states: StateSet) -> FilterResult:
     count = (formula & states).count
     return _number(context, (count, count), rounded=False)
 
 
-def _print_bool(context: Context, node: Filter, formula: StateSet, states: StateSet) -> Outcome:
+def _print_bool(
+    context: Context, node: Filter, formula: StateSet, states: StateSet
+) -> FilterResult:
     wanted = states if node.operator == "printall" else states & formula
     context.log.lines.extend(lines(context, formula, wanted, Type.BOOL))
-    return Outcome(None, formula)
+    return FilterResult(None, formula)
 
 
-def _state(context: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
+def _state(context: Context, node: Filter, formula: Values, states: StateSet) -> FilterResult:
     return _number(context, formula.minimum(_single(node, states)), formula.rounded(states))
 
 
-def _first(context: Context, _: Filter, formula: Values, states: StateSet) -> Outcome:
+def _first(context: Context, _: Filter, formula: Values, states: StateSet) -> FilterResult:
     first = context.engine.first(states)
     return _number(context, formula.minimum(first), formula.rounded(first))
 
 
-def _minimum(context: Context, _: Filter, formula: Values, states: StateSet) -> Outcome:
+def _minimum(context: Context, _: Filter, formula: Values, states: StateSet) -> FilterResult:
     return _number(context, formula.minimum(states), formula.rounded(states))
 
 
-def _maximum(context: Context, _: Filter, formula: Values, states: StateSet) -> Outcome:
+def _maximum(context: Context, _: Filter, formula: Values, states: StateSet) -> FilterResult:
     return _number(context, formula.maximum(states), formula.rounded(states))
 
 
-def _sum(context: Context, _: Filter, formula: Values, states: StateSet) -> Outcome:
+def _sum(context: Context, _: Filter, formula: Values, states: StateSet) -> FilterResult:
     return _number(context, formula.total(states), formula.rounded(states))
 
 
-def _average(context: Context, _: Filter, formula: Values, states: StateSet) -> Outcome:
+def _average(context: Context, _: Filter, formula: Values, states: StateSet) -> FilterResult:
     low, high = formula.total(states)
     return _number(context, (low / states.count, high / states.count), formula.rounded(states))
 
 
-def _range(_: Context, __: Filter, formula: Values, states: StateSet) -> Outcome:
-    return Outcome(
+def _range(_: Context, __: Filter, formula: Values, states: StateSet) -> FilterResult:
+    return FilterResult(
         (formula.minimum(states), formula.maximum(states)), formula, formula.rounded(states)
     )
 
 
-def _arguments(context: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
-    """The states at which the value is least (greatest), as far as the accuracy tells them from others."""
+def _arguments(context: Context, node: Filter, formula: Values, states: StateSet) -> FilterResult:
+    """The states whose value may be the least (greatest), given its accuracy."""
     if node.operator == "argmin":
         sure, maybe = formula.compare("<=", formula.minimum(states)[1])
     else:
         sure, maybe = formula.compare(">=", formula.maximum(states)[0])
     found = (sure | maybe) & states
     context.log.lines.extend(lines(context, formula, found, Type.DOUBLE))
-    return Outcome(None, found)
+    return FilterResult(None, found)
 
 
-def _print(context: Context, node: Filter, formula: Values, states: StateSet) -> Outcome:
+def _print(context: Context, node: Filter, formula: Values, states: StateSet) -> FilterResult:
     wanted = states if node.operator == "printall" else states & formula.compare("!=", 0)[0]
     context.log.lines.extend(lines(context, formula, wanted, Type.DOUBLE))
-    return Outcome(None, formula)
+    return FilterResult(None, formula)
 
 
 def lines(context: Context, formula: Formula, states: StateSet, type: Type) -> list[Line]:
-    """The value of a formula at each of the states, in index order."""
+    """The value of a formula in each of the states, in the order of indices."""
     engine = context.engine
     numbers = np.flatnonzero(engine.to_bools(states)).tolist()
     if type is Type.BOOL:
@@ -173,7 +189,7 @@ def _single(node: Filter, states: StateSet) -> StateSet:
     return states
 
 
-_BOOLEAN: Mapping[str, Callable[[Context, Filter, StateSet, StateSet], Outcome]] = {
+_BOOLEAN: Mapping[str, Callable[[Context, Filter, StateSet, StateSet], FilterResult]] = {
     "state": _state_bool,
     "first": _first_bool,
     "forall": _forall,
@@ -183,7 +199,7 @@ _BOOLEAN: Mapping[str, Callable[[Context, Filter, StateSet, StateSet], Outcome]]
     "printall": _print_bool,
 }
 
-_NUMERIC: Mapping[str, Callable[[Context, Filter, Values, StateSet], Outcome]] = {
+_NUMERIC: Mapping[str, Callable[[Context, Filter, Values, StateSet], FilterResult]] = {
     "state": _state,
     "first": _first,
     "min": _minimum,

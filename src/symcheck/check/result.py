@@ -1,4 +1,4 @@
-"""What a check gives back: a value, how accurate it is, and where it comes from."""
+"""The result of a check: a value, its accuracy, and how it was computed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Answer = bool | Number | tuple[Number, Number] | list[tuple[Number, Number]] | N
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """The value is right: logically, as a rational, or (`rounding`) up to the rounding of floating-point operations."""
+    """The value is exact; with `rounding`, up to the rounding of single floating-point operations."""
 
     rounding: bool = False
 
@@ -40,14 +40,14 @@ class Exact:
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """The true value is proved to lie between `lower` and `upper`; the value given is in the middle."""
+    """The true value is proved to lie between `lower` and `upper`; the result is their midpoint."""
 
     lower: float
     upper: float
 
     @property
     def epsilon(self) -> float:
-        """The largest distance between the value given and the true one."""
+        """The largest distance between the result and the true value."""
         return (self.upper - self.lower) / 2
 
     def __str__(self) -> str:
@@ -56,7 +56,7 @@ class Certified:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The iteration stopped when its change was below epsilon, which proves nothing."""
+    """The iteration stopped when its change was below epsilon; the error is unknown."""
 
     def __str__(self) -> str:
         return "estimate"
@@ -64,7 +64,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Statistical:
-    """The true value lies between `lower` and `upper` with probability `confidence`, which is over the random samples."""
+    """The interval from `lower` to `upper` contains the true value with probability `confidence`."""
 
     confidence: float
     lower: float
@@ -72,7 +72,10 @@ class Statistical:
     samples: int
 
     def __str__(self) -> str:
-        return f"in [{self.lower:.6g}, {self.upper:.6g}] with probability {self.confidence:.6g}, {self.samples} samples"
+        return (
+            f"in [{self.lower:.6g}, {self.upper:.6g}] with probability {self.confidence:.6g}, "
+            f"{self.samples} samples"
+        )
 
 
 Accuracy = Exact | Certified | Estimate | Statistical
@@ -80,7 +83,7 @@ Accuracy = Exact | Certified | Estimate | Statistical
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line that a print filter asks for: a state's index, its variable values and the formula's value there."""
+    """A line of a print filter: index of a state, values of its variables, value of the formula."""
 
     index: int
     state: tuple[bool | int, ...]
@@ -92,7 +95,17 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class SolverRun:
-    """One numerical computation behind a result. `kind`: 'linear', 'steps', 'transient', 'steady', 'exact' or 'graph' (no numbers)."""
+    """One computation of a solver.
+
+    Attributes:
+        kind: 'linear', 'steps', 'transient', 'steady', 'exact', or 'graph' (without numbers).
+        method: the name of the method.
+        unknowns: the number of equations or states.
+        iterations: iterations, products or rounds.
+        seconds: its time.
+        explanation: how the method proceeded, in words.
+        certified: whether its error is proved.
+    """
 
     kind: str
     method: str
@@ -105,12 +118,23 @@ class SolverRun:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The answer to one property.
+    """The result of one property.
 
-    value: a bool, an int, a float (a Fraction where arithmetic is rational), a pair (lowest, highest) over several initial
-    states, a list of points (Pareto), or None where there is none (argmin and print filters as the outermost).
-    satisfying: the states where a boolean formula holds; values: the numbers per state, of a numeric one.
-    lines: what print filters ask to be printed. runs: the numerical computations. witness: a path that shows why.
+    Attributes:
+        value: a bool, an int, a float (a Fraction in rational arithmetic), a pair (lowest, highest)
+            over several initial states, a list of points (Pareto), or None (argmin and print
+            filters as the outermost operator).
+        accuracy: how close the value is to the true one.
+        explanation: what the value refers to, such as the initial state.
+        satisfying: the states that satisfy a boolean formula.
+        values: the value in each state, of a numeric formula.
+        lines: the lines of print filters.
+        runs: the computations of solvers.
+        witness: a path that shows why E holds, or why A does not hold.
+        strategy: a strategy that attains the value, with the option `strategy`.
+        warnings: one sentence each.
+        seconds: time of the check.
+        engine: on which the property was checked.
     """
 
     value: Answer
@@ -133,12 +157,12 @@ class Result:
 
     @property
     def method(self) -> str:
-        """The numerical methods used, in order; empty where graph analysis was enough."""
+        """The numerical methods that were used, in order; empty if graph analysis was enough."""
         return ", ".join(dict.fromkeys(r.method for r in self.runs))
 
     @property
     def by_steps(self) -> bool:
-        """Whether the numbers come from as many products with the matrix as the property has steps, and nothing else."""
+        """Whether the only computation was one product with the matrix for each step of the property."""
         kinds = [r.kind for r in self.runs if r.kind != "graph"]
         return bool(kinds) and all(k == "steps" for k in kinds)
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 from functools import partial
 
 from symcheck.check.context import Context
-from symcheck.check.filters import Outcome, apply_filter
+from symcheck.check.filters import FilterResult, apply_filter
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import StatesOf, resolve
 from symcheck.check.path_probabilities import probability, qualitative
@@ -39,7 +39,7 @@ from symcheck.syntax.ast import (
     Unary,
 )
 
-__all__ = ["filter_outcome", "is_plain", "modern_filter", "numbers", "satisfying", "states_of"]
+__all__ = ["filter_result", "is_plain", "modern_filter", "numbers", "satisfying", "states_of"]
 
 _COMPARISONS = frozenset({"<", "<=", ">", ">=", "=", "!="})
 
@@ -97,7 +97,7 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
             read = resolve(path, states_of(context), context.engine)
             return ctl.forall(context, read) if quantifier == "A" else ctl.exists(context, read)
         case Filter() | StateFilter():
-            return filter_outcome(context, formula, matter).everywhere  # type: ignore[return-value]
+            return filter_result(context, formula, matter).per_state  # type: ignore[return-value]
         case MultiObjective():
             raise _no_multi()
         case _:
@@ -139,7 +139,7 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
             chosen = _direction(context, formula, direction, None)
             return _clipped(context, steady_values(context, states_of(context)(inner), chosen))
         case Filter() | StateFilter():
-            return filter_outcome(context, formula, matter).everywhere  # type: ignore[return-value]
+            return filter_result(context, formula, matter).per_state  # type: ignore[return-value]
         case MultiObjective():
             raise _no_multi()
         case _:
@@ -158,7 +158,9 @@ def states_of(context: Context) -> StatesOf:
     return lambda formula: satisfying(context, formula, context.engine.all)
 
 
-def filter_outcome(context: Context, formula: Filter | StateFilter, matter: StateSet) -> Outcome:
+def filter_result(
+    context: Context, formula: Filter | StateFilter, matter: StateSet
+) -> FilterResult:
     """What a filter says, and what it is at each state that matters."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     states = context.engine.all if node.states is None else states_of(context)(node.states)

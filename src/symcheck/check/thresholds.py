@@ -1,7 +1,8 @@
-"""Comparing computed values with a threshold, so that no verdict is ever wrong.
+"""Comparison of computed values with a threshold: the verdict is proved or an error.
 
-Where the certified interval holds the threshold at a state that matters, the values are computed again with more
-accuracy, and at last in rational arithmetic. A comparison that stays open raises NumericalError.
+If the certified interval of a relevant state contains the threshold, the values are computed again
+with higher accuracy, and finally in rational arithmetic. A comparison that remains undecided raises
+NumericalError.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from symcheck.errors import NumericalError, SymcheckError
 __all__ = ["EXACT_LIMIT", "decide"]
 
 EXACT_LIMIT = 20_000
-"""Models with more states are not explored again in rational arithmetic to settle a comparison."""
+"""The most states of a model that is explored again in rational arithmetic for a comparison."""
 
 _REFINEMENTS = (1e-9, 1e-12)
 
@@ -26,36 +27,46 @@ def decide(
     compute: Callable[[Context], Values],
     operator: str,
     threshold: Fraction | float,
-    matter: StateSet,
+    relevant: StateSet,
     exactly: Callable[[], StateSet],
 ) -> StateSet:
-    """The states at which `value operator threshold` holds; right at the states that matter, elsewhere where decided.
+    """The states in which `value operator threshold` holds.
 
-    `compute` gives the values at the accuracy of the context that it gets; `exactly` checks the comparison itself in rational
-    arithmetic, if need be, and may raise SymcheckError.
+    Args:
+        context: the requested accuracy.
+        compute: gives the values, at the accuracy of its context.
+        operator: <, <=, >, >=, = or !=.
+        threshold: a rational, or a double that is infinite.
+        relevant: the states at which the verdict has to be proved; at others, an undecided
+            comparison counts as false.
+        exactly: gives the states that satisfy the comparison, by rational arithmetic; may raise
+            SymcheckError.
+
+    Raises:
+        NumericalError: the comparison is undecided in a relevant state.
     """
     tighter = (
         [e for e in _REFINEMENTS if e < context.options.epsilon] if context.options.certify else []
     )
     failure: SymcheckError | None = None
-    sure, undecided = context.engine.none, matter
+    sure, undecided = context.engine.none, relevant
     for epsilon in (context.options.epsilon, *tighter):
         try:
             values = compute(context.with_epsilon(epsilon))
         except NumericalError as error:
-            # More accuracy than the method reaches: rational arithmetic may still decide.
+            # The method does not reach this accuracy: rational arithmetic may still decide.
             failure = error
             break
         sure, undecided = values.compare(operator, threshold)
-        if not undecided & matter:
+        if not undecided & relevant:
             return sure
         if values.exact:
             break
-    if failure is not None and undecided is matter:
+    if failure is not None and undecided is relevant:
         raise failure
     exact = _by_rationals(context.engine, exactly)
     if isinstance(exact, SymcheckError):
-        raise _undecided(context, operator, threshold, undecided & matter, failure or exact)
+        raise _undecided(context, operator, threshold, undecided & relevant, failure or exact)
     context.log.warn(
         "a threshold was too close to the value for floating point: decided by rational arithmetic"
     )
@@ -63,12 +74,13 @@ def decide(
 
 
 def _by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet | SymcheckError:
-    """The states that satisfy the comparison, in rational arithmetic; or why it cannot be had."""
+    """The states that satisfy the comparison by rational arithmetic, or the error that prevents it."""
     if engine.exact:
         return NumericalError("the value is not a number")
     if engine.states > EXACT_LIMIT:
         return NumericalError(
-            f"rational arithmetic is tried up to {EXACT_LIMIT:,} states, and this model has {engine.states:,}"
+            f"rational arithmetic is tried up to {EXACT_LIMIT:,} states, "
+            f"and this model has {engine.states:,}"
         )
     try:
         return exactly()
@@ -84,6 +96,7 @@ def _undecided(
     reason: SymcheckError,
 ) -> NumericalError:
     return NumericalError(
-        f"cannot tell whether the value is {operator} {float(threshold)!r}, for example in state {context.example(states)}: "
-        f"the two are too close for the accuracy reached ({reason}); a method that is exact (-exact) may decide it"
+        f"cannot decide whether the value is {operator} {float(threshold)!r}, for example in state "
+        f"{context.example(states)}: the two are too close for the accuracy reached ({reason})"
+        "\n  hint: -exact computes with rational numbers"
     )

@@ -8,8 +8,9 @@ __all__ = ["main"]
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run the command line; gives the exit status (see `symcheck --help`)."""
-    # Matrices here are small for a BLAS: its threads wait for each other longer than they work. numpy reads this when it is imported.
+    """Run the command line; returns the exit status (see `symcheck --help`)."""
+    # Matrices are small for a BLAS: its threads wait longer than they compute. numpy reads this
+    # variable when it is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from symcheck.cli.entry_point import run_safely
 

@@ -1,4 +1,4 @@
-"""Switches of PRISM that mean something else here, or nothing: scripts that were written for PRISM run as they are."""
+"""Switches of PRISM that are ignored, translated or refused, so that scripts for PRISM run unchanged."""
 
 from __future__ import annotations
 
@@ -9,25 +9,28 @@ from symcheck.errors import UsageError
 
 __all__ = ["Adapted", "adapt"]
 
-_METHODS = "methods are chosen by structure, and results certified; -method NAME forces one"
-_MEMORY = "there is no Java machine here; -cuddmaxmem limits the memory of diagrams"
-_ANALYSIS = "graph analysis is always made, and never an option"
-_STORAGE = "storage is chosen by size"
-_OTHER = "nothing here corresponds to it"
+_METHODS = "the method is chosen by structure, and results are certified; -method NAME forces one"
+_MEMORY = "there is no Java virtual machine; -cuddmaxmem limits the memory of diagrams"
+_ANALYSIS = "precomputation (Prob0/Prob1) is always done"
+_STORAGE = "the representation is chosen by size"
+_OTHER = "there is nothing that corresponds to it"
 
 _GROUPS: tuple[tuple[str, int, str], ...] = (
     (
-        "power pow pwr jacobi jac gaussseidel gs bgaussseidel bgs pgaussseidel pgs bpgaussseidel bpgs",
+        "power pow pwr jacobi jac gaussseidel gs bgaussseidel bgs pgaussseidel pgs "
+        "bpgaussseidel bpgs",
         0,
         _METHODS,
     ),
     (
-        "jor sor bsor psor bpsor valiter politer modpoliter topological intervaliter ii linprog lp pmaxquotient",
+        "jor sor bsor psor bpsor valiter politer modpoliter topological intervaliter ii linprog "
+        "lp pmaxquotient",
         0,
         _METHODS,
     ),
     (
-        "omega transientmethod ptamethod heuristic fauepsilon faudelta fauarraythreshold fauintervals fauinitival",
+        "omega transientmethod ptamethod heuristic fauepsilon faudelta fauarraythreshold "
+        "fauintervals fauinitival",
         1,
         _METHODS,
     ),
@@ -45,26 +48,32 @@ _WITHOUT_EFFECT: Mapping[str, tuple[int, str]] = {
 }
 
 _REFUSED: Mapping[str, str] = {
-    "param": "parametric model checking is not offered; -const NAME=LOW:STEP:HIGH gives the values at points",
-    "symm": "symmetry reduction is not offered; -bisim checks on the quotient by strong bisimulation",
-    "importpepa": "PEPA is not read: models are in the PRISM language",
-    "exportmrmc": "MRMC's formats are not written; -exportmodel writes .tra .lab .srew .trew .drn and .umb",
-    "exportunordered": "what is written is always in the order of rows",
-    "exportiterations": "iterates are not written; the library hands each to an observer",
-    "importresults": "results are not read; -exportresults writes them",
-    "exportprodtrans": "products with automata are not written",
-    "exportprodstates": "products with automata are not written",
-    "exportprodvector": "products with automata are not written",
-    "exporttarget": "targets are not written; a label with -exportlabels is",
-    "exportpareto": "write -exportresults FILE: the points are the result",
-    "exportobs": "partially observable models are not checked",
-    "importobs": "partially observable models are not checked",
+    "param": "parametric model checking is not supported; "
+    "-const NAME=LOW:STEP:HIGH gives the values at points",
+    "symm": "symmetry reduction is not supported; "
+    "-bisim checks on the quotient by strong bisimulation",
+    "importpepa": "PEPA is not supported: models are in the PRISM language",
+    "exportmrmc": "MRMC's formats are not supported; "
+    "-exportmodel writes .tra .lab .srew .trew .drn and .umb",
+    "exportunordered": "exports are always in the order of rows",
+    "exportiterations": "iterations are not exported; in the library, an observer receives each",
+    "importresults": "results cannot be imported; -exportresults writes them",
+    "exportprodtrans": "products with automata are not exported",
+    "exportprodstates": "products with automata are not exported",
+    "exportprodvector": "products with automata are not exported",
+    "exporttarget": "targets are not exported; -exportlabels exports labels",
+    "exportpareto": "use -exportresults FILE: the points are the result",
+    "exportobs": "partially observable models are not supported",
+    "importobs": "partially observable models are not supported",
 }
 
 
 @dataclass(frozen=True)
 class Adapted:
-    """words: for the parser. without_effect: switches that were left out, with the reason. folder: of -dir."""
+    """An adapted command line.
+
+    words: for the parser. without_effect: the ignored switches, with reasons. folder: of -dir.
+    """
 
     words: list[str]
     without_effect: Mapping[str, str]
@@ -72,10 +81,15 @@ class Adapted:
 
 
 def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
-    """Take the switches that only PRISM has out of a command line, and translate others.
+    """Remove the switches of PRISM that have no effect from a command line, and translate others.
 
-    values: the parser's own switches, with dashes, and how many words follow each (-1: one, if it is no switch). Raises
-    UsageError for a switch that cannot be served, and for one that nobody knows.
+    Args:
+        words: the command line.
+        values: the switches of the parser, with dashes, and how many words follow each (-1: one,
+            unless it is a switch).
+
+    Raises:
+        UsageError: a switch is unknown or not supported.
     """
     kept: list[str] = []
     files: list[str] = []
@@ -104,18 +118,20 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             raise UsageError(f"-{name}: {_REFUSED[name]}")
         else:
             raise UsageError(
-                f"there is no switch {word}\n  hint: {_hint(word, values)}symcheck --help lists the switches"
+                f"there is no switch {word}"
+                f"\n  hint: {_hint(word, values)}symcheck --help lists the switches"
             )
     if len(files) > 2:
         raise UsageError(
-            f"'{files[2]}' is one file too many: a run has a model file and a properties file; -pf gives more properties"
+            f"'{files[2]}' is one file too many: a run has a model file and a properties file; "
+            "-pf gives more properties"
         )
-    # Files may stand between switches, which argparse does not expect of two that may be missing.
+    # Files come first: argparse does not accept optional positional words between switches.
     return Adapted([*files, *kept], without, folder)
 
 
 class _Words:
-    """The words of a command line, taken one after the other."""
+    """The words of a command line, consumed one after the other."""
 
     def __init__(self, words: Sequence[str]) -> None:
         self._waiting = list(reversed(words))
@@ -124,14 +140,14 @@ class _Words:
         return self._waiting.pop() if self._waiting else None
 
     def following(self, count: int) -> list[str]:
-        """The next words; with -1 the next one if it is no switch."""
+        """The next words; for -1 the next one unless it is a switch."""
         if count < 0:
             count = 1 if self._waiting and not self._waiting[-1].startswith("-") else 0
         return [word for _ in range(count) if (word := self.take()) is not None]
 
 
 def _joined(switch: str, following: list[str]) -> list[str]:
-    """A switch and its words; one that looks like a switch itself (`-pf "-x>0"`) is tied to it."""
+    """A switch and its words; a value that looks like a switch (`-pf "-x>0"`) is joined to it."""
     if len(following) == 1 and following[0].startswith("-"):
         return [f"{switch}={following[0]}"]
     return [switch, *following]

@@ -1,4 +1,4 @@
-"""Results of a sweep as tables: one row for each property and choice of constants."""
+"""Tables of results: one row for each property and combination of constants."""
 
 from __future__ import annotations
 
@@ -14,10 +14,15 @@ __all__ = ["FORMATS", "Row", "render"]
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One result. `property`: name or text; `constants`: the ones that vary or were given; `value`, `accuracy` as text.
+    """One result.
 
-    title: what stands above the results of the property, its name and text (empty: `property`). fixed: constants that were
-    given one value only, and have no column in lists and matrices.
+    Attributes:
+        property: its name or text.
+        constants: the given constants, with their values as texts.
+        value: as text.
+        accuracy: as text.
+        title: the heading above the results of the property, its name and text; empty for `property`.
+        fixed: the constants that were given one value only: lists and matrices omit them.
     """
 
     property: str
@@ -36,7 +41,7 @@ def _groups(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
 
 
 def _varying(group: Sequence[Row]) -> list[str]:
-    """The constants that were to have several values."""
+    """The constants that were given several values."""
     return [n for n in group[0].constants if n not in group[0].fixed]
 
 
@@ -51,7 +56,7 @@ def _lines(rows: Sequence[Sequence[str]], separator: str) -> str:
 
 
 def _titled(groups: Sequence[tuple[str, list[Row]]], bodies: Sequence[str], separator: str) -> str:
-    """The tables one after the other, with titles where there are several."""
+    """The tables one after the other; several tables have titles."""
     if len(groups) == 1:
         return bodies[0]
     titles = [
@@ -61,7 +66,7 @@ def _titled(groups: Sequence[tuple[str, list[Row]]], bodies: Sequence[str], sepa
 
 
 def _list(rows: Sequence[Row], separator: str) -> str:
-    """Each property with its own small table: the constants that vary, then the result."""
+    """One table per property: the constants that vary, and the result."""
     groups = _groups(rows)
     bodies = []
     for _, group in groups:
@@ -76,7 +81,10 @@ def _list(rows: Sequence[Row], separator: str) -> str:
 
 
 def _matrix(rows: Sequence[Row], separator: str) -> str:
-    """Each property as matrices: of the constants that vary the last across, the one before down, a matrix for each choice of others."""
+    """Matrices for each property, one per combination of all but the last two varying constants.
+
+    The last constant is across, and the one before it is down.
+    """
     groups = _groups(rows)
     return _titled(groups, [_matrices(group, separator) for _, group in groups], separator)
 
@@ -112,7 +120,7 @@ def _headed(heading: str, table: Sequence[Sequence[str]], separator: str) -> str
 
 
 def _dataframe(rows: Sequence[Row]) -> str:
-    """One table for all, as a data frame reads it: property, every constant, result, accuracy."""
+    """One table in the form of a data frame: property, every constant, result, accuracy."""
     names = list(dict.fromkeys(n for r in rows for n in r.constants))
     body = [
         [r.property, *(r.constants.get(n, "") for n in names), r.value, r.accuracy] for r in rows
@@ -121,7 +129,7 @@ def _dataframe(rows: Sequence[Row]) -> str:
 
 
 def _comment(rows: Sequence[Row]) -> str:
-    """RESULT lines, to be put above the properties of a file that is to be tested."""
+    """RESULT lines for -test, to be copied above the properties of a file."""
     parts = []
     groups = _groups(rows)
     for name, group in groups:
@@ -134,7 +142,7 @@ def _comment(rows: Sequence[Row]) -> str:
 
 
 def _json(rows: Sequence[Row]) -> str:
-    """A list of objects: property, constants and result as text (a number has the digits that give it back), and accuracy."""
+    """A list of objects: property, constants, accuracy, and the result with all digits of a double."""
     import json
 
     found = [
@@ -153,11 +161,19 @@ FORMATS = ("text", "csv", "matrix", "dataframe", "comment", "json")
 
 
 def render(rows: Sequence[Row], kinds: Sequence[str]) -> str:
-    """The rows in a format: `text`, `csv`, `matrix` (also with `csv`), `dataframe`, `comment` or `json`. Raises UsageError."""
+    """The text of some rows.
+
+    Args:
+        rows: those of each property together.
+        kinds: one of `FORMATS`; `matrix` may be combined with `csv`.
+
+    Raises:
+        UsageError: a format is unknown.
+    """
     unknown = [k for k in kinds if k not in FORMATS]
     if unknown:
         raise UsageError(
-            f"-exportresults: unknown format '{unknown[0]}'\n  hint: known are {', '.join(FORMATS)}"
+            f"-exportresults: unknown format '{unknown[0]}'\n  hint: the formats are {', '.join(FORMATS)}"
         )
     separator = "," if "csv" in kinds else "\t"
     if "matrix" in kinds:

@@ -23,7 +23,7 @@ from symcheck.check.bisimulation.quotient import (
     Quotient,
 )
 from symcheck.check.context import Context
-from symcheck.check.filters import Outcome, apply_filter
+from symcheck.check.filters import FilterResult, apply_filter
 from symcheck.check.state_formulas import is_plain, modern_filter, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -151,7 +151,7 @@ def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
     return _on_diagrams(context, engine, observed)
 
 
-def filtered(context: Context, smaller: Quotient, formula: Filter | StateFilter) -> Outcome:
+def filtered(context: Context, smaller: Quotient, formula: Filter | StateFilter) -> FilterResult:
     """Apply a filter to all states, with the values of its formula computed on a quotient."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     inner = replace(context, engine=smaller.engine)
