@@ -1,20 +1,19 @@
-"""Work done, in counters instead of seconds: the guard against regressions that a busy machine cannot disturb.
+"""Counters of work instead of seconds: they detect regressions on a busy machine too.
 
-    python benchmarks/counters.py             print the table, and what has grown beyond counters.json
-    python benchmarks/counters.py --update    record what is counted now as the new reference
+    python benchmarks/counters.py             print the table, and counters that have grown
+    python benchmarks/counters.py --update    record the counters as the new reference
 
-Each case is one property of one model of models/ on one engine. The default engine is not among them: it decides by the clock.
+Each case is one property of one model of models/ on one engine.
 
-- states, entries: of the model, and its matrix
-- set_nodes, matrix_nodes, peak_nodes: diagram nodes of the reachable set, of the matrix, and the most that lived at once
-- lookups: of CUDD's operation cache, about one per recursive call: the work done on diagrams
+- states, entries: of the model, and of its matrix
+- set_nodes, matrix_nodes, peak_nodes: nodes of the reachable set, of the matrix, live at the peak
+- lookups: in CUDD's operation cache, about one per recursive call on diagrams
 - unknowns, iterations, work: of the numerical methods; work is their product, summed over the runs
-- allocated: the most memory that numpy and Python held at once, in units of 64 kB
-- modules: of symcheck that a whole run of the command line imports on the smallest model; the greater part of its time
+- allocated: the peak memory of numpy and Python, in units of 64 kB
+- modules: of symcheck that the command line imports for the smallest model; most of its time
 
-The test that CI runs (tests/benchmarks) fails where a counter passes its reference by more than a tenth, or 64 units;
-modules by 2.
-Better counters pass: record them, so that they are not lost again.
+The test in tests/benchmarks fails if a counter exceeds its reference by more than a tenth and by 64
+units; modules by 2. Better counters pass: record them, so that the gain is guarded too.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ Counters = Mapping[str, int]
 
 @dataclass(frozen=True)
 class Case:
-    """model: below models/; constants as on the command line; engines: where it is run."""
+    """A model below models/, its constants as on the command line, a property, and engines."""
 
     model: str
     constants: str
@@ -110,7 +109,7 @@ def count(case: Case, engine: str) -> dict[str, int]:
 
 
 def imported() -> list[str]:
-    """The modules that are imported, ours and others', when the command line checks a property of a model of 13 states."""
+    """The modules that the command line imports to check a property of a model of 13 states."""
     ran = subprocess.run(
         [sys.executable, "-c", IMPORTED], capture_output=True, text=True, check=True
     )
@@ -119,8 +118,8 @@ def imported() -> list[str]:
 
 
 def measure() -> dict[str, dict[str, int]]:
-    """All cases: 'model constants, query, engine' to its counters."""
-    for engine in ALL:  # what is imported on first use is not to be counted
+    """The counters of all cases, by 'model constants, query, engine'."""
+    for engine in ALL:  # imports on first use must not be counted
         count(CASES[-1], engine)
     counted = {
         f"{case}, {engine}": count(case, engine) for case in CASES for engine in case.engines
@@ -131,7 +130,7 @@ def measure() -> dict[str, dict[str, int]]:
 
 
 def grown(now: Mapping[str, Counters], reference: Mapping[str, Counters]) -> list[str]:
-    """What has grown, one line each; a case or counter that only one side knows is an error of the reference."""
+    """One line per counter that has grown, and per case or counter that only one side has."""
     lines = []
     for name in sorted(now.keys() | reference.keys()):
         here, there = now.get(name, {}), reference.get(name, {})

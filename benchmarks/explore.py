@@ -1,8 +1,9 @@
 """Speed and memory of explicit exploration: `python benchmarks/explore.py [MODEL CONSTANTS]…`.
 
-Without arguments: large models of the PRISM benchmark suite and of the quantitative verification benchmark set, which
-SYMCHECK_PEERS must lead to. Each model runs in a process of its own. CPU seconds are those of this process; `search`
-is the breadth-first search, `finish` puts states and rows in order; peak is the process's resident memory.
+Without arguments, it explores large models of the PRISM benchmark suite and of the quantitative
+verification benchmark set, which SYMCHECK_PEERS must name. Each model runs in a process of its own,
+and CPU seconds are those of this process. `search` is the breadth-first search, `finish` orders
+states and rows, and peak is the largest resident memory.
 """
 
 from __future__ import annotations
@@ -69,7 +70,8 @@ def main(arguments: list[str]) -> None:
     cases = given or [
         (str(peers / path), constants) for path, constants in CASES if (peers / path).exists()
     ]
-    head = f"{'model':38}{'states':>10}{'transitions':>12}{'levels':>7}{'prepare':>9}{'search':>8}{'finish':>8}"
+    head = f"{'model':38}{'states':>10}{'transitions':>12}{'levels':>7}"
+    head += f"{'prepare':>9}{'search':>8}{'finish':>8}"
     print(f"{head}{'M st/s':>8}{'all':>6}{'MB':>6}")
     for path, constants in cases:
         run = subprocess.run(
@@ -87,7 +89,8 @@ def main(arguments: list[str]) -> None:
             r["states"] / (r["prepare"] + r["search"] + r["finish"]) / 1e6,
         )
         print(
-            f"{Path(path).stem + ' ' + constants:38.38}{r['states']:10}{r['transitions']:12}{r['levels']:7}{r['prepare']:9.3f}"
+            f"{Path(path).stem + ' ' + constants:38.38}{r['states']:10}{r['transitions']:12}"
+            f"{r['levels']:7}{r['prepare']:9.3f}"
             f"{r['search']:8.2f}{r['finish']:8.2f}{speed:8.2f}{overall:6.2f}{r['peak']:6.0f}"
         )
 

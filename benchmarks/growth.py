@@ -1,13 +1,13 @@
 """Time and memory of whole runs against the number of states, for symcheck's engines and Storm's.
 
-    python benchmarks/growth.py                  measure into benchmarks/results/growth.csv, then draw
-    python benchmarks/growth.py --draw           draw again from what was measured
+    python benchmarks/growth.py          measure into benchmarks/results/growth.csv, draw
+    python benchmarks/growth.py --draw   draw again from what was measured
     python benchmarks/growth.py --only kanban --limit 30
 
-Five families of models/, each with one property, at growing sizes (`whole_runs.py` says how they are run). Values are compared:
-one that is further than 1e-3 from the others is marked and not drawn. The exponents are the slopes of log time and log memory over
-log states, fitted through the runs that take twice what the engine's smallest takes, if there are two;
-they stand in growth.md beside the table.
+The script runs five families of models/ at growing sizes, each with one property (see
+`whole_runs.py`). It compares values: a value further than 1e-3 from the others is marked and not
+drawn. Exponents are the slopes of log time and log memory over log states, fitted through the runs
+that take at least twice as much as the smallest run of the engine. growth.md lists them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Pictures and exponents of what growth.py measured. See there."""
+"""Plots and exponents of the measurements of growth.py."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """One process. seconds: wall; processor: user and system; megabytes: largest resident set; value: None where it did not end."""
+    """A run of one process.
+
+    seconds: wall time. processor: user and system time. megabytes: the largest resident set. value:
+    the result; None if the run did not end.
+    """
 
     family: str
     size: int
@@ -27,7 +31,7 @@ class Run:
     ended: str
 
 
-# symcheck in strong colours, Storm in greys; one marker an engine.
+# Strong colours for symcheck, greys for Storm; one marker per engine.
 LOOKS = {
     "symcheck": {"color": "#c0392b", "marker": "o", "linewidth": 2.4, "zorder": 5},
     "symcheck -h": {"color": "#e67e22", "marker": "s"},
@@ -41,14 +45,14 @@ LOOKS = {
 
 
 def states_of(runs: Sequence[Run]) -> dict[tuple[str, int], int]:
-    """The number of states of each instance, as symcheck counts them: Storm leaves out what a property does not need."""
+    """The number of states of each instance in symcheck (Storm may omit states behind targets)."""
     return {
         (r.family, r.size): r.states for r in runs if r.states and r.engine.startswith("symcheck")
     }
 
 
 def right(runs: Sequence[Run]) -> list[Run]:
-    """The runs that ended, with the value that most others of the instance found too."""
+    """The runs that ended with the value that most engines found for the instance."""
     kept = []
     for run in runs:
         if run.ended != "done" or run.value is None:
@@ -65,7 +69,7 @@ def right(runs: Sequence[Run]) -> list[Run]:
 
 
 def slope(points: Sequence[tuple[float, float]]) -> float | None:
-    """Least squares through the logarithms; None for fewer than two points."""
+    """The slope of a least-squares fit through the logarithms; None for fewer than two points."""
     if len(points) < 2:
         return None
     xs, ys = [math.log(x) for x, _ in points], [math.log(y) for _, y in points]
@@ -78,7 +82,11 @@ def slope(points: Sequence[tuple[float, float]]) -> float | None:
 def exponents(
     runs: Sequence[Run], states: dict[tuple[str, int], int]
 ) -> tuple[float | None, float | None]:
-    """Of time and memory, from the runs that take twice what the engine's smallest takes: start-up would flatten both."""
+    """The exponents of time and memory.
+
+    Runs that take less than twice as much as the smallest run are left out, because start-up
+    dominates them.
+    """
     quickest, least = (
         min((r.seconds for r in runs), default=0.0),
         min((r.megabytes for r in runs), default=0),
@@ -107,7 +115,7 @@ def curves(
 
 
 def logarithmic(axes: Axes) -> None:
-    """Both axes logarithmic; a value axis of a decade or two says 0.2, 0.5, 1, 2, 5 … and not powers of ten."""
+    """Make both axes logarithmic; a short value axis has ticks at 0.2, 0.5, 1, 2, 5, …."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_xscale("log")
@@ -134,7 +142,7 @@ def family_picture(
 
 
 def overview(runs: Sequence[Run], states: dict[tuple[str, int], int], path: Path) -> None:
-    """symcheck's default beside the fastest of Storm's engines, all families in one picture."""
+    """Plot symcheck's default engine and Storm's fastest engine for all families."""
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
@@ -207,16 +215,18 @@ def cell(run: Run | None, tried: Run | None) -> str:
 
 
 def tables(runs: Sequence[Run], good: Sequence[Run], states: dict[tuple[str, int], int]) -> str:
-    """Markdown: seconds / MB per instance and engine, and the exponents below."""
+    """A Markdown table of seconds and MB per instance and engine, and of the exponents."""
     engines = [e for e in LOOKS if any(r.engine == e for r in runs)]
     found = {(r.family, r.size, r.engine): r for r in good}
     tried = {(r.family, r.size, r.engine): r for r in runs}
     lines = [
         "# Growth",
-        "Seconds / MB of whole runs, from `python benchmarks/growth.py`, two cores, at most 60 s a run. "
+        "Seconds / MB of whole runs, from `python benchmarks/growth.py`, two cores, "
+        "at most 60 s per run. "
         "Exponents: time, memory, over states. Curves end where the next instance took longer.",
         "",
-        "*time*: did not end; *fails*: ended without a value; *wrong*: a value that is further than 1e-3 from most of the others; "
+        "*time*: did not end; *fails*: ended without a value; "
+        "*wrong*: the value is further than 1e-3 from most others; "
         "empty: not tried, as a smaller instance did not end.",
         "",
     ]

@@ -1,11 +1,11 @@
-"""Bisimulation on diagrams, on listed states, and Storm's on its diagrams: states, blocks, seconds of processor time.
+"""Bisimulation on diagrams, on explicit rows, and by Storm on its diagrams: blocks and CPU seconds.
 
 usage: lump.py [NAME...]    only the rows whose name contains one of the words
 
-Models and properties are those of the PRISM benchmark suite, in the folder that the environment variable SYMCHECK_PEERS names, and
-components that are alike, made here. Building the model is not counted, for nobody; each partition is made in a process of its
-own, which ends after LIMIT seconds of processor time. 'listed' writes the rows out and refines these, where there are at most
-10 million states.
+Models and properties are those of the PRISM benchmark suite in the folder that the environment
+variable SYMCHECK_PEERS names, and generated models of identical components. The construction of the
+model is not counted for any tool. Each partition runs in a process of its own with a limit of LIMIT
+CPU seconds. 'listed' refines materialized rows, for at most 10 million states.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ TASKS = [
 
 
 def alike(components: int, states: int) -> str:
-    """A CTMC of components that are alike: each goes up one by one, faster and faster, and falls down from anywhere."""
+    """A CTMC of identical components: each counts up with increasing rates, and resets to 0."""
     parts = []
     for i in range(components):
         up = "".join(
@@ -167,7 +167,8 @@ def cell(found: dict[str, Any]) -> str:
 
 def main(words: list[str]) -> None:
     print(
-        "| model | states | blocks | rounds | on diagrams, s | MB | listed, s | Storm, s | MB | blocks |"
+        "| model | states | blocks | rounds | on diagrams, s | MB "
+        "| listed, s | Storm, s | MB | blocks |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for index, task in enumerate(TASKS):
@@ -178,8 +179,10 @@ def main(words: list[str]) -> None:
         about = f"{states:,}" if states < 10**10 else f"{states:.1e}"
         size = f"{own.get('blocks', 0):,}".replace(",", " ")
         print(
-            f"| {task[0]} | {about.replace(',', ' ')} | {size} | {own.get('rounds', '')} | {cell(own)} | {own.get('memory', 0):.0f} "
-            f"| {cell(listed)} | {cell(other)} | {other.get('memory', 0):.0f} | {other.get('blocks', '')} |",
+            f"| {task[0]} | {about.replace(',', ' ')} | {size} | {own.get('rounds', '')} "
+            f"| {cell(own)} | {own.get('memory', 0):.0f} "
+            f"| {cell(listed)} | {cell(other)} | {other.get('memory', 0):.0f} "
+            f"| {other.get('blocks', '')} |",
             flush=True,
         )
 

@@ -1,8 +1,9 @@
-"""The matrix in its two forms: writing rows out from diagrams, and blocks; their products and their memory.
+"""Compressed rows and block matrices: construction from diagrams, products and memory.
 
 usage: matrix.py [NAME...]    only the instances whose name contains one of the words
-The models are those of the PRISM benchmark suite, in the folder that the environment variable SYMCHECK_PEERS names.
-Times are the best of five, one thread for rows; blocks take the threads that there are.
+
+The models are those of the PRISM benchmark suite in the folder that SYMCHECK_PEERS names. Times are
+the best of five. Products of rows use one thread, products of blocks all threads.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ INSTANCES = [
 
 
 def best(run: Callable[[], object]) -> float:
-    """Seconds of the fastest of five runs, after one to warm up."""
+    """Seconds of the fastest of five runs, after a warm-up run."""
     run()
     times = []
     for _ in range(5):
@@ -62,7 +63,8 @@ def measure(path: Path, constants: str) -> str:
     x = np.random.default_rng(1).random(system.n)
     product, stamped = best(lambda: rows.multiply(x)), best(lambda: blocks.multiply(x))
     return (
-        f"| {path.stem} {constants} | {system.n:,} | {blocks.entries:,} | {blocks.entries / seconds / 1e6:.0f} | {1e3 * product:.1f} | "
+        f"| {path.stem} {constants} | {system.n:,} | {blocks.entries:,} "
+        f"| {blocks.entries / seconds / 1e6:.0f} | {1e3 * product:.1f} | "
         f"{1e3 * stamped:.1f} | {rows.matrix.nbytes / 1e6:.1f} | {blocks.nbytes / 1e6:.2f} |"
     )
 
@@ -70,7 +72,8 @@ def measure(path: Path, constants: str) -> str:
 def main(words: list[str]) -> None:
     root = Path(os.environ["SYMCHECK_PEERS"]) / "prism-benchmarks"
     print(
-        "| model | states | entries | rows written, M entries/s | product of rows, ms | of blocks, ms | rows, MB | blocks, MB |"
+        "| model | states | entries | rows written, M entries/s | product of rows, ms "
+        "| of blocks, ms | rows, MB | blocks, MB |"
     )
     print("|---|---|---|---|---|---|---|---|")
     for name, constants in INSTANCES:

@@ -1,11 +1,13 @@
-"""Peak memory of whole runs on models of more than a million states, for symcheck's default and engines, and Storm's.
+"""Peak memory of whole runs on models of more than a million states, by engine of symcheck and
+Storm.
 
-    python benchmarks/memory.py                         print a table, and write it to benchmarks/results/memory.md
+    python benchmarks/memory.py      print a table, and write it to benchmarks/results/memory.md
     python benchmarks/memory.py --only crowds --limit 30 --engines symcheck "Storm sparse"
 
-Instances of models/, each with one property; the dining philosophers are a ring of more of them. Every run is a process of its own,
-from start-up to the result, and its peak is what the system counted (the resident set, shared libraries included). Storm runs
-where `stormpy` is installed. Beside the megabytes stand seconds of processor time: memory could always be had for time.
+The instances are models of models/, each with one property; the dining philosophers form a larger
+ring. Each run is a process of its own, from start-up to the result. Its peak is the largest
+resident set that the system reports, including shared libraries. Storm runs if `stormpy` is
+installed. The table also has CPU seconds, because memory can be traded for time.
 """
 
 from __future__ import annotations
@@ -46,20 +48,21 @@ ENGINES = (
 
 
 def ring(philosophers: int) -> str:
-    """The dining philosophers of models/dining, as many as one likes."""
+    """The model models/dining with any number of philosophers."""
     text = (MODELS / "dining" / "dining.nm").read_text()
     alone = re.sub(r"(?m)^module philosopher[23] = .*\n", "", text).replace(
         "p3", f"p{philosophers}"
     )
     others = [
-        f"module philosopher{k} = philosopher1 [ p1=p{k}, p2=p{k % philosophers + 1}, p{philosophers}=p{k - 1} ] endmodule"
+        f"module philosopher{k} = philosopher1 "
+        f"[ p1=p{k}, p2=p{k % philosophers + 1}, p{philosophers}=p{k - 1} ] endmodule"
         for k in range(2, philosophers + 1)
     ]
     return "\n".join([alone, *others, ""])
 
 
 def table(measured: Sequence[Run], engines: Sequence[str]) -> str:
-    """MB and seconds of processor time, an instance a line."""
+    """A table of MB and CPU seconds, one line per instance."""
     lines = [
         "| model | states |" + "".join(f" {e} |" for e in engines),
         "|---|---|" + "---|" * len(engines),

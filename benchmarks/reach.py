@@ -1,11 +1,12 @@
 """Build time, search time and nodes of the symbolic engine, per model and schedule.
 
-    python benchmarks/reach.py [--only kanban] [--schedule saturation ...] [--order sift] [--limit 30] [--out FILE.jsonl]
+    python benchmarks/reach.py [--only kanban] [--schedule saturation ...] [--order sift]
+                               [--limit 30] [--out FILE.jsonl]
 
-Needs PRISM's benchmark suite in the folder that SYMCHECK_PEERS names (each model with its models.csv of known numbers of
-states). Every run has a process of its own, so that no run inherits another's diagrams or memory. The counts are
-checked. With --order sift, `sift` is the part of building that found the order, and `order` what it found. `peak` is the
-largest number of live BDD and MTBDD nodes; `memory` the process's largest resident set, in MB.
+The script needs PRISM's benchmark suite in the folder that SYMCHECK_PEERS names (each model with
+its models.csv of known numbers of states), and checks the counts. Each run is a process of its own.
+With --order sift, `sift` is the time of sifting, and `order` its result. `peak` is the largest
+number of live BDD and MTBDD nodes; `memory` is the largest resident set, in MB.
 """
 
 from __future__ import annotations

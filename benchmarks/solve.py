@@ -1,7 +1,8 @@
-"""Throughput of the numerical layer on systems made here: run `python benchmarks/solve.py`.
+"""Throughput of the numerical methods on generated systems: run `python benchmarks/solve.py`.
 
-Prints CPU seconds and what each method says of itself. The shapes: an acyclic system in index order and out of it, random walks on
-grids that leave rarely, a long random walk, waiting in a queue, and a failing system over a long horizon.
+It prints CPU seconds and the explanation of each method. The systems are: acyclic in index order
+and permuted, random walks on grids with small exit probabilities, a long random walk, a queue, and
+a system with failures over a long horizon.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from symcheck.numerics.transient.uniformization import transient_values
 
 
 def measure(name: str, run: Callable[[], str]) -> None:
-    """Print the CPU time of a run beside what it says."""
+    """Print the CPU time and the explanation of a run."""
     start = time.process_time()
     note = run()
     print(f"{name:28s} {time.process_time() - start:7.2f} s  {note}", flush=True)
@@ -35,7 +36,7 @@ def solve(problem: LinearProblem) -> str:
 
 
 def acyclic(n: int, shuffled: bool) -> LinearProblem:
-    """Three successors ahead of each state; 1e-4 leaves at each."""
+    """An acyclic system: each state has three later successors, and exits with 1e-4."""
     rng = np.random.default_rng(1)
     ahead = np.minimum(np.arange(n)[:, None] + rng.integers(1, 2000, (n, 3)), n - 1).astype(
         np.int32
@@ -52,7 +53,7 @@ def acyclic(n: int, shuffled: bool) -> LinearProblem:
 
 
 def grid(m: int, leak: float, probability: bool = True) -> LinearProblem:
-    """A random walk on m × m places that leaves with probability `leak` at each step."""
+    """A random walk on an m × m grid that exits with probability `leak` in each step."""
     n = m * m
     s = np.arange(n)
     r, c = s // m, s % m
@@ -80,7 +81,7 @@ def grid(m: int, leak: float, probability: bool = True) -> LinearProblem:
 
 
 def line(n: int, up: float, down: float) -> SparseMatrix:
-    """Rates up and down a line of n states."""
+    """A birth-death chain of n states."""
     rows = np.concatenate((np.arange(n - 1), np.arange(1, n)))
     columns = np.concatenate((np.arange(1, n), np.arange(n - 1)))
     order = np.lexsort((columns, rows))

@@ -1,7 +1,9 @@
-"""Whole runs, each a process of its own from start-up to the result: what `growth.py` and `memory.py` share.
+"""Whole runs from start-up to the result, each a process of its own, for `growth.py` and
+`memory.py`.
 
-Storm runs where `stormpy` is installed, with its default precision (a relative change of 1e-6, unproved); symcheck with its own
-(1e-6, proved). An engine that passes the limit of time or memory at one size is not tried at larger ones.
+Storm runs if `stormpy` is installed, with its default precision (a relative change of 1e-6 without
+proof); symcheck has a proved precision of 1e-6. An engine that exceeds a limit of time or memory at
+one size does not run larger sizes.
 """
 
 from __future__ import annotations
@@ -40,7 +42,11 @@ ENGINES = (
 
 @dataclass(frozen=True)
 class Family:
-    """model: a file under models/; query: one property; sizes: the constant's values, or stations of a generated model."""
+    """A family of instances.
+
+    model: a file of models/. query: one property. sizes: the values of the constant, or the numbers
+    of stations of a generated model.
+    """
 
     name: str
     model: str
@@ -57,7 +63,7 @@ class Family:
 def switches(
     description: str | None, families: Sequence[Family], engines: Sequence[str]
 ) -> argparse.ArgumentParser:
-    """What may be said on the command line: which families, which engines, and how much each run may take."""
+    """Add the options: families, engines, and limits of a run."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -71,7 +77,7 @@ def switches(
 
 
 def available(engines: Sequence[str]) -> list[str]:
-    """Those of the engines whose tool is installed."""
+    """The engines whose tool is installed."""
     return [e for e in engines if not e.startswith("Storm") or importlib.util.find_spec("stormpy")]
 
 
@@ -109,7 +115,7 @@ def command(family: Family, size: int, engine: str, model: Path) -> list[str]:
 def measure(
     arguments: Sequence[str], seconds: float, megabytes: int
 ) -> tuple[str, str, float, float, int]:
-    """What a process printed, how it ended, wall and processor seconds, megabytes."""
+    """The output of a process, its status, wall and CPU seconds, and megabytes."""
     with tempfile.TemporaryFile("w+") as out:
         started = time.perf_counter()
         limit = megabytes << 20
