@@ -1,4 +1,4 @@
-"""Which implementation of the measures serves an engine, by its arithmetic and its model type."""
+"""Which implementation of the measures serves an engine, by its model type."""
 
 from __future__ import annotations
 
@@ -12,12 +12,8 @@ __all__ = ["measures"]
 
 
 def measures(context: Context) -> Measures:
-    """Who measures on this engine: by its arithmetic and the type of its model (imported when first needed)."""
+    """Who measures on this engine: by the type of its model (imported when first needed)."""
     kind = context.engine.model.type
-    if context.engine.exact:
-        from symcheck.check.rational import measures as exact_measures
-
-        return exact_measures.MEASURES[kind]
     match kind:
         case ModelType.DTMC:
             from symcheck.check.measures import dtmc

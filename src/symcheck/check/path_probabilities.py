@@ -85,6 +85,8 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
 
 def _decided(context: Context, path: UntilPath) -> bool:
     """Whether the model is large, and the states where a value is needed decide the formula by themselves."""
+    if context.engine.exact:  # values that are not computed are bounds, and rationals have none
+        return False
     matter = context.relevant_states
     if matter is None or context.engine.states < _LARGE or not path.window.at_once:
         return False

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
@@ -113,8 +112,7 @@ def _prepared(engine: Engine, start: Floats | None) -> Floats:
 
 def _matrix(engine: Engine) -> SparseMatrix:
     """All one-step probabilities (rates), as doubles."""
-    rational: Any = engine
-    return rational.matrix if engine.exact else engine.system(engine.all).matrix
+    return engine.system(engine.all).matrix.doubles()
 
 
 def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Floats, str]:

@@ -14,7 +14,8 @@ from math import inf, nextafter
 from typing import Any, Protocol, TypeVar
 
 from symcheck.direction import Direction
-from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.semantics.model import BoundModel
@@ -125,7 +126,8 @@ class System(Protocol):
     """The equations over some states: n unknowns, numbered as the states of `states` in index order.
 
     Rows are the choices of these states (one per state in a DTMC or CTMC). `matrix` holds the one-step
-    probabilities (rates in a CTMC) among the states; what leaves them is missing from it. Arrays are float64.
+    probabilities (rates in a CTMC) among the states; what leaves them is missing from it. Numbers are float64,
+    or rationals in the exact engine.
     """
 
     @property
@@ -155,33 +157,33 @@ class System(Protocol):
 
     @property
     def operator(self) -> Any:
-        """The matrix in the engine's own form, with `multiply(x: Floats) -> Floats` giving a value per row."""
+        """The matrix in the engine's own form, with `multiply(x: Numbers) -> Numbers` giving a value per row."""
         ...
 
-    def one_step_probability(self, target: OwnSet) -> Floats:
+    def one_step_probability(self, target: OwnSet) -> Numbers:
         """Per row: the one-step probability (rate) of entering `target` (states outside of `states` too)."""
         ...
 
-    def one_step_values(self, values: OwnValues) -> tuple[Floats, Floats]:
+    def one_step_values(self, values: OwnValues) -> tuple[Numbers, Numbers]:
         """Per row: sum over the successors outside of `states` of probability (rate) × value (lower, upper)."""
         ...
 
-    def row_sums(self) -> Floats:
+    def row_sums(self) -> Numbers:
         """Per row: the total probability (exit rate), successors outside of `states` included."""
         ...
 
-    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
+    def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards per state [n], and transition rewards per row.
 
         The latter is the probability-(rate-)weighted sum over the row's transitions.
         """
         ...
 
-    def embedded(self, rows: Floats) -> Floats:
+    def embedded(self, rows: Numbers) -> Numbers:
         """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the values themselves."""
         ...
 
-    def step_rewards(self, reward: Reward) -> Floats:
+    def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (a CTMC gains its state rewards per unit of time)."""
         ...
 
@@ -195,8 +197,8 @@ class System(Protocol):
 
     def equations(
         self,
-        constant: Floats,
-        upper: Floats | None = None,
+        constant: Numbers,
+        upper: Numbers | None = None,
         *,
         probability: bool,
         allow_stay: bool = False,
@@ -208,14 +210,18 @@ class System(Protocol):
         """
         ...
 
-    def restrict(self, values: OwnValues | OwnSet) -> Floats:
+    def restrict(self, values: OwnValues | OwnSet) -> Numbers:
         """A value (or 0/1 membership) per state of `states`."""
+        ...
+
+    def full(self, value: float) -> Numbers:
+        """The same number for each state of `states`."""
         ...
 
     def lift(
         self,
-        lower: Floats,
-        upper: Floats | None,
+        lower: Numbers,
+        upper: Numbers | None,
         rest: Sequence[tuple[OwnSet, float]] = (),
         exact: bool = False,
     ) -> Values:

@@ -15,7 +15,7 @@ from symcheck.matrices.rows import Bools, Int32s, SparseMatrix
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
-    from symcheck.explicit.model import ExplicitModel
+    from symcheck.explicit.explored import ExploredModel
 
 __all__ = [
     "Capable",
@@ -55,7 +55,7 @@ class HasMatrix(Protocol):
 class HasExploredModel(Protocol):
     """States are rows of a table."""
 
-    explored: ExplicitModel
+    explored: ExploredModel
     """States, rows, rewards and actions as arrays."""
 
 

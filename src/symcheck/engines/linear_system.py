@@ -17,8 +17,8 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.engines.base import OwnSet, SolvedValues, Values
 from symcheck.errors import UnsupportedError
-from symcheck.kernels.rows import sparse
-from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, starts_of
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.linear.masked_problem import Embedded
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Operator, Solution
@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 
-def per_row(groups: Int64s | None, states: Floats) -> Floats:
+def per_row(groups: Int64s | None, states: Numbers) -> Numbers:
     """A value per state, repeated for each of its rows."""
     return states if groups is None else np.repeat(states, np.diff(groups))
 
@@ -63,13 +63,13 @@ class SweepOperator(Operator, Protocol):
 
     def sweep(
         self,
-        x: Floats,
-        constant: Floats,
+        x: Numbers,
+        constant: Numbers,
         direction: Direction | None,
         slip: float,
         *,
         upper: bool,
-        divisor: Floats | None = None,
+        divisor: Numbers | None = None,
     ) -> None:
         """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place."""
         ...
@@ -80,19 +80,25 @@ class DividedOperator:
     """An operator whose rows are divided by a factor each, float64[rows]."""
 
     operator: SweepOperator
-    divisor: Floats = field(repr=False)
+    divisor: Numbers = field(repr=False)
 
     @property
     def longest(self) -> int:
         """A bound on the number of entries of a row."""
         return self.operator.longest
 
-    def multiply(self, x: Floats, /) -> Floats:
+    def multiply(self, x: Numbers, /) -> Numbers:
         """The product with a vector: a value per row."""
         return np.asarray(self.operator.multiply(x) / self.divisor)
 
     def sweep(
-        self, x: Floats, constant: Floats, direction: Direction | None, slip: float, *, upper: bool
+        self,
+        x: Numbers,
+        constant: Numbers,
+        direction: Direction | None,
+        slip: float,
+        *,
+        upper: bool,
     ) -> None:
         """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place."""
         self.operator.sweep(x, constant, direction, slip, upper=upper, divisor=self.divisor)
@@ -150,37 +156,41 @@ class LinearSystem:
         return ()
 
     @abstractmethod
-    def one_step_probability(self, target: OwnSet) -> Floats:
+    def one_step_probability(self, target: OwnSet) -> Numbers:
         """Per row: the one-step probability (rate) of entering the target."""
 
     @abstractmethod
-    def row_sums(self) -> Floats:
+    def row_sums(self) -> Numbers:
         """Per row: the total probability (exit rate)."""
 
     @abstractmethod
-    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
+    def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards per state and transition rewards per row."""
+
+    @abstractmethod
+    def full(self, value: float) -> Numbers:
+        """The same number for each state of the system."""
 
     @abstractmethod
     def lift(
         self,
-        lower: Floats,
-        upper: Floats | None,
+        lower: Numbers,
+        upper: Numbers | None,
         rest: Sequence[tuple[OwnSet, float]] = (),
         exact: bool = False,
     ) -> Any:
         """Values on all states."""
 
     @cached_property
-    def exit_rates(self) -> Floats | None:
+    def exit_rates(self) -> Numbers | None:
         """The exit rate of each state of a CTMC; None for other models."""
         return self.row_sums() if self.is_ctmc else None
 
-    def embedded(self, rows: Floats) -> Floats:
+    def embedded(self, rows: Numbers) -> Numbers:
         """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the values themselves."""
         return rows if self.exit_rates is None else rows / self.exit_rates
 
-    def step_rewards(self, reward: Reward) -> Floats:
+    def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (a CTMC gains its state rewards per unit of time)."""
         states, rows = self.rewards(reward)
         return self.embedded(per_row(self.groups, states) + rows)
@@ -195,8 +205,8 @@ class LinearSystem:
 
     def equations(
         self,
-        constant: Floats,
-        upper: Floats | None = None,
+        constant: Numbers,
+        upper: Numbers | None = None,
         *,
         probability: bool,
         allow_stay: bool = False,
@@ -205,7 +215,7 @@ class LinearSystem:
         return LinearEquations(self, constant, upper, probability, allow_stay)
 
     def problem(
-        self, constant: Floats, upper: Floats | None, *, probability: bool
+        self, constant: Numbers, upper: Numbers | None, *, probability: bool
     ) -> LinearProblem:
         """The equations x = A x + constant for a numerical method."""
         leave = self.embedded(self.one_step_probability(~self.states))
@@ -234,8 +244,7 @@ class LinearSystem:
         matrix = self.matrix
         if self.exit_rates is None:
             return matrix
-        rates = np.repeat(self.exit_rates, np.diff(matrix.indptr))
-        return replace(matrix, data=matrix.data / rates)
+        return matrix.divided(self.exit_rates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +259,8 @@ class LinearEquations:
     """
 
     system: LinearSystem
-    constant: Floats = field(repr=False)
-    upper: Floats | None = field(repr=False)
+    constant: Numbers = field(repr=False)
+    upper: Numbers | None = field(repr=False)
     probability: bool
     allow_stay: bool = False
 
@@ -402,8 +411,8 @@ class Lifts(Protocol):
 
     def lift(
         self,
-        lower: Floats,
-        upper: Floats | None,
+        lower: Numbers,
+        upper: Numbers | None,
         rest: Sequence[tuple[OwnSet, float]] = (),
         exact: bool = False,
     ) -> Any:
@@ -446,8 +455,8 @@ def _lifted(
     )
 
 
-def _nothing_to_solve(system: Lifts, known: Sequence[tuple[OwnSet, float]]) -> SolvedValues:
-    return SolvedValues(system.lift(np.empty(0), None, known), "", 0, 0)
+def _nothing_to_solve(system: LinearSystem, known: Sequence[tuple[OwnSet, float]]) -> SolvedValues:
+    return SolvedValues(system.lift(system.full(0), None, known), "", 0, 0)
 
 
 def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) -> LinearProblem:
@@ -462,11 +471,8 @@ def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) ->
     assert matrix.groups is not None
     assert problem.exit is not None
     rows: Int64s = np.flatnonzero(allowed)
-    parts = sparse.select(
-        matrix.indptr, matrix.indices, matrix.data, rows, np.arange(matrix.columns, dtype=np.int32)
-    )
     before: Int64s = starts_of(allowed)
-    chosen = SparseMatrix(*parts, matrix.columns, before[matrix.groups])
+    chosen = matrix.choose(rows, before[matrix.groups])
     upper = None if problem.upper is None else problem.upper[rows]
     return LinearProblem(
         problem.constant[rows],

@@ -49,11 +49,13 @@ def _explicit(model: BoundModel, options: Any, observer: Observer | None) -> Eng
 
 
 def _exact(model: BoundModel, options: Any, _: Observer | None) -> Engine:
-    from symcheck.engines.rational.engine import explore_exactly
+    from symcheck.engines.explicit.engine import ExplicitEngine
+    from symcheck.engines.rational.explore import explore_exactly
 
-    return explore_exactly(
+    explored = explore_exactly(
         model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums
     )
+    return ExplicitEngine(explored, "exact")
 
 
 def _sparse(model: BoundModel, options: Any, observer: Observer | None) -> Engine:

@@ -11,9 +11,11 @@ import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.rational.explore import RationalModel, StateList
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, converts_memory_error
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
+from symcheck.matrices.numbers import Numbers, Rationals, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
@@ -122,7 +124,7 @@ class ImportedEngine(ExplicitEngine):
         known = self.members.get(expression)
         return super().where(expression) if known is None else ArraySet(known)
 
-    def rational(self) -> Any:
+    def rational(self) -> ImportedEngine:
         """The same model in rational arithmetic.
 
         A double becomes the fraction with a denominator of at most 10**6 that rounds to it, if there
@@ -131,58 +133,36 @@ class ImportedEngine(ExplicitEngine):
         Raises:
             UnsupportedError: the probabilities then do not sum to 1.
         """
-        from symcheck.engines.rational.values import RationalMatrix
-
-        m = self.matrix
-        values = _rationals(m.data)
+        explored = self.explored
+        matrix = replace(explored.matrix, data=_rationals(explored.matrix.data))
         if self.model.type is not ModelType.CTMC and any(
-            s != 1 for s in np.add.reduceat(values, m.indptr[:-1])
+            s != 1 for s in sum_segments(matrix.data, matrix.indptr)
         ):
             raise UnsupportedError(
                 "the probabilities in the files are rounded, and do not sum to 1 exactly"
             )
-        explored = self.explored
-        return _rational_engine()(
+        rationals = RationalModel(
             replace(self.model, exact=True),
-            tuple(explored.states),
-            RationalMatrix(m, values),
-            self.initial,
-            self.deadlocks,
-            tuple(map(_rationals, explored.state_rewards)),
-            tuple(map(_rationals, explored.choice_rewards)),
-            members=self.members,
-            row_actions=explored.choice_actions,
-            entry_rewards=tuple(None if r is None else _rationals(r) for r in self.entry_rewards),
+            StateList(tuple(explored.states)),
+            matrix,
+            explored.choice_actions,
+            explored.initial,
+            explored.deadlocks,
+            [_rationals(r) for r in explored.state_rewards],
+            [_rationals(r) for r in explored.choice_rewards],
         )
+        entries = [None if r is None else _rationals(r) for r in self.entry_rewards]
+        return replace(self, explored=rationals, name="exact", entry_rewards=entries)
 
 
-def _rational_engine() -> Any:
-    from symcheck.engines.rational.engine import ExactEngine
-
-    @dataclass(frozen=True, eq=False)
-    class ImportedExactEngine(ExactEngine):
-        members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
-        row_actions: Int32s | None = field(default=None, repr=False)
-        entry_rewards: Sequence[Any] = field(default=(), repr=False)
-
-        def where(self, expression: Expression) -> ArraySet:
-            known = self.members.get(expression)
-            return super().where(expression) if known is None else ArraySet(known)
-
-    return ImportedExactEngine
+def _rationals(values: Numbers) -> Rationals:
+    return rationals(_nearest_fraction(v) for v in values.tolist())
 
 
-def _rationals(values: Any) -> Any:
-    out = np.empty(len(values), dtype=object)
-    out[:] = [_rational(v) for v in values.tolist()]
-    return out
-
-
-def _rational(value: float) -> Fraction | float:
+def _nearest_fraction(value: float) -> Fraction | float:
     if np.isinf(value):
         return value
-    whole = Fraction(value)
-    near = whole.limit_denominator(_LARGEST_DENOMINATOR)
+    near = Fraction(value).limit_denominator(_LARGEST_DENOMINATOR)
     return near if float(near) == value else Fraction(repr(value))
 
 

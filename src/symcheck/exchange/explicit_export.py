@@ -181,20 +181,19 @@ def explicit_export(
     }
     if states is not None:
         members |= {name: engine.to_bools(states(name)) for name in (*labels, *property_labels)}
-    rationals: Any = engine
-    system = None if engine.exact else engine.system(engine.all)
-    matrix: SparseMatrix = rationals.matrix if system is None else system.matrix
+    system = engine.system(engine.all)
+    matrix = system.matrix
     found = ExplicitExport(
         model.type,
         model.variables,
         columns,
-        matrix,
-        rationals.rationals.values if system is None else matrix.data,
+        matrix.doubles(),
+        matrix.data,
         model.actions,
-        _row_actions(engine, system, matrix) if model.type is ModelType.MDP else None,
+        _row_actions(engine, system) if model.type is ModelType.MDP else None,
         members,
         [
-            Rewards(r.name, *_rewards(engine, system, i), _entry_rewards(engine, i))
+            Rewards(r.name, *system.rewards(Structure(i)), _entry_rewards(engine, i))
             for i, r in enumerate(model.rewards)
         ],
         frozenset(property_labels),
@@ -252,41 +251,11 @@ def _columns(engine: Engine) -> list[Int64s]:
     return list(flat.reshape(engine.states, count).T)
 
 
-def _rewards(engine: Any, system: Any, structure: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    if system is None:
-        return engine.state_rewards[structure], engine.row_rewards[structure]
-    states, rows = system.rewards(Structure(structure))
-    return states, rows
-
-
-def _row_actions(engine: Engine, system: Any, matrix: SparseMatrix) -> Int32s:
-    """The action of each row. The interpreter computes it for engines that do not store it."""
-    own = getattr(engine, "row_actions", None)
-    if own is not None:
-        return np.asarray(own, np.int32)
+def _row_actions(engine: Engine, system: Any) -> Int32s:
+    """The action of each row."""
     explored = getattr(engine, "explored", None)
-    if explored is not None:
-        kept: Int32s = explored.choice_actions
-        return kept
-    actions = getattr(system, "actions", None)
-    if actions is not None:
-        return np.asarray(actions, np.int32)
-    assert matrix.groups is not None
-    return _rational_actions(engine, matrix.groups)
-
-
-def _rational_actions(engine: Engine, groups: Int64s) -> Int32s:
-    from symcheck.semantics.interpreter import transitions
-
-    number = {name: i for i, name in enumerate(engine.model.actions)}
-    out: list[int] = []
-    for state, count in zip(engine.valuations(engine.all), np.diff(groups).tolist(), strict=True):
-        found = [
-            number.get(row.action or "", -1)
-            for row in transitions(engine.model, state, check_sums=False)
-        ]
-        out.extend(found or [-1] * count)
-    return np.array(out, np.int32)
+    actions = system.actions if explored is None else explored.choice_actions
+    return np.asarray(actions, np.int32)
 
 
 def _sorted(found: ExplicitExport, order: Int64s | None) -> ExplicitExport:

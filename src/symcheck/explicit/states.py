@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.kernels.explore.packed_states import find_rows
-from symcheck.matrices.rows import Int64s
+from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Type
 
@@ -106,6 +106,11 @@ def _bounds(variable: Variable) -> tuple[int, int]:
     return low, high
 
 
+def _plain(column: Int64s, type: Type) -> list[bool | int]:
+    values: list[bool | int] = (column.astype(bool) if type is Type.BOOL else column).tolist()
+    return values
+
+
 @dataclass(frozen=True, eq=False)
 class StateTable:
     """Packed states, by default in lexicographic order in declaration order of the variables."""
@@ -126,6 +131,18 @@ class StateTable:
     def column(self, variable: int) -> Int64s:
         """Values of a variable (by index): int64[n]; of a bool, 0 and 1."""
         return self.layout.column(self.rows, variable)
+
+    def take(self, indices: Int64s | Int32s) -> StateTable:
+        """Some of the states, in the order of `indices`."""
+        return StateTable(self.layout, self.rows[indices])
+
+    def valuations(self, indices: Int64s) -> Iterator[tuple[bool | int, ...]]:
+        """The values of the variables in some states."""
+        rows = self.rows[indices]
+        columns = [
+            _plain(self.layout.column(rows, i), v.type) for i, v in enumerate(self.layout.variables)
+        ]
+        return zip(*columns, strict=True) if columns else iter([()] * len(indices))
 
     def row(self, index: int) -> tuple[bool | int, ...]:
         """The values of state `index`, in declaration order."""

@@ -19,6 +19,7 @@ __all__ = [
     "full",
     "is_exact",
     "is_infinite",
+    "numbers",
     "rationals",
     "sum_segments",
 ]
@@ -39,6 +40,13 @@ def rationals(values: Iterable[Any]) -> Rationals:
     out = np.empty(len(found), dtype=object)
     out[:] = found
     return out
+
+
+def numbers(values: Numbers, *, exact: bool) -> Numbers:
+    """An array of bools or numbers as a vector of one of the two types."""
+    if exact:
+        return rationals(values.tolist())
+    return np.asarray(values, dtype=np.float64)
 
 
 def _rational(value: Any) -> Fraction | float:

@@ -76,9 +76,9 @@ class SparseMatrix:
     ) -> SparseMatrix:
         """The chosen rows with only the columns c where place[c] >= 0, renumbered to place[c]."""
         indptr, indices, data = sparse.select(
-            self.indptr, self.indices, self._keys, np.asarray(rows, np.int64), place
+            self.indptr, self.indices, self.handles, np.asarray(rows, np.int64), place
         )
-        return SparseMatrix(indptr, indices, self._entries(data), columns, groups)
+        return SparseMatrix(indptr, indices, self.from_handles(data), columns, groups)
 
     def choose(self, rows: Int64s, groups: Int64s | None = None) -> SparseMatrix:
         """The chosen rows with all columns."""
@@ -107,10 +107,10 @@ class SparseMatrix:
     def among(self, states: Bools, groups: Int64s | None) -> SparseMatrix:
         """The matrix among chosen states, renumbered in their order; `groups`: where the rows of each begin."""
         indptr, indices, data = submatrix.select_states(
-            self.indptr, self.indices, self._keys, self.groups, states.view(np.uint8)
+            self.indptr, self.indices, self.handles, self.groups, states.view(np.uint8)
         )
         count = int(np.count_nonzero(states))
-        return SparseMatrix(indptr, indices, self._entries(data), count, groups)
+        return SparseMatrix(indptr, indices, self.from_handles(data), count, groups)
 
     def sums(self, states: Bools, columns: Bools, values: Numbers | None = None) -> Numbers:
         """Per row of the chosen states: the sum over chosen columns of the entry, or of entry times value."""
@@ -126,13 +126,13 @@ class SparseMatrix:
         return sum_segments(terms, starts_of(entries)[self.indptr])[rows]
 
     @property
-    def _keys(self) -> Floats:
-        """What a compiled loop moves in place of the entries: these, or (rationals) their places."""
+    def handles(self) -> Floats:
+        """What a compiled loop moves in place of the entries: doubles themselves, and places of rationals."""
         return np.arange(self.entries, dtype=np.float64) if self.exact else self.data
 
-    def _entries(self, keys: Floats) -> Numbers:
-        """The entries that a compiled loop has moved."""
-        return self.data[keys.astype(np.int64)] if self.exact else keys
+    def from_handles(self, handles: Floats) -> Numbers:
+        """The entries that belong to handles which a compiled loop has moved."""
+        return self.data[handles.astype(np.int64)] if self.exact else handles
 
 
 def starts_of(sizes: ArrayLike) -> Int64s:

@@ -136,6 +136,10 @@ def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
     if context.options.fairness:
         raise UnsupportedError("-bisim does not support fair strategies")
     engine: Any = context.engine
+    if engine.exact:
+        raise UnsupportedError(
+            "-bisim compares numbers in floating point, and -exact asks for rationals"
+        )
     if isinstance(engine, ExplicitEngine):
         source = getattr(engine, "source", None)
         if source is not None and engine.states > _LONG:

@@ -14,6 +14,7 @@ from symcheck.engines.base import OwnSet, OwnValues
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import UnsupportedError
+from symcheck.explicit.explored import States
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import Layout, StateTable
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
@@ -95,10 +96,9 @@ class QuotientModel:
         return self._blocks(self.base.deadlocks)
 
     @cached_property
-    def states(self) -> StateTable:
+    def states(self) -> States:
         """The first state of each block."""
-        table = self.base.explored.states
-        return StateTable(table.layout, table.rows[self.lumping.first])
+        return self.base.explored.states.take(self.lumping.first)
 
     @property
     def state_rewards(self) -> list[Floats]:

@@ -21,6 +21,7 @@ from symcheck.check.result import SolverRun
 from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
+from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.semantics.rewards import Reward
 
@@ -58,6 +59,7 @@ def next_probability(
     sure, never = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
     if window.trivial:
         return system.lift(value, None, exact=True).choose(~(sure | never), engine.indicator(sure))
+    _refuse_rationals(context)
     lower, upper = window.times()
     in_time = np.exp(-rates * lower) * (
         1.0 if upper is None else -np.expm1(-rates * (upper - lower))
@@ -139,6 +141,13 @@ def instantaneous_reward(
     return system.lift(states, None) if time == 0 else _signed(context, states, None, float(time))
 
 
+def _refuse_rationals(context: Context) -> None:
+    if context.engine.exact:
+        raise UnsupportedError(
+            "time-bounded properties of a ctmc have no rational values; check them without -exact"
+        )
+
+
 def _within(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
     """Probability of left U<=t right."""
     engine = context.engine
@@ -211,6 +220,7 @@ def _values(
     """Bounds on the solution of x' = Q x + gain, x(0) = terminal, at a time, over the states of the system."""
     from symcheck.numerics.transient.uniformization import transient_values
 
+    _refuse_rationals(context)
     if system.n == 0:
         return np.empty(0), np.empty(0)
     started = perf_counter()

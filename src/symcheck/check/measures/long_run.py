@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +16,14 @@ from symcheck.check.measures.reachability import boundary_values
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
-from symcheck.matrices.rows import Bools, Floats
+from symcheck.matrices.numbers import Numbers, full
+from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["steady_probability", "steady_reward"]
 
-Earned = Callable[[System], Floats]
+Earned = Callable[[System], Numbers]
 
 
 def steady_probability(
@@ -38,7 +40,7 @@ def steady_probability(
 def steady_reward(context: Context, reward: Reward, direction: Direction | None = None) -> Values:
     """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
 
-    def earned(system: System) -> Floats:
+    def earned(system: System) -> Numbers:
         states, rows = system.rewards(reward)
         return states + rows
 
@@ -47,7 +49,10 @@ def steady_reward(context: Context, reward: Reward, direction: Direction | None 
 
 def _average(context: Context, earned: Earned) -> Values:
     engine = context.engine
-    recurrent, low, high = engine.none, np.zeros(engine.states), np.zeros(engine.states)
+    recurrent, low, high = (
+        engine.none,
+        *(full(engine.states, 0, exact=engine.exact) for _ in range(2)),
+    )
     for states, members, lower, upper in _components(context, earned):
         recurrent = recurrent | states
         low[members], high[members] = lower, upper
@@ -59,7 +64,7 @@ def _average(context: Context, earned: Earned) -> Values:
 
 def _components(
     context: Context, earned: Earned
-) -> Iterator[tuple[StateSet, Bools, Floats, Floats]]:
+) -> Iterator[tuple[StateSet, Bools, Numbers, Numbers]]:
     """Sets of bottom components with their members, and bounds on the average at each member."""
     engine = context.engine
     if engine.has_rows:
@@ -77,7 +82,7 @@ def _components(
     for states in sets:
         system = engine.system(states)
         lower, upper = _component_average(context, system, earned(system))
-        yield states, engine.to_bools(states), np.full(system.n, lower), np.full(system.n, upper)
+        yield states, engine.to_bools(states), system.full(lower), system.full(upper)
 
 
 def _indices(states: np.ndarray[tuple[int, ...], np.dtype[np.int32]], n: int) -> Bools:
@@ -86,12 +91,12 @@ def _indices(states: np.ndarray[tuple[int, ...], np.dtype[np.int32]], n: int) ->
     return members
 
 
-def _component_average(context: Context, system: System, reward: Floats) -> tuple[float, float]:
+def _component_average(context: Context, system: System, reward: Numbers) -> tuple[Any, Any]:
     """Bounds on the average in a bottom component; no numbers are needed where the reward is the same everywhere."""
     from symcheck.numerics.long_run.stationary import long_run_average
 
     if reward.min() == reward.max():
-        return float(reward[0]), float(reward[0])
+        return reward[0], reward[0]
     started = perf_counter()
     found = long_run_average(system.matrix, reward, context.options, context.observer)
     seconds = perf_counter() - started

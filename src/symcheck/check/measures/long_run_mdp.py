@@ -17,7 +17,8 @@ from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.rows import Bools, Floats
+from symcheck.matrices.numbers import Numbers, is_infinite
+from symcheck.matrices.rows import Bools
 from symcheck.semantics.rewards import Reward
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def steady_reward(context: Context, reward: Reward, direction: Direction | None)
 
 
 def _average(
-    context: Context, system: System, rewards: Floats, direction: Direction | None, *, share: bool
+    context: Context, system: System, rewards: Numbers, direction: Direction | None, *, share: bool
 ) -> Values:
     from symcheck.numerics.linear.methods import solve_linear
     from symcheck.numerics.long_run.mean_payoff import component_gains, ending
@@ -54,7 +55,7 @@ def _average(
         raise UnsupportedError(
             "long-run averages over fair strategies only are not supported; without -fair they are"
         )
-    if not np.isfinite(rewards).all():
+    if is_infinite(rewards).any():
         raise UnsupportedError("long-run averages of infinite rewards are not supported")
     started, options, observer = perf_counter(), context.options, context.observer
     # Averages near 0 of rewards of both signs are sums that cancel: all is done more finely for them.
@@ -65,7 +66,9 @@ def _average(
     )
     gains = component_gains(system.matrix, rewards, direction, finer, observer)
     # Averages that may be negative are moved up: a strategy ends with probability 1, so that the values move by as much.
-    shift = 2.0 * float(np.abs(gains.lower).max()) if gains.lower.min() < 0.0 else 0.0
+    # Rational equations may have negative constants, as all strategies end.
+    negative = not context.engine.exact and gains.lower.min() < 0
+    shift = 2 * np.abs(gains.lower).max() if negative else 0
     moved = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
     part = ending(system.matrix, moved, direction)
     given = float(((moved.upper - moved.lower) / np.maximum(moved.upper, 1e-300)).max(initial=0.0))
@@ -73,13 +76,13 @@ def _average(
         part.problem, replace(options, epsilon=max(finer.epsilon, 4.0 * given)), observer
     )
     lower, upper = found.lower[part.place], found.upper[part.place]
-    exact = found.exact and shift == 0.0 and bool(np.array_equal(gains.lower, gains.upper))
+    exact = found.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
     if not exact:
         # The shift is rounded, and so is what is exact up to rounding only.
         slip = (ROUNDING if found.exact else 2.0**-51) * upper
         lower, upper = lower - slip - shift, upper + slip - shift
     if share:
-        lower, upper = np.clip(lower, 0.0, 1.0), np.clip(upper, 0.0, 1.0)
+        lower, upper = np.clip(lower, 0, 1), np.clip(upper, 0, 1)
     count = gains.parts.count
     about = f"{count} end component{'s' * (count != 1)}, the largest of {max(1, gains.largest)} states; {found.explanation}"
     run = SolverRun(
@@ -94,7 +97,7 @@ def _average(
     context.log.runs.append(run)
     _note_width(context, lower, upper)
     values = system.lift(
-        0.5 * (lower + upper) if exact else lower, None if exact else upper, exact=exact
+        found.middle[part.place] if exact else lower, None if exact else upper, exact=exact
     )
     return _certain(context, gains, values, direction) if share else values
 
@@ -119,7 +122,7 @@ def _ends(context: Context, gains: Gains, chosen: Bools) -> StateSet:
     return context.engine.from_bools(members)
 
 
-def _note_width(context: Context, lower: Floats, upper: Floats) -> None:
+def _note_width(context: Context, lower: Numbers, upper: Numbers) -> None:
     width = upper - lower
     if context.options.relative:
         width = width / np.maximum(np.maximum(np.abs(lower), np.abs(upper)), 1e-300)

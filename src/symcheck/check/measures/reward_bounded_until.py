@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from functools import reduce
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -23,7 +24,8 @@ from symcheck.check.time_bounds import Count
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.rows import Bools, Floats, SparseMatrix
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundReward
 from symcheck.semantics.rewards import Reward, Steps, reward_items
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
@@ -95,12 +97,13 @@ def reward_bounded_next(
     if engine.model.type is ModelType.CTMC:
         into = into / system.row_sums()
     sure = engine.to_bools(engine.graph.all_successors_in(target))
-    values = best(
-        np.where(allowed, np.where(per_row(system, sure.astype(np.float64)) > 0, 1.0, into), 0.0),
-        system,
-        direction,
-    )
+    chances = into.copy()
+    chances[per_row(system, sure)] = Fraction(1)
+    chances[~allowed] = Fraction(0)
+    values = best(chances, system, direction)
     context.log.runs.append(SolverRun("steps", "one step", system.n, 1))
+    if engine.exact:
+        return system.lift(values, None)
     slip = 0.25 * ROUNDING * np.where((values == 0) | (values == 1), 0.0, values)
     return _lift(context, system, values - slip, np.minimum(values + slip, 1.0))
 
@@ -112,7 +115,7 @@ def _supported(context: Context, direction: Direction | None) -> None:
         )
 
 
-def row_rewards(context: Context, system: System, count: Count) -> Floats:
+def row_rewards(context: Context, system: System, count: Count) -> Numbers:
     """The reward of a step by each row: float64[rows]."""
     if isinstance(count.reward, Steps):
         return np.ones(len(system.row_sums()))
@@ -199,12 +202,7 @@ def _problem(
     matrix, leave = system.matrix, system.one_step_probability(~system.states)
     if context.engine.model.type is ModelType.CTMC:
         rates = system.row_sums()
-        matrix = SparseMatrix(
-            matrix.indptr,
-            matrix.indices,
-            matrix.data / np.repeat(rates, np.diff(matrix.indptr)),
-            matrix.columns,
-        )
+        matrix = matrix.divided(rates)
         leave = leave / rates
 
     def members(states: StateSet) -> Bools:
@@ -237,8 +235,10 @@ def _note(context: Context, found: Found, problem: Epochs, seconds: float) -> No
     )
 
 
-def _lift(context: Context, system: System, lower: Floats, upper: Floats) -> Values:
+def _lift(context: Context, system: System, lower: Numbers, upper: Numbers) -> Values:
     """Values that are as near as rounding allows are so called; wider ones than were asked for get a warning."""
+    if context.engine.exact:
+        return system.lift(lower, None)
     width = upper - lower
     relative = width / np.maximum(upper, 1e-300)
     options = context.options

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import reduce
-from math import ceil, floor, gcd
+from math import ceil, floor, gcd, isfinite, isinf
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from symcheck.check.context import Context
 from symcheck.check.time_bounds import Count, Window
 from symcheck.engines.base import System
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.rows import Floats, Int64s
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Int64s
 
 __all__ = ["Limits", "common_step", "in_steps", "main_first", "scaled"]
 
@@ -70,20 +71,22 @@ def common_step(values: list[Fraction]) -> Fraction:
     return Fraction(reduce(gcd, (int(v * denominator) for v in some)), denominator)
 
 
-def scaled(context: Context, system: System, rewards: Floats, count: Count) -> Limits:
+def scaled(context: Context, system: System, rewards: Numbers, count: Count) -> Limits:
     """Rewards (float64[rows]) and bounds in whole steps.
 
     Raises UnsupportedError where a reward is negative, infinite or no multiple of a common step, and names it with a state.
     """
     distinct, inverse = np.unique(rewards, return_inverse=True)
+    exact = context.engine.exact
+    represented = Fraction if exact else _fraction
     values: list[Fraction] = []
     for i, v in enumerate(distinct.tolist()):
-        nearest = _fraction(Fraction(v)) if np.isfinite(v) and v >= 0 else None
+        nearest = represented(Fraction(v)) if isfinite(v) and v >= 0 else None
         if nearest is None:
             raise _refused(context, system, v, int(np.flatnonzero(inverse == i)[0]))
         values.append(nearest)
     step = common_step(values)
-    lower, upper = in_steps(_meant(count.window), step)
+    lower, upper = in_steps(count.window if exact else _meant(count.window), step)
     if max(lower, upper or 0) > _LEVELS:
         raise UnsupportedError(
             f"a bound of {max(lower, upper or 0):,} steps of {step}, the greatest number that all rewards are multiples of, is too fine\n"
@@ -105,7 +108,9 @@ def _meant(window: Window) -> Window:
     return replace(window, lower=_fraction(window.lower) or window.lower, upper=upper)
 
 
-def _refused(context: Context, system: System, value: float, row: int) -> UnsupportedError:
+def _refused(
+    context: Context, system: System, value: float | Fraction, row: int
+) -> UnsupportedError:
     groups = system.groups
     place = row if groups is None else int(np.searchsorted(groups, row, side="right")) - 1
     members = np.zeros(context.engine.states, np.bool_)
@@ -115,9 +120,9 @@ def _refused(context: Context, system: System, value: float, row: int) -> Unsupp
         "negative"
         if value < 0
         else "infinite"
-        if np.isinf(value)
+        if isinf(value)
         else "no fraction with a denominator up to a million"
     )
     return UnsupportedError(
-        f"a bound on a reward needs rewards that are multiples of a common step: {value!r} in state {state} is {what}"
+        f"a bound on a reward needs rewards that are multiples of a common step: {value} in state {state} is {what}"
     )

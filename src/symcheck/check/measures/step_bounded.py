@@ -16,7 +16,7 @@ from symcheck.check.result import SolverRun
 from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
-from symcheck.matrices.rows import Floats
+from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import Step
 from symcheck.semantics.rewards import Reward
 
@@ -36,7 +36,7 @@ Until = Callable[[Context, StateSet, StateSet, Direction | None], Values]
 _UNIT = 2.0**-53
 
 
-def best(rows: Floats, system: System, direction: Direction | None) -> Floats:
+def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
     """A value per state from a value per row: the least or the greatest of its choices. float64[rows] -> float64[n]."""
     groups = system.groups
     if groups is None or len(rows) == 0:
@@ -80,9 +80,9 @@ def bounded_until(
         values = until(context, left, right, direction)
     else:
         between = (left - right) & context.engine.graph.exists_until(left, right)
-        values = _within(context, between, right, steps.upper - steps.lower, direction, 0.0)
+        values = _within(context, between, right, steps.upper - steps.lower, direction, 0)
     return (
-        values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 0.0)
+        values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 0)
     )
 
 
@@ -104,10 +104,10 @@ def bounded_complement(
     else:
         possible = context.engine.graph.exists_until(left, right)
         values = _within(
-            context, (left - right) & possible, ~possible, steps.upper - steps.lower, direction, 1.0
+            context, (left - right) & possible, ~possible, steps.upper - steps.lower, direction, 1
         )
     return (
-        values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 1.0)
+        values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 1)
     )
 
 
@@ -117,13 +117,13 @@ def _within(
     goal: StateSet,
     steps: int,
     direction: Direction | None,
-    end: float,
+    end: int,
 ) -> Values:
     """Probability of reaching `goal` through `between` within so many steps; runs that are still between count as `end`."""
     engine = context.engine
     system = engine.system(between)
     enter = system.one_step_probability(goal)
-    x = np.full(system.n, end)
+    x = system.full(end)
     taken = 0
     for taken in range(1, steps + 1):
         y = best(system.operator.multiply(x) + enter, system, direction)
@@ -141,13 +141,13 @@ def _delayed(
     values: Values,
     steps: int,
     direction: Direction | None,
-    outside: float,
+    outside: int,
 ) -> Values:
     """The expected value after `steps` steps, all of which begin in `left` (`outside` for other runs)."""
     system = context.engine.system(left)
     lost = outside * system.one_step_probability(~left)
 
-    def step(x: Floats, enter: Floats | float = 0.0) -> Floats:
+    def step(x: Numbers, enter: Numbers | float = 0.0) -> Numbers:
         return best(system.operator.multiply(x) + enter, system, direction)
 
     sides = [
@@ -177,7 +177,7 @@ def cumulative_reward(
     system = engine.system(engine.all)
     states, rows = system.rewards(reward)
     per_step = per_row(system, states) + rows
-    return _repeat(context, system, np.zeros(system.n), steps, direction, per_step)
+    return _repeat(context, system, system.full(0), steps, direction, per_step)
 
 
 def instantaneous_reward(
@@ -191,7 +191,7 @@ def instantaneous_reward(
     return _repeat(context, system, system.rewards(reward)[0], steps, direction, None)
 
 
-def per_row(system: System, states: Floats) -> Floats:
+def per_row(system: System, states: Numbers) -> Numbers:
     """A value per state spread over its rows."""
     return states if system.groups is None else np.repeat(states, np.diff(system.groups))
 
@@ -199,10 +199,10 @@ def per_row(system: System, states: Floats) -> Floats:
 def _repeat(
     context: Context,
     system: System,
-    x: Floats,
+    x: Numbers,
     steps: int,
     direction: Direction | None,
-    add: Floats | None,
+    add: Numbers | None,
 ) -> Values:
     taken = 0
     for taken in range(1, steps + 1):
@@ -219,15 +219,15 @@ def _repeat(
 def _lift(
     context: Context,
     system: System,
-    low: Floats,
-    high: Floats,
+    low: Numbers,
+    high: Numbers,
     rest: list[tuple[StateSet, float]],
     steps: int,
 ) -> Values:
     """Values with the rounding of so many steps taken into account."""
     entries = context.engine.transitions / max(1, context.engine.choices)
     rounding = steps * 2 * (entries + 2) * _UNIT
-    if rounding <= ROUNDING:
+    if context.engine.exact or rounding <= ROUNDING:
         return system.lift(low, None if high is low else high, rest, exact=high is low)
     return system.lift(low - rounding * np.abs(low), high + rounding * np.abs(high), rest)
 

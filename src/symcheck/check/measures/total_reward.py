@@ -10,7 +10,8 @@ from symcheck.check.measures.step_bounded import best, per_row
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.rows import Bools, Floats
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
 
@@ -44,7 +45,7 @@ def _free(context: Context, whole: System, costless: Bools) -> StateSet:
     return context.engine.from_bools(parts.of >= 0)
 
 
-def _greatest(context: Context, reward: Reward, whole: System, per_step: Floats) -> Values:
+def _greatest(context: Context, reward: Reward, whole: System, per_step: Numbers) -> Values:
     """The greatest total reward: end components without reward become places where a run may stay, with value 0."""
     engine = context.engine
     parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool))

@@ -18,8 +18,8 @@ from symcheck.check.reward_queries import reward_of
 from symcheck.check.time_bounds import window
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.product import Product
-from symcheck.engines.rational.engine import ExactEngine
 from symcheck.errors import UnsupportedError
+from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.multi_objective import linear_program as numerics
@@ -105,17 +105,12 @@ def _equations(
     accepted: Sequence[list[list[StateSet]] | None],
 ) -> numerics.Flow | ExactFlow:
     engine = chain.engine
-    exact = engine if isinstance(engine, ExactEngine) else None
-    matrix = exact.matrix if exact is not None else engine.system(engine.all).matrix
+    matrix = engine.system(engine.all).matrix
     assert matrix.groups is not None
     rewards: list[Any] = []
     costless = np.ones(matrix.rows, dtype=np.bool_)
     for o, k in zip(objectives, limits, strict=True):
-        own = (
-            np.zeros(matrix.rows)
-            if exact is None
-            else np.full(matrix.rows, Fraction(0), dtype=object)
-        )
+        own = full(matrix.rows, 0, exact=engine.exact)
         if isinstance(o.formula, RewardOperator):
             own = _row_rewards(engine, reward_of(chain.context, o.formula))
             if (own < 0).any():
@@ -139,28 +134,19 @@ def _equations(
     )
     initial = int(np.flatnonzero(engine.to_bools(engine.initial))[0])
     flow = numerics.Flow(
-        matrix,
+        matrix.doubles(),
         initial,
         np.array([own.astype(np.float64) for own in rewards]).reshape(-1, matrix.rows),
         stays,
     )
-    return (
-        flow
-        if exact is None
-        else ExactFlow(flow, exact.rationals.values, [own.tolist() for own in rewards])
-    )
+    return ExactFlow(flow, matrix.data, [own.tolist() for own in rewards]) if engine.exact else flow
 
 
-def _row_rewards(engine: Engine, reward: Reward) -> Any:
-    """The reward of each row: doubles, or Fractions."""
-    if isinstance(engine, ExactEngine):
-        groups = engine.matrix.groups
-        assert groups is not None
-        of_states, of_rows = engine.rewards(reward)
-        return np.repeat(of_states, np.diff(groups)) + of_rows
+def _row_rewards(engine: Engine, reward: Reward) -> Numbers:
+    """The reward of each row."""
     system = engine.system(engine.all)
     states, rows = system.rewards(reward)
-    return np.asarray(per_row(system, states) + rows, dtype=np.float64)
+    return np.asarray(per_row(system, states) + rows)
 
 
 def _lifted(product: Product, pairs: list[list[StateSet]] | None) -> list[list[StateSet]] | None:

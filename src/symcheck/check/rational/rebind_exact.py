@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from symcheck.check.context import Context
+from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.traversal import nodes
-
-if TYPE_CHECKING:
-    from symcheck.engines.rational.engine import ExactEngine
 
 __all__ = ["exact_twin", "exactly_bound"]
 
@@ -43,26 +40,30 @@ def exactly_bound(model: BoundModel) -> BoundModel:
     return exact if model.derivation is None else model.derivation(exact)
 
 
-def _exact_engine(context: Context) -> ExactEngine:
+def _exact_engine(context: Context) -> Engine:
     """The model explored exactly; once per check."""
-    from symcheck.engines.rational.engine import ExactEngine, explore_exactly
-
-    if not isinstance(context.log.exact_engine, ExactEngine):
-        # A model that was read state by state has no text to bind again, and brings its own rationals.
-        own = getattr(context.engine, "rational", None)
-        if own is not None:
-            context.log.exact_engine = engine = own()
-            return engine  # type: ignore[no-any-return]
-        model = exactly_bound(context.engine.model)
-        engine = explore_exactly(
-            model, check_sums=context.options.check_sums, limit=context.engine.states
-        )
-        if engine.states != context.engine.states:
-            raise UnsupportedError(
-                "explored exactly, the model has other states than in floating point"
-            )
-        context.log.exact_engine = engine
+    if context.log.exact_engine is None:
+        context.log.exact_engine = _explored(context)
     return context.log.exact_engine
+
+
+def _explored(context: Context) -> Engine:
+    from symcheck.engines.explicit.engine import ExplicitEngine
+    from symcheck.engines.rational.explore import explore_exactly
+
+    # A model that was read state by state has no text to bind again, and brings its own rationals.
+    own = getattr(context.engine, "rational", None)
+    if own is not None:
+        return own()  # type: ignore[no-any-return]
+    model = exactly_bound(context.engine.model)
+    explored = explore_exactly(
+        model, check_sums=context.options.check_sums, limit=context.engine.states
+    )
+    if len(explored.states) != context.engine.states:
+        raise UnsupportedError(
+            "explored exactly, the model has other states than in floating point"
+        )
+    return ExplicitEngine(explored, "exact")
 
 
 def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:

@@ -1,14 +1,18 @@
-"""The explicit engine: states as rows of a table, transitions as compressed rows, sets as bool arrays; no diagrams."""
+"""The explicit engine: states as rows of a table, transitions as compressed rows, sets as bool arrays; no diagrams.
+
+Its numbers are those of the explored model: float64, or rationals (the exact engine).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import cached_property
+from math import isfinite
 from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symcheck.direction import Direction
 from symcheck.engines.capabilities import HasActions, HasExploredModel
@@ -16,20 +20,23 @@ from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.base import Enumerated
 from symcheck.engines.explicit.full_matrix import FullMatrix
 from symcheck.engines.explicit.graph import ExplicitGraph
+from symcheck.engines.explicit.rational_values import RationalValues
 from symcheck.engines.linear_system import LinearSystem, Preprocessing, refuse_infinite_minimum
-from symcheck.kernels.rows.sparse import multiply
-from symcheck.kernels.rows.submatrix import select_groups, select_states, sum_columns, take_rows
-from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.explicit.explored import ExploredModel
+from symcheck.kernels.rows.submatrix import select_groups
+from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
+from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.syntax.ast import Expression, ModelType, Type
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.product import ExplicitProduct
-    from symcheck.explicit.model import ExplicitModel
 
-__all__ = ["ExplicitEngine", "ExplicitSystem", "SparseOperator"]
+__all__ = ["ExplicitEngine", "ExplicitSystem"]
 
+Numeric = ArrayValues | RationalValues
+"""Values of one of the two types of number."""
 
 _REMEMBERED = 16
 _REMEMBERED_BYTES = 2**28
@@ -43,10 +50,14 @@ _MANY = 1_000_000
 class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
     """An explored model as an engine."""
 
-    explored: ExplicitModel
+    explored: ExploredModel
     name: str = "explicit"
-    exact: bool = False
     has_rows: bool = True
+
+    @property
+    def exact(self) -> bool:
+        """Whether numbers are rationals, as those of the explored model are."""
+        return self.matrix.exact
 
     @property
     def model(self) -> BoundModel:
@@ -74,41 +85,46 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         return ExplicitGraph(self)
 
     @cached_property
-    def _known(self) -> dict[Expression, ArraySet]:
+    def _sets(self) -> dict[Expression, ArraySet]:
         """Sets that were asked for last: several properties speak of the same labels."""
         return {}
 
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy a boolean expression over the variables."""
-        if expression not in self._known:
+        if expression not in self._sets:
             value = np.asarray(self.explored.evaluate(expression))
-            while self._known and len(self._known) >= min(
+            while self._sets and len(self._sets) >= min(
                 _REMEMBERED, _REMEMBERED_BYTES // self.states
             ):
-                self._known.pop(next(iter(self._known)))
-            self._known[expression] = ArraySet(
+                self._sets.pop(next(iter(self._sets)))
+            self._sets[expression] = ArraySet(
                 np.array(np.broadcast_to(value, (self.states,)), dtype=bool)
             )
-        return self._known[expression]
+        return self._sets[expression]
 
-    def values(self, expression: Expression, type: Type) -> ArrayValues:  # noqa: ARG002 (doubles hold all three types)
+    def values(self, expression: Expression, type: Type) -> Numeric:  # noqa: ARG002 (numbers hold all three types)
         """The value of an expression over the variables, at each state (1 and 0 for a bool)."""
         value = np.asarray(self.explored.evaluate(expression))
-        array = np.array(np.broadcast_to(value, (self.states,)), dtype=np.float64)
-        return ArrayValues(array, array)
+        return self._known(numbers(np.broadcast_to(value, (self.states,)), exact=self.exact))
 
     def constant(
         self, lower: float, upper: float | None = None, *, rounded: bool = False
-    ) -> ArrayValues:
+    ) -> Numeric:
         """The same value (or bounds of it) everywhere."""
-        low = np.full(self.states, float(lower))
+        low = full(self.states, lower, exact=self.exact)
+        if self.exact:
+            assert upper is None or upper == lower, "rational values have no bounds"
+            return RationalValues(low)
         high = low if upper is None or upper == lower else np.full(self.states, float(upper))
         return ArrayValues(low, high, self.all.members if rounded else None)
 
-    def indicator(self, states: ArraySet) -> ArrayValues:
+    def indicator(self, states: ArraySet) -> Numeric:
         """1 on the set and 0 elsewhere."""
-        array = states.members.astype(np.float64)
-        return ArrayValues(array, array)
+        return self._known(numbers(states.members, exact=self.exact))
+
+    def _known(self, array: Numbers) -> Numeric:
+        """Values that nothing has rounded."""
+        return RationalValues(array) if self.exact else ArrayValues(array, array)
 
     def system(self, states: ArraySet, direction: Direction | None = None) -> ExplicitSystem:
         """The equations over some states."""
@@ -132,54 +148,33 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         actions: Int32s = self.explored.choice_actions
         return actions
 
-    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
+    def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards [states] and transition rewards, weighted by probabilities (rates), per row [rows]."""
         match reward:
             case Structure(index):
                 return self.explored.state_rewards[index], self.explored.choice_rewards[index]
             case Time() if self.model.type is ModelType.CTMC:
-                return np.ones(self.states), np.zeros(self.matrix.rows)
+                return self._full(self.states, 1), self._full(self.matrix.rows, 0)
             case Steps() | Time():
-                return np.zeros(self.states), self.system(self.all).row_sums()
+                return self._full(self.states, 0), self.system(self.all).row_sums()
             case _:
                 assert_never(reward)
+
+    def _full(self, n: int, value: int) -> Numbers:
+        return full(n, value, exact=self.exact)
 
     def valuations(
         self, states: ArraySet, limit: int | None = None
     ) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
-        indices = np.flatnonzero(states.members)[:limit]
-        table = self.explored.states
-        rows = table.rows[indices]
-        columns = [
-            _plain(table.layout.column(rows, i), v.type) for i, v in enumerate(self.model.variables)
-        ]
-        return zip(*columns, strict=True) if columns else iter([()] * len(indices))
+        return self.explored.states.valuations(np.flatnonzero(states.members)[:limit])
 
     def product(self, letters: Sequence[ArraySet], automaton: Any) -> ExplicitProduct:
         """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
         from symcheck.engines.explicit.product import product
 
         name = f"{self.name} product"
-        return product(self, letters, automaton, lambda pairs: ExplicitEngine(pairs, name))  # type: ignore[arg-type]
-
-
-def _plain(column: Int64s, type: Type) -> list[bool | int]:
-    values: list[bool | int] = (column.astype(bool) if type is Type.BOOL else column).tolist()
-    return values
-
-
-@dataclass(frozen=True)
-class SparseOperator:
-    """A matrix as an operator."""
-
-    matrix: SparseMatrix
-
-    def multiply(self, x: Floats) -> Floats:
-        """The product with a vector: a value per row."""
-        out = np.empty(self.matrix.rows)
-        multiply(self.matrix.indptr, self.matrix.indices, self.matrix.data, x, out)
-        return out
+        return product(self, letters, automaton, lambda pairs: ExplicitEngine(pairs, name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +194,11 @@ class ExplicitSystem(LinearSystem):
     def groups(self) -> Int64s | None:
         """Which of the rows belong to which state; None where each has one."""
         groups = self.engine.matrix.groups
-        return groups if groups is None or self._whole else select_groups(groups, self._mask)
+        return (
+            groups
+            if groups is None or self._whole
+            else select_groups(groups, self.states.members.view(np.uint8))
+        )
 
     @cached_property
     def matrix(self) -> SparseMatrix:
@@ -207,16 +206,11 @@ class ExplicitSystem(LinearSystem):
         whole = self.engine.matrix
         if self._whole:
             return whole
-        parts = select_states(whole.indptr, whole.indices, whole.data, whole.groups, self._mask)
-        return SparseMatrix(*parts, self.n, self.groups)
+        return whole.among(self.states.members, self.groups)
 
     @property
     def _whole(self) -> bool:
         return self.n == self.engine.states
-
-    @property
-    def _mask(self) -> NDArray[np.uint8]:
-        return self.states.members.view(np.uint8)
 
     @property
     def has_rows(self) -> bool:
@@ -241,77 +235,78 @@ class ExplicitSystem(LinearSystem):
     def infinite_rewards(self, reward: Reward) -> ArraySet:
         """The states with a row that earns an infinite reward."""
         states, rows = self.rewards(reward)
-        members = np.isinf(states)
-        if np.isinf(rows).any():
-            infinite = np.isinf(rows)
+        members, infinite = is_infinite(states), is_infinite(rows)
+        if infinite.any():
             members |= (
                 infinite
                 if self.groups is None
                 else np.logical_or.reduceat(infinite, self.groups[:-1])
             )
-        return ArraySet(self._spread(members.astype(np.float64), ()) > 0.0)
+        everywhere = np.zeros(self.engine.states, bool)
+        everywhere[self.states.members] = members
+        return ArraySet(everywhere)
 
     @property
-    def operator(self) -> SparseOperator:
+    def operator(self) -> SparseMatrix:
         """The matrix as an operator."""
-        return SparseOperator(self.matrix)
+        return self.matrix
 
-    def one_step_probability(self, target: ArraySet) -> Floats:
+    def one_step_probability(self, target: ArraySet) -> Numbers:
         """Per row: the one-step probability (rate) of entering the target."""
         return self._sums(target.members, None)
 
-    def one_step_values(self, values: ArrayValues) -> tuple[Floats, Floats]:
+    def one_step_values(self, values: Numeric) -> tuple[Numbers, Numbers]:
         """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
         outside = ~self.states.members
         lower = self._sums(outside, values.lower)
         return lower, lower if values.exact else self._sums(outside, values.upper)
 
-    def _sums(self, columns: Bools, values: Floats | None) -> Floats:
-        whole = self.engine.matrix
-        return sum_columns(
-            whole.indptr,
-            whole.indices,
-            whole.data,
-            whole.groups,
-            self._mask,
-            columns.view(np.uint8),
-            values,
-        )
+    def _sums(self, columns: Bools, values: Numbers | None) -> Numbers:
+        return self.engine.matrix.sums(self.states.members, columns, values)
 
-    def row_sums(self) -> Floats:
+    def row_sums(self) -> Numbers:
         """Per row: the total probability (exit rate)."""
         return self.one_step_probability(self.engine.all)
 
-    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
+    def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards per state and transition rewards per row."""
         states, rows = self.engine.rewards(reward)
         if self._whole:
             return states, rows
         groups, inside = self.engine.matrix.groups, self.states.members
-        return states[inside], rows[inside] if groups is None else take_rows(
-            rows, groups, self._mask
-        )
+        return states[inside], rows[
+            inside if groups is None else np.repeat(inside, np.diff(groups))
+        ]
 
-    def restrict(self, values: ArrayValues | ArraySet) -> Floats:
+    def restrict(self, values: Numeric | ArraySet) -> Numbers:
         """A lower value (or 0/1 membership) per state of the system."""
         array = values.members if isinstance(values, ArraySet) else values.lower
-        return array[self.states.members].astype(np.float64, copy=False)
+        return numbers(array[self.states.members], exact=self.engine.exact)
+
+    def full(self, value: float) -> Numbers:
+        """The same number for each state of the system."""
+        return full(self.n, value, exact=self.engine.exact)
 
     def lift(
         self,
-        lower: Floats,
-        upper: Floats | None,
+        lower: Numbers,
+        upper: Numbers | None,
         rest: Sequence[tuple[ArraySet, float]] = (),
         exact: bool = False,
-    ) -> ArrayValues:
+    ) -> Numeric:
         """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
         low = self._spread(lower, rest)
+        if self.engine.exact:
+            assert upper is None or upper is lower, "rational values have no bounds"
+            assert all(isinstance(v, Fraction) or not isfinite(v) for v in low), "a float crept in"
+            return RationalValues(low)
         high = low if upper is None or upper is lower else self._spread(upper, rest)
         return ArrayValues(low, high, self.states.members if exact else None)
 
-    def _spread(self, values: Floats, rest: Sequence[tuple[ArraySet, float]]) -> Floats:
-        out = np.zeros(self.engine.states)
+    def _spread(self, values: Numbers, rest: Sequence[tuple[ArraySet, float]]) -> Numbers:
+        exact = self.engine.exact
+        out = full(self.engine.states, 0, exact=exact)
         for states, constant in rest:
-            out[states.members] = constant
+            out[states.members] = full(1, constant, exact=exact)[0]
         out[self.states.members] = values
         return out

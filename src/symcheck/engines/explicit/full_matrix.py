@@ -8,7 +8,8 @@ from typing import Protocol
 
 from symcheck.engines.base import OwnSet, SolvedValues
 from symcheck.engines.linear_system import ExpectedReward, Query, per_row, solved_values
-from symcheck.matrices.rows import Bools, Floats, SparseMatrix
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Bools, SparseMatrix
 from symcheck.numerics.linear.masked_problem import Embedded
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
@@ -29,7 +30,7 @@ class Owner(Protocol):
         """One-step probabilities (rates) of all states."""
         ...
 
-    def rewards(self, reward: Reward) -> tuple[Floats, Floats]:
+    def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards [states] and transition rewards per row [rows]."""
         ...
 
@@ -42,7 +43,9 @@ class FullMatrix:
     unknown: Bools = field(repr=False)
 
     def accepts(self, query: Query, settings: Settings) -> bool:  # noqa: ARG002
-        """Whether most states are unknown, and all their rows are used."""
+        """Whether most states are unknown, and all their rows are used. Masks save memory of doubles only."""
+        if self.engine.matrix.exact:
+            return False
         if STATES_PER_UNKNOWN * query.n < len(self.unknown):
             return False
         return not isinstance(query, ExpectedReward) or query.usable_rows is None

@@ -14,7 +14,7 @@ from symcheck.engines.base import Engine
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.graph import Owner
 from symcheck.errors import MemoryLimitError
-from symcheck.explicit.states import StateTable
+from symcheck.explicit.explored import ExploredModel, States
 from symcheck.kernels.graph import product as kernel
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.semantics.model import BoundModel
@@ -22,7 +22,6 @@ from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
     from symcheck.engines.product import Automaton
-    from symcheck.explicit.model import ExplicitModel
 
 __all__ = ["Base", "ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
 
@@ -33,7 +32,7 @@ class Base(Owner, Protocol):
     """What a product asks of the engine that it is made with: what graph questions ask, and more."""
 
     @property
-    def explored(self) -> ExplicitModel:
+    def explored(self) -> ExploredModel:
         """The explored model."""
         ...
 
@@ -74,10 +73,9 @@ class ProductModel:
         return np.flatnonzero(self.base.deadlocks.members[self.state])
 
     @cached_property
-    def states(self) -> StateTable:
+    def states(self) -> States:
         """The state of each pair."""
-        table = self.base.explored.states
-        return StateTable(table.layout, table.rows[self.state])
+        return self.base.explored.states.take(self.state)
 
     @property
     def state_rewards(self) -> list[Floats]:
@@ -131,14 +129,7 @@ class ExplicitProduct:
 
     def project(self, values: ArrayValues) -> ArrayValues:
         """For each base state, the value at its pair with the automaton's initial state."""
-        lower = values.lower[self.entry]
-        upper = lower if values.upper is values.lower else values.upper[self.entry]
-        return ArrayValues(
-            lower,
-            upper,
-            None if values.computed is None else values.computed[self.entry],
-            values.slack,
-        )
+        return values.gather(self.entry)
 
     def project_set(self, states: ArraySet) -> ArraySet:
         """The base states whose pair with the automaton's initial state is in the set."""
@@ -213,6 +204,15 @@ def pair_matrix(
     indptr = starts_of(np.diff(matrix.indptr)[rows])
     indices, data = np.empty(int(indptr[-1]), np.int32), np.empty(int(indptr[-1]))
     kernel.product_rows(
-        matrix.indptr, matrix.indices, matrix.data, rows, after, number, size, indptr, indices, data
+        matrix.indptr,
+        matrix.indices,
+        matrix.handles,
+        rows,
+        after,
+        number,
+        size,
+        indptr,
+        indices,
+        data,
     )
-    return SparseMatrix(indptr, indices, data, len(state), groups), rows
+    return SparseMatrix(indptr, indices, matrix.from_handles(data), len(state), groups), rows

@@ -1,1 +1,1 @@
-"""The exact engine: the explicit engine over rational numbers."""
+"""Exploration in rational arithmetic: the explicit engine over what it gives is the exact engine."""

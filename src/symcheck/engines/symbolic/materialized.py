@@ -166,7 +166,7 @@ def written_out(engine: SymbolicEngine) -> WrittenEngine:
         list(rewards)  # what is wrong with one is said now
     # A system of its own, which does not keep its rows: the engine keeps its last one, and that would be a second copy.
     model = WrittenModel(engine, SymbolicSystem(engine, engine.all))
-    return WrittenEngine(model, name="sparse", source=engine)  # type: ignore[arg-type]
+    return WrittenEngine(model, name="sparse", source=engine)
 
 
 def stored_states(engine: SymbolicEngine) -> StateTable:

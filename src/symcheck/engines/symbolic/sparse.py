@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from symcheck.engines.explicit.engine import SparseOperator
 from symcheck.engines.symbolic.engine import SymbolicEngine
 from symcheck.engines.symbolic.system import SymbolicSystem
+from symcheck.matrices.rows import SparseMatrix
 
 __all__ = ["SparseEngine"]
 
@@ -18,6 +18,6 @@ class SparseEngine(SymbolicEngine):
     has_rows: ClassVar[bool] = True
     rows_limit: ClassVar[int | None] = None
 
-    def operator(self, system: SymbolicSystem) -> SparseOperator:
+    def operator(self, system: SymbolicSystem) -> SparseMatrix:
         """The rows as an operator."""
-        return SparseOperator(system.matrix)
+        return system.matrix

@@ -243,6 +243,10 @@ class SymbolicSystem(LinearSystem):
             return self.odd.to_mask(values.bdd).astype(np.float64)
         return values.at(self.states)[0]
 
+    def full(self, value: float) -> Floats:
+        """The same number for each state of the system."""
+        return np.full(self.n, float(value))
+
     def lift(
         self,
         lower: Floats,

@@ -166,7 +166,7 @@ class Solution:
     @property
     def middle(self) -> Numbers:
         """The point between the bounds."""
-        if self.lower is self.upper:
+        if is_exact(self.lower):
             return self.lower
         out = np.empty(len(self.lower))
         with np.errstate(invalid="ignore"):
@@ -177,7 +177,7 @@ class Solution:
 
     def width(self, relative: bool = True) -> float:
         """The greatest width, relative to the upper bound unless that is below 1e-300 (0 for no states)."""
-        if self.lower is self.upper:
+        if is_exact(self.lower):
             return 0.0
         return max(
             (_width(self.lower[part], self.upper[part], relative) for part in self._parts()),

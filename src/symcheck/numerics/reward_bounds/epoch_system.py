@@ -8,6 +8,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
@@ -32,7 +33,7 @@ class Epochs:
     """
 
     matrix: SparseMatrix
-    exit: Floats = field(repr=False)
+    exit: Numbers = field(repr=False)
     rewards: Int64s = field(repr=False)
     left: Bools = field(repr=False)
     right: Bools = field(repr=False)

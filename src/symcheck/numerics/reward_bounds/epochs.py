@@ -17,12 +17,13 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import MemoryLimitError
-from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.reward_epochs import Levels
+from symcheck.matrices.numbers import Numbers, numbers
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Step
 from symcheck.numerics.reward_bounds.epoch_system import Epochs, Layer, layer_of
+from symcheck.numerics.reward_bounds.rational_epochs import rational_epochs
 from symcheck.numerics.settings import ROUNDING, Settings
 
 __all__ = ["Found", "solve_epochs", "unfold"]
@@ -39,8 +40,8 @@ _CHUNK = 50_000_000
 class Found:
     """Bounds on the probability, float64[n] each; levels that were computed, sweeps over cycles, and the largest cycle."""
 
-    lower: Floats
-    upper: Floats
+    lower: Numbers
+    upper: Numbers
     levels: int
     sweeps: int
     cycle: int
@@ -53,12 +54,17 @@ def solve_epochs(problem: Epochs, settings: Settings, observer: Observer | None 
     """
     n = problem.matrix.states
     if problem.upper is not None and problem.upper < problem.lower:
-        return Found(np.zeros(n), np.zeros(n), 0, 0, 0)
+        nothing = numbers(np.zeros(n, np.bool_), exact=problem.matrix.exact)
+        return Found(nothing, nothing, 0, 0, 0)
     reach = problem.upper if problem.upper is not None else problem.lower
     # More than the last level is as good as that: it leads below the lowest level, or to where nothing is wanted any more.
     rewards = np.minimum(problem.rewards, reach + (problem.upper is not None))
     slots = int(rewards[rewards <= reach].max(initial=0)) + 1
     problem = replace(problem, rewards=rewards)
+    if problem.matrix.exact:
+        unbounded = None if problem.upper is not None else _unbounded(problem, settings)[0]
+        values, levels = rational_epochs(problem, unbounded)
+        return Found(values, values, levels, 0, 0)
     if problem.upper is not None and problem.lower == 0:
         return _upper_only(problem, problem.upper, slots, settings, observer)
     if slots * n * 16 > _MEMORY:
@@ -161,48 +167,36 @@ def _masked(layer: Layer) -> Layer:
     return replace(layer, full=layer.full.view(np.uint8))
 
 
-def _unbounded(problem: Epochs, settings: Settings) -> tuple[Floats, Floats]:
+def _unbounded(problem: Epochs, settings: Settings) -> tuple[Numbers, Numbers]:
     """Bounds on the probability of `left U right` (no mass may be missing)."""
     from symcheck.numerics.linear.methods import solve_linear
 
     source = graph.Incidence(problem.matrix)
     yes = graph.prob1(source, problem.left, problem.right, problem.direction)
     no = graph.prob0(source, problem.left, problem.right, problem.direction)
-    low = yes.astype(np.float64)
+    exact = problem.matrix.exact
+    low = numbers(yes, exact=exact)
     high = low.copy()
     unknown = ~(yes | no)
     if unknown.any():
-        part, rows = _among(problem, unknown)
-        weights = _weights(problem.matrix, rows, yes)
-        leave = _weights(problem.matrix, rows, ~unknown)
+        enter, leave = (problem.matrix.sums(unknown, target) for target in (yes, ~unknown))
+        part = problem.matrix.among(unknown, _groups_among(problem, unknown))
         found = solve_linear(
-            LinearProblem(weights, part, None, leave, problem.direction, True), settings
+            LinearProblem(enter, part, None, leave, problem.direction, True), settings
         )
-        slip = ROUNDING if found.exact else 0.0
+        slip = ROUNDING if found.exact and not exact else 0
         low[unknown], high[unknown] = (
             found.lower * (1 - slip),
-            np.minimum(found.upper * (1 + slip), 1.0),
+            np.minimum(found.upper * (1 + slip), 1),
         )
     return low, high
 
 
-def _among(problem: Epochs, states: Bools) -> tuple[SparseMatrix, Int64s]:
-    """The matrix among some states, and the rows that it has."""
-    m, groups = problem.matrix, problem.groups
-    chosen = np.flatnonzero(states)
-    rows = spans(groups[:-1][chosen], groups[1:][chosen])
-    place = np.full(m.columns, -1, np.int32)
-    place[chosen] = np.arange(len(chosen), dtype=np.int32)
-    parts = sparse.select(m.indptr, m.indices, m.data, rows, place)
-    own = None if m.groups is None else starts_of(np.diff(groups)[chosen])
-    return SparseMatrix(*parts, len(chosen), own), rows
-
-
-def _weights(matrix: SparseMatrix, rows: Int64s, target: Bools) -> Floats:
-    """The mass that each of these rows sends into the target."""
-    columns = np.where(target, 0, -1).astype(np.int32)
-    parts = sparse.select(matrix.indptr, matrix.indices, matrix.data, rows, columns)
-    return sparse.row_sums(parts[0], parts[2])
+def _groups_among(problem: Epochs, states: Bools) -> Int64s | None:
+    """Where the rows of each of some states begin, counted among theirs; None without choices."""
+    if problem.matrix.groups is None:
+        return None
+    return starts_of(np.diff(problem.groups)[states])
 
 
 def unfold(
@@ -241,7 +235,7 @@ def unfold(
     unfolded = replace(
         problem,
         matrix=matrix,
-        exit=np.where(fails, 1.0, problem.exit[rows]),
+        exit=np.where(fails, 1, problem.exit[rows]),
         rewards=problem.rewards[rows],
         left=problem.left[of_state],
         right=problem.right[of_state] & (count_of >= lower),

@@ -1,137 +1,77 @@
 """Path formulas with bounds on rewards, in rational arithmetic: the budgets one after the other, as in floating point.
 
-The structure of a level is that of `symcheck.numerics.reward_bounds.epochs`; its values are computed state by state, and cycles without
-reward by policy iteration.
+The structure of a level is that of `symcheck.numerics.reward_bounds.epochs`; its values are computed state by state, and
+cycles without reward by policy iteration.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 
-from symcheck.check.context import Context
-from symcheck.check.measures.reward_bounded_until import check_even
-from symcheck.check.measures.reward_scaling import Limits, common_step, in_steps, main_first
-from symcheck.check.rational.linear_systems import Entries, RationalProblem, least_solution
-from symcheck.check.result import SolverRun
-from symcheck.check.time_bounds import Count
 from symcheck.direction import Direction
-from symcheck.engines.explicit.array_values import ArraySet
-from symcheck.engines.rational.engine import ExactEngine
-from symcheck.engines.rational.values import RationalMatrix, Rationals
-from symcheck.errors import UnsupportedError
-from symcheck.matrices.rows import Bools
+from symcheck.matrices.numbers import Numbers, Rationals, doubles, rationals
+from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
+from symcheck.numerics.linear.methods import solve_linear
+from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.reward_bounds.epoch_system import Epochs, Layer, layer_of
-from symcheck.numerics.reward_bounds.epochs import unfold
-from symcheck.semantics.rewards import Steps
-from symcheck.syntax.ast import ModelType
+from symcheck.numerics.settings import Accuracy
 
-__all__ = ["counted_limits", "counted_values"]
+__all__ = ["rational_epochs"]
 
 Level = list[Fraction]
+Entries = list[tuple[int, Fraction]]
 
 
-def counted_limits(context: Context, engine: ExactEngine, counts: Sequence[Count]) -> list[Limits]:
-    """The rewards of every row and the bounds, in whole steps. Raises UnsupportedError for rewards of another kind."""
-    return [_limits(context, engine, c) for c in counts]
+def rational_epochs(problem: Epochs, unbounded: Numbers | None) -> tuple[Rationals, int]:
+    """The probability at each state, and the number of levels that were computed.
 
-
-def _limits(context: Context, engine: ExactEngine, count: Count) -> Limits:
-    rows, groups = engine.matrix.rows, engine.matrix.groups
-    if isinstance(count.reward, Steps):
-        return Limits(np.ones(rows, np.int64), *in_steps(count.window, Fraction(1)))
-    states, own = engine.rewards(count.reward)
-    check_even(context, count.reward, paying=any(own))
-    if engine.model.type is ModelType.CTMC:
-        if any(states):
-            raise UnsupportedError(
-                "a bound on state rewards of a ctmc, which are gathered per unit of time, is not supported"
-            )
-        total = own / np.add.reduceat(engine.rationals.values, engine.matrix.indptr[:-1])
-    else:
-        total = (states if groups is None else np.repeat(states, np.diff(groups))) + own
-    for r, value in enumerate(total):
-        if value < 0:
-            place = r if groups is None else int(np.searchsorted(groups, r, side="right")) - 1
-            where = context.example(ArraySet(np.arange(engine.states) == place))
-            raise UnsupportedError(
-                f"a bound on a reward needs rewards that are not negative: {value} in state {where} is"
-            )
-    step = common_step([Fraction(v) for v in set(total)])
-    return Limits(np.array([int(v / step) for v in total], np.int64), *in_steps(count.window, step))
-
-
-def counted_values(
-    context: Context,
-    engine: ExactEngine,
-    matrix: RationalMatrix,
-    sets: tuple[ArraySet, ArraySet],
-    limits: list[Limits],
-    direction: Direction | None,
-    unbounded: Rationals | None,
-) -> Rationals:
-    """The probability of `left U right` (`sets`) within the limits, at each state. unbounded: that without limits, where no
-    limit is from above (and there is one only).
+    Args:
+        problem: the matrix and the rewards; entries are rationals.
+        unbounded: the probabilities without the bound, where it is from below only.
     """
-    left, right = (s.members for s in sets)
-    limits = sorted(limits, key=main_first)
-    problem = Epochs(
-        matrix.shape,
-        np.zeros(matrix.shape.rows),
-        limits[0].rewards,
-        left,
-        right,
-        limits[0].lower,
-        limits[0].upper,
-        direction,
+    run = _Levels(problem)
+    return rationals(run.solve(unbounded)), run.count
+
+
+def _cycle(
+    rows: list[Entries], constants: list[Fraction], groups: list[int], direction: Direction | None
+) -> list[Fraction]:
+    """The values of the states of a cycle, given what rows have from elsewhere."""
+    matrix = SparseMatrix(
+        starts_of([len(row) for row in rows]),
+        np.array([t for row in rows for t, _ in row], dtype=np.int32),
+        rationals(p for row in rows for _, p in row),
+        len(groups) - 1,
+        None if direction is None else np.array(groups, np.int64),
     )
-    origin = np.arange(matrix.shape.rows)
-    for i, limit in enumerate(limits[1:], 1):
-        problem, rows = unfold(problem, limit.rewards, limit.lower, limit.upper)
-        limits[i + 1 :] = [replace(later, rewards=later.rewards[rows]) for later in limits[i + 1 :]]
-        origin = origin[rows]
-    run = _Levels(problem, matrix, origin)
-    values = run.solve(unbounded)
-    context.log.runs.append(
-        SolverRun("exact", "rational, budget by budget", problem.matrix.states, run.count)
-    )
-    out = np.empty(engine.states, dtype=object)
-    out[:] = values[:: problem.matrix.states // engine.states]
-    return out
+    problem = LinearProblem(rationals(constants), matrix, direction=direction)
+    values: list[Fraction] = solve_linear(problem, Accuracy()).lower.tolist()
+    return values
 
 
 class _Levels:
     """The levels, as many as matter."""
 
-    def __init__(self, problem: Epochs, matrix: RationalMatrix, origin: Any) -> None:
+    def __init__(self, problem: Epochs) -> None:
         self.problem, self.count = problem, 0
-        shape = problem.matrix
-        self.rows: list[Entries] = []
-        for r, base in enumerate(origin.tolist()):
-            i, j = int(shape.indptr[r]), int(shape.indptr[r + 1])
-            begin = int(matrix.shape.indptr[base])
-            self.rows.append(
-                list(
-                    zip(
-                        shape.indices[i:j].tolist(),
-                        matrix.values[begin : begin + j - i],
-                        strict=True,
-                    )
-                )
-            )
+        m = problem.matrix
+        columns, values, starts = m.indices.tolist(), m.data.tolist(), m.indptr.tolist()
+        self.rows: list[Entries] = [
+            list(zip(columns[i:j], values[i:j], strict=True)) for i, j in pairwise(starts)
+        ]
+        exits = np.where(problem.exit > 0, np.maximum(doubles(problem.exit), 1e-300), 0.0)
+        self.shape = replace(problem, matrix=m.doubles(), exit=exits)
         self.levels: dict[int, Level] = {}
         self.keep = int(problem.rewards.max(initial=0)) + 1
 
-    def solve(self, unbounded: Rationals | None) -> Level:
+    def solve(self, unbounded: Numbers | None) -> Level:
         """The values at the last level."""
         problem = self.problem
         n = problem.matrix.states
-        if problem.upper is not None and problem.upper < problem.lower:
-            return [Fraction(0)] * n
         last = 0
         if unbounded is not None:
             self.levels[0] = list(unbounded)
@@ -155,7 +95,7 @@ class _Levels:
         self, unknown: Bools, first: int, count: int, start: Level, least: int | None
     ) -> None:
         """Compute levels. start: the values of the states that are not unknown. least: the level that all lower ones are like."""
-        layer = layer_of(self.problem, unknown)
+        layer = layer_of(self.shape, unknown)
         parts = _Parts(layer, self.problem.direction, self.problem.rewards.tolist(), self.rows)
         for level in range(first, first + count):
             x = list(start)
@@ -217,7 +157,7 @@ class _Parts:
             groups.append(len(rows))
         if end == begin + 1:
             return [min(constants) if self.direction == Direction.MIN else max(constants)]
-        return least_solution(RationalProblem(rows, constants, groups, self.direction))[0]
+        return _cycle(rows, constants, groups, self.direction)
 
     def row(
         self, r: int, begin: int, end: int, level: int, levels: dict[int, Level], least: int | None

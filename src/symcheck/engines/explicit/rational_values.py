@@ -1,4 +1,4 @@
-"""Values and matrices of rational numbers: arrays of Fraction objects (infinities and NaN are floats)."""
+"""Values that are rational numbers, one per state: arrays of Fraction objects (infinities and NaN are floats)."""
 
 from __future__ import annotations
 
@@ -10,61 +10,17 @@ from operator import eq, ge, gt, le, lt, ne
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symcheck.engines.explicit.array_values import ArraySet
-from symcheck.matrices.rows import SparseMatrix
+from symcheck.matrices.numbers import Rationals, rationals
+from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.syntax.ast import Binary, Call, Name
 
-__all__ = ["RationalMatrix", "RationalValues", "Rationals"]
+__all__ = ["RationalValues"]
 
-Rationals = NDArray[np.object_]
 Rational = Any
 """A Fraction, or a float that is infinite or NaN."""
-
-
-@dataclass(frozen=True, eq=False)
-class RationalMatrix:
-    """Rows of rationals: row r has the entries `values[indptr[r]:indptr[r+1]]` at `shape.indices` alike.
-
-    `shape` has the same entries as doubles, and the groups of rows.
-    """
-
-    shape: SparseMatrix
-    values: Rationals = field(repr=False)
-
-    def row(self, r: int) -> list[tuple[int, Fraction]]:
-        """Columns and values of a row."""
-        i, j = int(self.shape.indptr[r]), int(self.shape.indptr[r + 1])
-        return list(zip(self.shape.indices[i:j].tolist(), self.values[i:j], strict=True))
-
-    def rows_of(self, state: int) -> range:
-        """The rows of a state."""
-        groups = self.shape.groups
-        return (
-            range(state, state + 1)
-            if groups is None
-            else range(int(groups[state]), int(groups[state + 1]))
-        )
-
-    def multiply(self, x: Rationals) -> Rationals:
-        """The product with a vector of rationals: a value per row (no row is empty)."""
-        return np.asarray(
-            np.add.reduceat(self.values * x[self.shape.indices], self.shape.indptr[:-1])
-        )
-
-    def scaled(self, factor: Rationals) -> RationalMatrix:
-        """The rows divided by a factor each."""
-        spread = np.repeat(factor, np.diff(self.shape.indptr))
-        values = self.values / spread
-        shape = self.shape
-        return RationalMatrix(
-            SparseMatrix(
-                shape.indptr, shape.indices, values.astype(np.float64), shape.columns, shape.groups
-            ),
-            values,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +28,21 @@ class RationalValues:
     """An exact value per state (see `symcheck.engines.base.Values`)."""
 
     array: Rationals = field(repr=False)
-    exact: bool = True
+
+    @property
+    def exact(self) -> bool:
+        """Always: there is one bound."""
+        return True
+
+    @property
+    def lower(self) -> Rationals:
+        """The values."""
+        return self.array
+
+    @property
+    def upper(self) -> Rationals:
+        """The values."""
+        return self.array
 
     def __repr__(self) -> str:
         return f"<RationalValues of {len(self.array):,} states>"
@@ -110,18 +80,22 @@ class RationalValues:
     def map(self, operator: str, *others: RationalValues | float | Fraction) -> RationalValues:
         """An operator of the expression language, applied at each state."""
         if operator == "-" and not others:
-            return RationalValues(_array([-v for v in self.array]))
+            return RationalValues(rationals([-v for v in self.array]))
         apply = _function(operator)
         columns = [
             o.array if isinstance(o, RationalValues) else [o] * len(self.array) for o in others
         ]
         return RationalValues(
-            _array([apply(*values) for values in zip(self.array, *columns, strict=True)])
+            rationals(apply(*values) for values in zip(self.array, *columns, strict=True))
         )
 
     def choose(self, states: ArraySet, other: RationalValues) -> RationalValues:
         """These values on the set, the other ones elsewhere."""
         return RationalValues(np.where(states.members, self.array, other.array))
+
+    def gather(self, indices: Int64s) -> RationalValues:
+        """The values at some states (int64, any number of times each), as values of as many states."""
+        return RationalValues(self.array[indices])
 
 
 _COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
@@ -171,9 +145,3 @@ _DIRECT: dict[str, Callable[..., Rational]] = {
     "round": lambda x: Fraction(floor(x + Fraction(1, 2))),
     "mod": lambda x, y: x % y,
 }
-
-
-def _array(values: list[Rational]) -> Rationals:
-    array = np.empty(len(values), dtype=object)
-    array[:] = values
-    return array
