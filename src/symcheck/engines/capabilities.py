@@ -1,8 +1,8 @@
 """What some engines offer beyond `symcheck.engines.base.Engine`: optional protocols, and the one way to ask for them.
 
 An engine declares a capability by inheriting from its protocol. Other rooms ask with `engine.capability(HasMatrix)`, which
-gives the engine under that protocol, or None; nobody else asks what an engine is. Capabilities that speak of diagrams or
-rationals are beside these: `HasDiagrams` in engines/symbolic/diagrams.py, `HasRationals` in engines/rational/values.py.
+gives the engine under that protocol, or None; nobody else asks what an engine is. Capabilities that speak of diagrams are
+beside these: `HasDiagrams` in engines/symbolic/diagrams.py.
 """
 
 from __future__ import annotations
