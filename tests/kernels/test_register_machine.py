@@ -15,6 +15,7 @@ from symcheck.explicit.compile import compile_expression
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
 VARIABLES = (
     Variable("x", Type.INT, -3, 4, 0, "m"),
@@ -48,26 +49,37 @@ def _grow(depth: int):
     n = _numbers(i, d)
     more_ints = st.one_of(
         i,
-        st.builds(Binary, st.sampled_from("+-*^"), i, i),
-        st.builds(lambda f, *a: Call(f, a), st.sampled_from(["min", "max", "mod", "pow"]), i, i),
-        st.builds(lambda f, a: Call(f, (a,)), st.sampled_from(["floor", "ceil", "round"]), n),
-        st.builds(lambda a: Unary("-", a), i),
+        st.builds(Binary, st.sampled_from("+-*^").map(Operator), i, i),
+        st.builds(
+            lambda f, *a: Call(f, a),
+            st.sampled_from(["min", "max", "mod", "pow"]).map(Function),
+            i,
+            i,
+        ),
+        st.builds(
+            lambda f, a: Call(f, (a,)), st.sampled_from(["floor", "ceil", "round"]).map(Function), n
+        ),
+        st.builds(lambda a: Unary(UnaryOperator.MINUS, a), i),
         st.builds(Conditional, b, i, i),
     )
     more_doubles = st.one_of(
         d,
-        st.builds(Binary, st.sampled_from("+-*^"), d, n),
-        st.builds(lambda a, c: Binary("/", a, c), n, n),
-        st.builds(lambda f, a, c: Call(f, (a, c)), st.sampled_from(["min", "max"]), d, n),
-        st.builds(lambda f, a, c: Call(f, (a, c)), st.sampled_from(["log", "pow"]), n, d),
-        st.builds(lambda a: Unary("-", a), d),
+        st.builds(Binary, st.sampled_from("+-*^").map(Operator), d, n),
+        st.builds(lambda a, c: Binary(Operator.DIVIDE, a, c), n, n),
+        st.builds(
+            lambda f, a, c: Call(f, (a, c)), st.sampled_from(["min", "max"]).map(Function), d, n
+        ),
+        st.builds(
+            lambda f, a, c: Call(f, (a, c)), st.sampled_from(["log", "pow"]).map(Function), n, d
+        ),
+        st.builds(lambda a: Unary(UnaryOperator.MINUS, a), d),
         st.builds(Conditional, b, d, n),
     )
     more_bools = st.one_of(
         b,
-        st.builds(Binary, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), n, n),
-        st.builds(Binary, st.sampled_from(["&", "|", "=>", "<=>", "=", "!="]), b, b),
-        st.builds(lambda a: Unary("!", a), b),
+        st.builds(Binary, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]).map(Operator), n, n),
+        st.builds(Binary, st.sampled_from(["&", "|", "=>", "<=>", "=", "!="]).map(Operator), b, b),
+        st.builds(lambda a: Unary(UnaryOperator.NOT, a), b),
         st.builds(Conditional, b, b, b),
     )
     return more_ints, more_doubles, more_bools
@@ -110,7 +122,7 @@ def test_machine_agrees_with_scalar_evaluation(expression: Expression, states):
 
 
 def test_a_lane_without_value_raises_the_scalar_fault():
-    code = compile_expression(Call("mod", (Literal(5, Type.INT), Name("y"))), VARIABLES)
+    code = compile_expression(Call(Function.MOD, (Literal(5, Type.INT), Name("y"))), VARIABLES)
     with pytest.raises(ModelFault, match="mod"):
         code.run({1: np.array([2, 1, 0])})
     values, valid = code.run_masked({1: np.array([2, 1, 0])})
@@ -127,15 +139,15 @@ def test_support_and_type():
     assert code.run([np.array([3, 3]), np.array([True, False])]).tolist() == [3.0, 0.5]
     assert (
         compile_expression(
-            Binary("+", Literal(1, Type.INT), Literal(2, Type.INT)), VARIABLES
+            Binary(Operator.PLUS, Literal(1, Type.INT), Literal(2, Type.INT)), VARIABLES
         ).support
         == ()
     )
 
 
 def test_what_protects_an_operand_is_kept():
-    divides = Binary("=", Call("mod", (Name("x"), Name("y"))), Literal(0, Type.INT))
-    guarded = Binary("&", Binary(">", Name("y"), Literal(0, Type.INT)), divides)
+    divides = Binary(Operator.EQ, Call(Function.MOD, (Name("x"), Name("y"))), Literal(0, Type.INT))
+    guarded = Binary(Operator.AND, Binary(Operator.GT, Name("y"), Literal(0, Type.INT)), divides)
     code = compile_expression(guarded, VARIABLES)
     assert code.run({0: np.array([4, 4, 3]), 1: np.array([0, 2, 2])}).tolist() == [
         False,
@@ -145,7 +157,7 @@ def test_what_protects_an_operand_is_kept():
 
 
 def test_shared_parts_are_computed_once():
-    part = Binary("*", Name("x"), Name("y"))
+    part = Binary(Operator.TIMES, Name("x"), Name("y"))
     once = compile_expression(part, VARIABLES)
-    both = compile_expression(Binary("+", part, part), VARIABLES)
+    both = compile_expression(Binary(Operator.PLUS, part, part), VARIABLES)
     assert len(both.program) == len(once.program) + 1

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
 TYPES = {"x": Type.INT, "y": Type.INT, "b": Type.BOOL}
 Strategy = st.SearchStrategy[Expression]
@@ -18,11 +19,11 @@ valuations: st.SearchStrategy[dict[str, Value]] = st.fixed_dictionaries(
 
 
 def _binary(operators: str, left: Strategy, right: Strategy) -> Strategy:
-    return st.builds(Binary, st.sampled_from(operators.split()), left, right)
+    return st.builds(Binary, st.sampled_from(operators.split()).map(Operator), left, right)
 
 
 def _call(functions: str, *arguments: Strategy) -> Strategy:
-    return st.builds(Call, st.sampled_from(functions.split()), st.tuples(*arguments))
+    return st.builds(Call, st.sampled_from(functions.split()).map(Function), st.tuples(*arguments))
 
 
 def typed(depth: int = 3) -> dict[Type, Strategy]:
@@ -40,7 +41,7 @@ def typed(depth: int = 3) -> dict[Type, Strategy]:
             _binary("+ - * ^", i, i),
             _call("min max mod pow", i, i),
             _call("floor ceil round", n),
-            st.builds(Unary, st.just("-"), i),
+            st.builds(Unary, st.just(UnaryOperator.MINUS), i),
         ]
         more_d = [
             _binary("/", n, n),
@@ -51,13 +52,13 @@ def typed(depth: int = 3) -> dict[Type, Strategy]:
         more_d += [
             st.builds(Conditional, b, i, d),
             st.builds(Conditional, b, d, n),
-            st.builds(Unary, st.just("-"), d),
+            st.builds(Unary, st.just(UnaryOperator.MINUS), d),
         ]
         more_b = [
             _binary("& | => <=>", b, b),
             _binary("= != < <= > >=", n, n),
             _binary("= !=", b, b),
-            st.builds(Unary, st.just("!"), b),
+            st.builds(Unary, st.just(UnaryOperator.NOT), b),
         ]
         new_i = st.one_of(i, *more_i, st.builds(Conditional, b, i, i))
         new_d = st.one_of(d, *more_d)

@@ -14,6 +14,7 @@ from symcheck.semantics.expressions.literals import as_expression, type_of_value
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Binary, Expression, LabelReference, Literal, Name, Type, Unary
+from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.parse import parse_expression
 
 
@@ -146,11 +147,17 @@ def test_literals_beyond_the_ranges() -> None:
 
 def test_roots_and_zeros_as_in_c() -> None:
     assert math.isnan(evaluate(parse_expression("(-1.0)^0.5"), {}))
-    negative_zero = Unary("-", Literal(Fraction(0), Type.DOUBLE))
+    negative_zero = Unary(UnaryOperator.MINUS, Literal(Fraction(0), Type.DOUBLE))
     assert same(evaluate(negative_zero, {}), -0.0)
-    assert evaluate(Binary("/", Literal(1, Type.INT), negative_zero), {}) == -math.inf
-    assert evaluate(Binary("^", negative_zero, Literal(Fraction(-1), Type.DOUBLE)), {}) == -math.inf
-    assert evaluate(Binary("^", negative_zero, Literal(Fraction(-2), Type.DOUBLE)), {}) == math.inf
+    assert evaluate(Binary(Operator.DIVIDE, Literal(1, Type.INT), negative_zero), {}) == -math.inf
+    assert (
+        evaluate(Binary(Operator.POWER, negative_zero, Literal(Fraction(-1), Type.DOUBLE)), {})
+        == -math.inf
+    )
+    assert (
+        evaluate(Binary(Operator.POWER, negative_zero, Literal(Fraction(-2), Type.DOUBLE)), {})
+        == math.inf
+    )
 
 
 def test_names_without_value_and_labels() -> None:
@@ -166,7 +173,10 @@ def test_depth_does_not_matter(operator: str) -> None:
     left: Expression = one
     right: Expression = one
     for _ in range(20_000):
-        left, right = Binary(operator, left, one), Binary(operator, one, right)
+        left, right = (
+            Binary(Operator(operator), left, one),
+            Binary(Operator(operator), one, right),
+        )
     for deep in (left, right):
         assert evaluate(deep, {}) == (False if operator == "|" else 20_001)
 
@@ -201,7 +211,7 @@ def rationals(draw: st.DrawFn, depth: int = 4) -> tuple[Expression, Fraction]:
     if operator == "/" and y == 0:
         operator = "-"
     values = {"+": x + y, "-": x - y, "*": x * y, "/": x / y if y else x}
-    return Binary(operator, a, b), values[operator]
+    return Binary(Operator(operator), a, b), values[operator]
 
 
 @given(rationals())

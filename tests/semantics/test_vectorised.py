@@ -23,6 +23,7 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
 _LEAVES = st.one_of(
     st.integers(-4, 5).map(lambda i: (Literal(i, Type.INT), "int")),
@@ -42,25 +43,25 @@ def _number(pair):
 
 
 def _boolean(pair):
-    return pair[0] if pair[1] == "bool" else Binary(">", pair[0], Literal(1, Type.INT))
+    return pair[0] if pair[1] == "bool" else Binary(Operator.GT, pair[0], Literal(1, Type.INT))
 
 
 def _join(operator, left, right):
     if operator in {"&", "|", "=>", "<=>"}:
-        return Binary(operator, _boolean(left), _boolean(right)), "bool"
+        return Binary(Operator(operator), _boolean(left), _boolean(right)), "bool"
     (x, a), (y, b) = _number(left), _number(right)
     if operator in {"=", "!=", "<", "<=", ">", ">="}:
-        return Binary(operator, x, y), "bool"
+        return Binary(Operator(operator), x, y), "bool"
     kind = "int" if a == b == "int" else "double"
     if operator in {"min", "max", "pow"}:
-        return Call(operator, (x, y)), kind
+        return Call(Function(operator), (x, y)), kind
     if operator == "mod":
-        x = x if a == "int" else Call("floor", (x,))
-        y = y if b == "int" else Call("ceil", (y,))
-        return Call("mod", (x, y)), "int"
+        x = x if a == "int" else Call(Function.FLOOR, (x,))
+        y = y if b == "int" else Call(Function.CEIL, (y,))
+        return Call(Function.MOD, (x, y)), "int"
     if operator == "log":
-        return Call("log", (x, y)), "double"
-    return Binary(operator, x, y), "double" if operator == "/" else kind
+        return Call(Function.LOG, (x, y)), "double"
+    return Binary(Operator(operator), x, y), "double" if operator == "/" else kind
 
 
 _OPERATORS = [
@@ -89,9 +90,13 @@ _OPERATORS = [
 
 def _unary(operator, operand):
     if operator == "!":
-        return Unary("!", _boolean(operand)), "bool"
+        return Unary(UnaryOperator.NOT, _boolean(operand)), "bool"
     x, kind = _number(operand)
-    return (Unary("-", x), kind) if operator == "-" else (Call(operator, (x,)), "int")
+    return (
+        (Unary(UnaryOperator.MINUS, x), kind)
+        if operator == "-"
+        else (Call(Function(operator), (x,)), "int")
+    )
 
 
 def _choose(condition, then, otherwise):
@@ -137,10 +142,12 @@ def test_agrees_with_the_scalar_evaluator(pair):
 @pytest.mark.parametrize(
     "expression",
     [
-        Call("mod", (Name("x"), Literal(0, Type.INT))),
-        Call("pow", (Literal(2, Type.INT), Literal(-1, Type.INT))),
-        Call("floor", (Binary("/", Literal(1, Type.INT), Literal(0, Type.INT)),)),
-        Binary("^", Literal(10, Type.INT), Literal(30, Type.INT)),
+        Call(Function.MOD, (Name("x"), Literal(0, Type.INT))),
+        Call(Function.POW, (Literal(2, Type.INT), Literal(-1, Type.INT))),
+        Call(
+            Function.FLOOR, (Binary(Operator.DIVIDE, Literal(1, Type.INT), Literal(0, Type.INT)),)
+        ),
+        Binary(Operator.POWER, Literal(10, Type.INT), Literal(30, Type.INT)),
     ],
 )
 def test_what_has_no_integer_value_is_a_fault(expression):
@@ -154,9 +161,9 @@ def test_what_has_no_integer_value_is_a_fault(expression):
 
 def test_lanes_that_have_a_value_keep_it():
     x = np.array([0, 1, 2])
-    quotient = Call("floor", (Binary("/", Literal(6, Type.INT), Name("x")),))
+    quotient = Call(Function.FLOOR, (Binary(Operator.DIVIDE, Literal(6, Type.INT), Name("x")),))
     assert evaluate_columns(quotient, {"x": x}).values[1:].tolist() == [6, 3]
-    remainder = evaluate_columns(Call("mod", (Literal(7, Type.INT), Name("x"))), {"x": x})
+    remainder = evaluate_columns(Call(Function.MOD, (Literal(7, Type.INT), Name("x"))), {"x": x})
     assert remainder.faults is not None
     assert remainder.faults.tolist() == [True, False, False]
     assert remainder.values[1:].tolist() == [0, 1]
@@ -166,9 +173,9 @@ def test_only_the_variables_that_occur_give_the_shape():
     columns = {"x": np.arange(4).reshape(4, 1), "y": np.arange(3).reshape(1, 3)}
     assert evaluate_columns(Name("y"), columns).values.shape == (1, 3)
     assert evaluate_columns(Literal(1, Type.INT), columns).values.shape == ()
-    assert evaluate_columns(Binary("+", Name("x"), Name("y")), columns).values.tolist() == [
-        [i + j for j in range(3)] for i in range(4)
-    ]
+    assert evaluate_columns(
+        Binary(Operator.PLUS, Name("x"), Name("y")), columns
+    ).values.tolist() == [[i + j for j in range(3)] for i in range(4)]
 
 
 def test_temporal_nodes_are_refused():

@@ -11,6 +11,7 @@ from symcheck.errors import SyntaxFault
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Literal, Name, Type
+from symcheck.syntax.operators import Operator
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
 from symcheck.syntax.traversal import nodes
 from symcheck.syntax.tree_builder import LONGEST_CHAIN
@@ -339,4 +340,6 @@ def test_work_grows_linearly(opening: str, closing: str) -> None:
 
 def test_short_chains_lean_to_the_left() -> None:
     tree = parse_expression("a + b + c")
-    assert tree == ast.Binary("+", ast.Binary("+", Name("a"), Name("b")), Name("c"))
+    assert tree == ast.Binary(
+        Operator.PLUS, ast.Binary(Operator.PLUS, Name("a"), Name("b")), Name("c")
+    )

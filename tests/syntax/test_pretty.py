@@ -16,13 +16,13 @@ from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, PathFormula, Type
 from symcheck.syntax.grammars import grammar_text, load
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
 from symcheck.syntax.printer import pretty, pretty_number
-from symcheck.syntax.tree_builder import FILTERS, FUNCTIONS, LONGEST_CHAIN
+from symcheck.syntax.tree_builder import FILTERS, LONGEST_CHAIN
 from syntax.samples import MODEL, PROPERTIES
 
 NAMES = st.sampled_from(["x", "y", "_z1", "Fx", "floor", "modx", "rew"])
-OPERATORS = ["+", "-", "*", "/", "^", "=", "!=", "<", "<=", ">", ">=", "&", "|", "=>", "<=>"]
 INTEGERS = st.integers(0, 2**40)
 DOUBLES = st.builds(
     lambda n, p: Fraction(n) * Fraction(10) ** p, st.integers(0, 10**6), st.integers(-30, 30)
@@ -38,11 +38,11 @@ ATOMS = st.one_of(LITERALS, NAMES.map(Name))
 def combined(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
     """Expressions of a model over inner ones."""
     return st.one_of(
-        st.builds(Binary, st.sampled_from(OPERATORS), inner, inner),
-        st.builds(ast.Unary, st.sampled_from(["-", "!"]), inner),
+        st.builds(Binary, st.sampled_from(Operator), inner, inner),
+        st.builds(ast.Unary, st.sampled_from(UnaryOperator), inner),
         st.builds(ast.Conditional, inner, inner, inner),
         st.builds(
-            ast.Call, st.sampled_from(FUNCTIONS), st.lists(inner, min_size=1, max_size=3).map(tuple)
+            ast.Call, st.sampled_from(Function), st.lists(inner, min_size=1, max_size=3).map(tuple)
         ),
     )
 
@@ -64,7 +64,8 @@ TIMES = st.one_of(
     st.builds(ast.RewardBounds, st.lists(COUNTS, min_size=2, max_size=3).map(tuple)),
 )
 BOUNDS = st.one_of(
-    st.none(), st.builds(ast.Bound, st.sampled_from(["<", "<=", ">", ">="]), EXPRESSIONS)
+    st.none(),
+    st.builds(ast.Bound, st.sampled_from(["<", "<=", ">", ">="]).map(Operator), EXPRESSIONS),
 )
 DIRECTIONS = st.sampled_from([None, "min", "max", "minmax", "maxmin"])
 
@@ -74,8 +75,10 @@ def temporal(inner: st.SearchStrategy[PathFormula]) -> st.SearchStrategy[PathFor
     return st.one_of(
         *(st.builds(kind, inner, bound) for kind in (ast.Next, ast.Eventually, ast.Globally)),
         *(st.builds(kind, inner, inner, bound) for kind in (ast.Until, ast.WeakUntil, ast.Release)),
-        st.builds(Binary, st.sampled_from(["&", "|", "=>", "<=>", "="]), inner, inner),
-        st.builds(ast.Unary, st.just("!"), inner),
+        st.builds(
+            Binary, st.sampled_from(["&", "|", "=>", "<=>", "="]).map(Operator), inner, inner
+        ),
+        st.builds(ast.Unary, st.just(UnaryOperator.NOT), inner),
         st.builds(ast.Conditional, inner, inner, inner),
     )
 
@@ -242,7 +245,7 @@ def test_long_chains(length: int) -> None:
     assert parse_expression(pretty(tree)) == tree
     leaning: Expression = Name("x")
     for _ in range(min(length, 300)):
-        leaning = Binary("+", leaning, Name("y"))
+        leaning = Binary(Operator.PLUS, leaning, Name("y"))
     assert parse_expression(pretty(leaning)) == leaning
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from symcheck.syntax import ast
 from symcheck.syntax.ast import Binary, Literal, Name, Type
+from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.parse import parse_expression
 from symcheck.syntax.traversal import (
     Tree,
@@ -81,7 +82,7 @@ def test_names() -> None:
 def test_transform_sees_replaced_children() -> None:
     def fold(node: Tree) -> Tree:
         match node:
-            case Binary("+", Literal(int(a), Type.INT), Literal(int(b), Type.INT)):
+            case Binary(Operator.PLUS, Literal(int(a), Type.INT), Literal(int(b), Type.INT)):
                 return Literal(a + b, Type.INT)
             case _:
                 return node
@@ -107,7 +108,7 @@ def test_substitute_at_once() -> None:
 def test_any_depth() -> None:
     tree: ast.Expression = Name("x")
     for _ in range(50_000):
-        tree = ast.Unary("-", tree)
+        tree = ast.Unary(UnaryOperator.MINUS, tree)
     assert names(substitute(tree, {"x": Name("y")})) == {"y"}
     while isinstance(tree, ast.Unary):
         tree = tree.operand

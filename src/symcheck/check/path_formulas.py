@@ -26,6 +26,7 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
+from symcheck.syntax.operators import UnaryOperator
 from symcheck.syntax.traversal import children
 
 __all__ = [
@@ -104,9 +105,9 @@ def is_state_formula(path: PathFormula) -> bool:
     match path:
         case Next() | Eventually() | Globally() | Until() | WeakUntil() | Release():
             return False
-        case Unary("!", operand):
+        case Unary(UnaryOperator.NOT, operand):
             return is_state_formula(operand)
-        case Binary("&" | "|" | "=>" | "<=>", left, right):
+        case Binary(operator, left, right) if operator.is_logical:
             return is_state_formula(left) and is_state_formula(right)
         case Conditional(condition, then, otherwise):
             return all(is_state_formula(p) for p in (condition, then, otherwise))

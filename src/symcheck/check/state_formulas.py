@@ -38,10 +38,9 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
+from symcheck.syntax.operators import Operator, UnaryOperator, connect
 
 __all__ = ["filter_result", "is_plain", "modern_filter", "numbers", "satisfying", "states_of"]
-
-_COMPARISONS = frozenset({"<", "<=", ">", ">=", "=", "!="})
 
 
 def is_plain(expression: Expression) -> bool:
@@ -70,17 +69,11 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
         return context.engine.where(formula)
     here = partial(satisfying, context, matter=matter)
     match formula:
-        case Unary("!", operand):
+        case Unary(UnaryOperator.NOT, operand):
             return ~here(operand)
-        case Binary("&", left, right):
-            return here(left) & here(right)
-        case Binary("|", left, right):
-            return here(left) | here(right)
-        case Binary("=>", left, right):
-            return ~here(left) | here(right)
-        case Binary("<=>", left, right):
-            return _equal(here(left), here(right))
-        case Binary() if formula.operator in _COMPARISONS:
+        case Binary(operator, left, right) if operator.is_logical:
+            return connect(operator, here(left), here(right))
+        case Binary() if formula.operator.is_comparison:
             return _comparison(context, formula, matter)
         case Conditional(condition, then, otherwise):
             chosen = here(condition)
@@ -111,7 +104,7 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
     here = partial(numbers, context, matter=matter)
     context = context.relevant_at(matter)
     match formula:
-        case Unary("-", operand):
+        case Unary(UnaryOperator.MINUS, operand):
             return here(operand).map("-")
         case Binary(operator, left, right):
             return here(left).map(operator, here(right))
@@ -186,10 +179,6 @@ def modern_filter(formula: StateFilter) -> Filter:
     return Filter(operator, formula.formula, formula.states, span=formula.span)
 
 
-def _equal(left: StateSet, right: StateSet) -> StateSet:
-    return (left & right) | ~(left | right)
-
-
 def _reference(context: Context, reference: LabelReference, matter: StateSet) -> StateSet:
     if reference.name == "init":
         return context.engine.initial
@@ -201,14 +190,15 @@ def _reference(context: Context, reference: LabelReference, matter: StateSet) ->
 def _comparison(context: Context, formula: Binary, matter: StateSet) -> StateSet:
     left, right = formula.left, formula.right
     if context.type(left) is Type.BOOL:
-        same = _equal(satisfying(context, left, matter), satisfying(context, right, matter))
-        return same if formula.operator == "=" else ~same
+        both = satisfying(context, left, matter), satisfying(context, right, matter)
+        same = connect(Operator.IFF, *both)
+        return same if formula.operator is Operator.EQ else ~same
     if isinstance(right, Literal):
         threshold = Fraction(right.value)
         return decide(
             context,
             lambda c: numbers(c, left, matter),
-            formula.operator,
+            formula.operator.value,
             threshold,
             matter,
             partial(_exactly, context, formula),
@@ -218,7 +208,7 @@ def _comparison(context: Context, formula: Binary, matter: StateSet) -> StateSet
         return numbers(c, left, matter).map("-", numbers(c, right, matter))
 
     return decide(
-        context, difference, formula.operator, 0, matter, partial(_exactly, context, formula)
+        context, difference, formula.operator.value, 0, matter, partial(_exactly, context, formula)
     )
 
 
@@ -226,7 +216,7 @@ def _bounded_probability(
     context: Context, formula: ProbabilityOperator, matter: StateSet
 ) -> StateSet:
     assert formula.bound is not None
-    operator, threshold = formula.bound.operator, _threshold(formula.bound)
+    operator, threshold = formula.bound.operator.value, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
     path = resolve(formula.path, states_of(context), context.engine)
     context = context.relevant_at(matter)
@@ -245,7 +235,7 @@ def _bounded_probability(
 
 def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet) -> StateSet:
     assert formula.bound is not None
-    operator, threshold = formula.bound.operator, _threshold(formula.bound)
+    operator, threshold = formula.bound.operator.value, _threshold(formula.bound)
     direction = _direction(context, formula, formula.direction, operator)
     reward = reward_of(context, formula)
     context = context.relevant_at(matter)
@@ -262,7 +252,7 @@ def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) ->
     assert formula.bound is not None
     states = states_of(context)(formula.formula)
     context = context.relevant_at(matter)
-    threshold, operator = _threshold(formula.bound), formula.bound.operator
+    threshold, operator = _threshold(formula.bound), formula.bound.operator.value
     direction = _direction(context, formula, formula.direction, operator)
     return decide(
         context,

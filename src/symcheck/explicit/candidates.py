@@ -18,6 +18,7 @@ from symcheck.explicit.compile import compile_expression
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import UnaryOperator
 
 __all__ = ["Forest", "Masks", "conjuncts", "every", "masks", "some"]
 
@@ -89,7 +90,7 @@ def _mask(part: Expression, variables: tuple[Variable, ...], v: int, low: int, h
             return np.asarray(_COMPARE[operator](domain, int(value)))
         case Name():
             return np.asarray(domain == 1)
-        case Unary("!", Name()):
+        case Unary(UnaryOperator.NOT, Name()):
             return np.asarray(domain == 0)
     values, valid = compile_expression(part, variables).run_masked({v: domain})
     return np.asarray(values | ~valid)  # where it has no value, the evaluation in full will say so

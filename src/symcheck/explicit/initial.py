@@ -16,6 +16,7 @@ from symcheck.matrices.rows import Int64s
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.state_faults import no_initial_state
 from symcheck.syntax.ast import Binary, Expression, Literal, Name
+from symcheck.syntax.operators import Operator
 
 __all__ = ["initial_rows"]
 
@@ -113,8 +114,8 @@ def _fixed(variable: Variable, parts: list[Expression]) -> int | None:
     """The value that a conjunct `x=3` gives, if there is one (and it lies in the range)."""
     for part in parts:
         match part:
-            case Binary("=", Name(name), Literal(int(value))) | Binary(
-                "=", Literal(int(value)), Name(name)
+            case Binary(Operator.EQ, Name(name), Literal(int(value))) | Binary(
+                Operator.EQ, Literal(int(value)), Name(name)
             ) if name == variable.name:
                 if (
                     variable.low is None

@@ -18,6 +18,7 @@ from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
+from symcheck.syntax.operators import Operator
 
 __all__ = ["Tables", "tables"]
 
@@ -334,7 +335,7 @@ def total_reward(items: Sequence[BoundReward]) -> Expression:
     """The sum of the items that apply, as one expression of type double."""
     zero: Expression = Literal(Fraction(0), Type.DOUBLE)
     terms: list[Expression] = [Conditional(i.guard, i.value, zero) for i in items]
-    return reduce(lambda a, b: Binary("+", a, b), terms) if terms else zero
+    return reduce(lambda a, b: Binary(Operator.PLUS, a, b), terms) if terms else zero
 
 
 def _ints(values: Sequence[object]) -> NDArray[np.int32]:

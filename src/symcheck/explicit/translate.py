@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import reduce
+from collections.abc import Mapping, Sequence
+from functools import partial, reduce
 from typing import assert_never
 
 from symcheck.errors import UnsupportedError
@@ -31,32 +31,51 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
+from symcheck.syntax.operators import Function, Operator, Signature, UnaryOperator, connect
 
-__all__ = ["Translator", "Value"]
+__all__ = ["ARITHMETIC", "COMPARISONS", "FUNCTIONS", "Translator", "Value"]
 
 Value = tuple[Register, Type]
 
-_ARITHMETIC = {"+": (Op.ADDI, Op.ADDD), "-": (Op.SUBI, Op.SUBD), "*": (Op.MULI, Op.MULD)}
-_EXTREME = {"min": (Op.MINI, Op.MIND), "max": (Op.MAXI, Op.MAXD)}
-_ROUNDING = {"floor": Op.FLOOR, "ceil": Op.CEIL, "round": Op.ROUND}
-# Per comparison: int and double operation, whether the operands change places.
-_COMPARE = {
-    "=": (Op.EQI, Op.EQD, False),
-    "<=>": (Op.EQI, Op.EQD, False),
-    "!=": (Op.NEI, Op.NED, False),
-    "<": (Op.LTI, Op.LTD, False),
-    "<=": (Op.LEI, Op.LED, False),
-    ">": (Op.LTI, Op.LTD, True),
-    ">=": (Op.LEI, Op.LED, True),
+Pair = tuple[Op, Op]
+"""The instructions for ints and for doubles."""
+
+ARITHMETIC: Mapping[Operator, Pair] = {
+    Operator.PLUS: (Op.ADDI, Op.ADDD),
+    Operator.MINUS: (Op.SUBI, Op.SUBD),
+    Operator.TIMES: (Op.MULI, Op.MULD),
+    Operator.DIVIDE: (Op.DIVD, Op.DIVD),
+    Operator.POWER: (Op.POWI, Op.POWD),
 }
-# Per comparison of doubles: the jump where it holds, where it does not (NaN!), whether the operands
-# change places.
+COMPARISONS: Mapping[Operator, Pair] = {
+    Operator.EQ: (Op.EQI, Op.EQD),
+    Operator.NE: (Op.NEI, Op.NED),
+    Operator.LT: (Op.LTI, Op.LTD),
+    Operator.LE: (Op.LEI, Op.LED),
+    # These compare with the operands exchanged.
+    Operator.GT: (Op.LTI, Op.LTD),
+    Operator.GE: (Op.LEI, Op.LED),
+}
+FUNCTIONS: Mapping[Function, Pair] = {
+    Function.MIN: (Op.MINI, Op.MIND),
+    Function.MAX: (Op.MAXI, Op.MAXD),
+    Function.FLOOR: (Op.MOVE, Op.FLOOR),
+    Function.CEIL: (Op.MOVE, Op.CEIL),
+    Function.ROUND: (Op.MOVE, Op.ROUND),
+    Function.POW: (Op.POWI, Op.POWD),
+    Function.MOD: (Op.MODI, Op.MODI),
+    Function.LOG: (Op.LOGD, Op.LOGD),
+}
+# Per comparison of doubles: the jump where it holds, and where it does not (NaN!).
 _JUMP_REAL = {
     Op.EQD: (Op.JEQD, Op.JNED),
     Op.NED: (Op.JNED, Op.JEQD),
     Op.LTD: (Op.JLTD, Op.JNLTD),
     Op.LED: (Op.JLED, Op.JNLED),
 }
+_EXPENSIVE = frozenset({Operator.POWER, Function.POW, Function.LOG})
+_PARTIAL = frozenset({Operator.POWER, Function.POW, Function.MOD})
+"""Operators and functions that have no value for some ints."""
 _CHEAP = 4  # evaluating so many nodes for nothing costs less than a jump
 
 
@@ -81,12 +100,12 @@ class Translator:
                 return asm.constant(int(value)), type
             case Name(name):
                 return self._variables[name]
-            case Unary("!", operand):
+            case Unary(UnaryOperator.NOT, operand):
                 return asm.emit(Op.NOT, self.value(operand)[0]), Type.BOOL
             case Unary(_, operand):
                 register, kind = self.value(operand)
                 return asm.emit(Op.NEGD if kind is Type.DOUBLE else Op.NEGI, register), kind
-            case Binary("&" | "|" | "=>"):
+            case Binary(operator) if operator.is_logical:
                 return self._logical(expression), Type.BOOL
             case Binary():
                 return self._binary(expression)
@@ -129,65 +148,74 @@ class Translator:
         return a[0], b[0], False
 
     def _binary(self, expression: Binary) -> Value:
-        operator = expression.operator
-        if operator in _COMPARE:
+        if expression.operator.is_comparison:
             op, a, b = self._comparison(expression)
             return self.assembler.emit(op, a, b), Type.BOOL
         left, right = self.value(expression.left), self.value(expression.right)
-        if operator == "/":
-            return self.assembler.emit(Op.DIVD, self._real(left), self._real(right)), Type.DOUBLE
-        if operator == "^":
-            return self._power(left, right)
-        a, b, real = self._alike(left, right)
-        return self.assembler.emit(
-            _ARITHMETIC[operator][real], a, b
-        ), Type.DOUBLE if real else Type.INT
+        match expression.operator:
+            case Operator.DIVIDE:
+                return self._emit_real(Op.DIVD, [left, right])
+            case Operator.POWER:
+                return self._power(left, right)
+            case operator:
+                return self._emit(ARITHMETIC[operator], [left, right])
+
+    def _emit(self, ops: Pair, operands: Sequence[Value]) -> Value:
+        """An operation on ints, or on doubles if an operand is one; several operands are combined from the left."""
+        if any(kind is Type.DOUBLE for _, kind in operands):
+            return self._emit_real(ops[1], operands)
+        return reduce(partial(self.assembler.emit, ops[0]), [r for r, _ in operands]), Type.INT
+
+    def _emit_real(self, op: Op, operands: Sequence[Value]) -> Value:
+        registers = [self._real(v) for v in operands]
+        return reduce(partial(self.assembler.emit, op), registers), Type.DOUBLE
 
     def _comparison(self, expression: Binary) -> tuple[Op, Register, Register]:
         a, b, real = self._alike(self.value(expression.left), self.value(expression.right))
-        integer_op, real_op, swapped = _COMPARE[expression.operator]
-        if swapped:
+        integer_op, real_op = COMPARISONS[expression.operator]
+        if expression.operator.is_lower_bound:
             a, b = b, a
         return (real_op if real else integer_op), a, b
 
     def _power(self, base: Value, exponent: Value) -> Value:
         asm = self.assembler
-        if Type.DOUBLE in (base[1], exponent[1]):
-            return asm.emit(Op.POWD, self._real(base), self._real(exponent)), Type.DOUBLE
-        if is_constant(exponent[0]) and asm.bits(exponent[0]) == 2:
+        squared = (
+            exponent[1] is Type.INT and is_constant(exponent[0]) and asm.bits(exponent[0]) == 2
+        )
+        if squared and base[1] is Type.INT:
             return asm.emit(Op.MULI, base[0], base[0]), Type.INT
-        return asm.emit(Op.POWI, base[0], exponent[0]), Type.INT
+        return self._emit(ARITHMETIC[Operator.POWER], [base, exponent])
 
-    def _call(self, function: str, values: list[Value]) -> Value:
-        asm = self.assembler
-        if function in _EXTREME:
-            if any(kind is Type.DOUBLE for _, kind in values):
-                return reduce(
-                    lambda a, b: asm.emit(_EXTREME[function][1], a, b),
-                    [self._real(v) for v in values],
-                ), Type.DOUBLE
-            return reduce(
-                lambda a, b: asm.emit(_EXTREME[function][0], a, b), [r for r, _ in values]
-            ), Type.INT
-        if function in _ROUNDING:
-            register, kind = values[0]
-            return (
-                asm.emit(_ROUNDING[function], register) if kind is Type.DOUBLE else register
-            ), Type.INT
-        if function == "pow":
-            return self._power(values[0], values[1])
-        if function == "mod":
-            return asm.emit(Op.MODI, values[0][0], values[1][0]), Type.INT
-        assert function == "log", function
-        return asm.emit(Op.LOGD, self._real(values[0]), self._real(values[1])), Type.DOUBLE
+    def _call(self, function: Function, values: list[Value]) -> Value:
+        ops = FUNCTIONS[function]
+        match function:
+            case Function.MIN | Function.MAX:
+                return self._emit(ops, values)
+            case Function.POW:
+                return self._power(*values)
+            case Function.FLOOR | Function.CEIL | Function.ROUND:
+                register, kind = values[0]
+                real = kind is Type.DOUBLE
+                return (self.assembler.emit(ops[1], register) if real else register), Type.INT
+            case Function.MOD:
+                return self.assembler.emit(ops[0], values[0][0], values[1][0]), Type.INT
+            case Function.LOG:
+                return self._emit_real(ops[1], values)
+            case _:
+                assert_never(function)
 
     def _logical(self, expression: Binary) -> Register:
-        asm = self.assembler
-        if self.cost(expression.right) <= _CHEAP and self.total(expression.right):
-            left, right = self.value(expression.left)[0], self.value(expression.right)[0]
-            if expression.operator == "=>":
-                left = asm.emit(Op.NOT, left)
-            return asm.emit(Op.AND if expression.operator == "&" else Op.OR, left, right)
+        asm, operator = self.assembler, expression.operator
+        both = operator.decided(True) is None and operator.decided(False) is None
+        if both or (self.cost(expression.right) <= _CHEAP and self.total(expression.right)):
+            return connect(
+                operator,
+                self.value(expression.left)[0],
+                self.value(expression.right)[0],
+                conjunction=partial(asm.emit, Op.AND),
+                disjunction=partial(asm.emit, Op.OR),
+                negation=partial(asm.emit, Op.NOT),
+            )
         return self._branch(
             expression, (asm.constant(True), Type.BOOL), (asm.constant(False), Type.BOOL)
         )
@@ -240,15 +268,12 @@ class Translator:
             case Literal(value, _):
                 if bool(value) is sense:
                     asm.jump(Op.JUMP, label)
-            case Unary("!", operand):
+            case Unary(UnaryOperator.NOT, operand):
                 self.jump(operand, not sense, label)
-            case Binary("&", left, right):
-                self._jump_both(left, True, right, True, sense, label)
-            case Binary("|", left, right):
-                self._jump_both(left, False, right, False, not sense, label)
-            case Binary("=>", left, right):
-                self._jump_both(left, True, right, False, not sense, label)
-            case Binary(operator) if operator in _COMPARE:
+            case Binary(operator, left, right) if (row := operator.distinguished) is not None:
+                a, b, value = row
+                self._jump_both(left, a, right, b, sense is value, label)
+            case Binary(operator) if operator.is_comparison:
                 self._jump_compare(condition, sense, label)
             case _:
                 asm.jump(Op.JTRUE if sense else Op.JFALSE, label, self.value(condition)[0])
@@ -288,17 +313,25 @@ class Translator:
                 return type
             case Name(name):
                 return self._variables[name][1]
-            case Unary("!", _):
+            case Unary(UnaryOperator.NOT, _):
                 return Type.BOOL
             case Unary(_, operand):
                 return self.type_of(operand)
-            case Binary("/", _, _) | Call("log", _):
-                return Type.DOUBLE
-            case Binary("+" | "-" | "*" | "^", left, right):
-                return self._join(left, right)
+            case Binary(operator, left, right):
+                match operator.signature:
+                    case Signature.LOGICAL | Signature.EQUALITY | Signature.ORDER:
+                        return Type.BOOL
+                    case Signature.ARITHMETIC:
+                        return self._join(left, right)
+                    case Signature.DIVISION:
+                        return Type.DOUBLE
+                    case _:
+                        assert_never(operator.signature)
             case Conditional(_, then, otherwise):
                 return self._join(then, otherwise)
-            case Call("min" | "max" | "pow", arguments):
+            case Call(Function.LOG, _):
+                return Type.DOUBLE
+            case Call(Function.MIN | Function.MAX | Function.POW, arguments):
                 return self._join(*arguments)
             case Call():
                 return Type.INT
@@ -314,13 +347,13 @@ class Translator:
         leave 64 bits).
         """
         match expression:
-            case Binary("*", left, right):
+            case Binary(Operator.TIMES, left, right):
                 return (
                     self._join(left, right) is Type.DOUBLE
                     and self.total(left)
                     and self.total(right)
                 )
-            case Binary("^", _, _) | Call("mod" | "pow", _):
+            case Binary(operator) | Call(operator) if operator in _PARTIAL:
                 return False
             case Binary(_, left, right):
                 return self.total(left) and self.total(right)
@@ -328,7 +361,7 @@ class Translator:
                 return self.total(operand)
             case Conditional(condition, then, otherwise):
                 return self.total(condition) and self.total(then) and self.total(otherwise)
-            case Call("floor" | "ceil" | "round", (argument,)):
+            case Call(Function.FLOOR | Function.CEIL | Function.ROUND, (argument,)):
                 return self.type_of(argument) is Type.INT and self.total(argument)
             case Call(_, arguments):
                 return all(self.total(a) for a in arguments)
@@ -345,11 +378,11 @@ class Translator:
             case Unary(_, operand):
                 return self.cost(operand) + 1
             case Binary(operator, left, right):
-                return self.cost(left) + self.cost(right) + (20 if operator == "^" else 1)
+                return self.cost(left) + self.cost(right) + (20 if operator in _EXPENSIVE else 1)
             case Conditional(condition, then, otherwise):
                 return self.cost(condition) + self.cost(then) + self.cost(otherwise) + 2
             case Call(function, arguments):
-                return sum(map(self.cost, arguments)) + (20 if function in ("pow", "log") else 2)
+                return sum(map(self.cost, arguments)) + (20 if function in _EXPENSIVE else 2)
             case _:
                 return 1
 

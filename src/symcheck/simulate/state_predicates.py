@@ -26,6 +26,7 @@ from symcheck.syntax.ast import (
     SteadyState,
     Unary,
 )
+from symcheck.syntax.operators import Operator, UnaryOperator, connect
 from symcheck.syntax.traversal import nodes
 
 __all__ = ["StatePredicate", "compile_predicate", "conjunction", "negation"]
@@ -46,12 +47,12 @@ StatePredicate = Callable[[Rows, Bools], Bools]
 
 def negation(formula: Expression) -> Expression:
     """The formula `!formula`."""
-    return Unary("!", formula)
+    return Unary(UnaryOperator.NOT, formula)
 
 
 def conjunction(left: Expression, right: Expression) -> Expression:
     """The formula `left & right`."""
-    return Binary("&", left, right)
+    return Binary(Operator.AND, left, right)
 
 
 def compile_predicate(
@@ -84,11 +85,11 @@ def compile_predicate(
                     )
                 )
             return compile_predicate(labels[name], model, layout, labels)
-        case Unary("!", operand):
+        case Unary(UnaryOperator.NOT, operand):
             inner = compile_predicate(operand, model, layout, labels)
             return lambda rows, deadlocks: ~inner(rows, deadlocks)
-        case Binary("&" | "|" | "=>" | "<=>" as operator, left, right):
-            return _binary(
+        case Binary(operator, left, right) if operator.is_logical:
+            return _connect(
                 operator,
                 compile_predicate(left, model, layout, labels),
                 compile_predicate(right, model, layout, labels),
@@ -112,16 +113,8 @@ def _compile_expression(formula: Expression, model: BoundModel, layout: Layout) 
     return lambda rows, _: np.asarray(code.run_packed(layout, rows), np.bool_)
 
 
-def _binary(operator: str, left: StatePredicate, right: StatePredicate) -> StatePredicate:
-    match operator:
-        case "&":
-            return lambda c, d: left(c, d) & right(c, d)
-        case "|":
-            return lambda c, d: left(c, d) | right(c, d)
-        case "=>":
-            return lambda c, d: ~left(c, d) | right(c, d)
-        case _:
-            return lambda c, d: np.asarray(left(c, d) == right(c, d))
+def _connect(operator: Operator, left: StatePredicate, right: StatePredicate) -> StatePredicate:
+    return lambda rows, deadlocks: connect(operator, left(rows, deadlocks), right(rows, deadlocks))
 
 
 def _initial(model: BoundModel, layout: Layout) -> StatePredicate:

@@ -13,6 +13,7 @@ from fractions import Fraction
 from typing import Literal as Choice
 
 from symcheck.errors import NO_SPAN, Span
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
 __all__ = [
     "Binary",
@@ -98,15 +99,15 @@ class Name(Node):
 class Unary(Node):
     """`-x` or `!x`."""
 
-    operator: Choice["-", "!"]
+    operator: UnaryOperator
     operand: Expression
 
 
 @dataclass(frozen=True, slots=True)
 class Binary(Node):
-    """`x op y`; op is one of + - * / ^ = != < <= > >= & | => <=> (`^` is power)."""
+    """`x op y`."""
 
-    operator: str
+    operator: Operator
     left: Expression
     right: Expression
 
@@ -122,9 +123,9 @@ class Conditional(Node):
 
 @dataclass(frozen=True, slots=True)
 class Call(Node):
-    """`min max floor ceil round pow mod log` applied to arguments (`func(min, x, y)` reads the same)."""
+    """A function applied to arguments (`func(min, x, y)` reads the same)."""
 
-    function: str
+    function: Function
     arguments: tuple[Expression, ...]
 
 
@@ -144,7 +145,7 @@ DirectionWord = Choice["min", "max", "minmax", "maxmin"]
 class Bound(Node):
     """`>= 0.5`: a comparison (one of < <= > >=) with a threshold."""
 
-    operator: str
+    operator: Operator
     threshold: Expression
 
 

@@ -9,8 +9,8 @@ from lark import Token
 
 from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax.grammars import Language
+from symcheck.syntax.operators import FUNCTION_BY_NAME
 from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
-from symcheck.syntax.tree_builder import FUNCTIONS
 
 __all__ = ["diagnose"]
 
@@ -482,7 +482,7 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
             f"there is no function '{last}'",
             named,
             "function",
-            f"the functions are {', '.join(FUNCTIONS)}",
+            f"the functions are {', '.join(FUNCTION_BY_NAME)}",
         )
     if (
         found.isidentifier()

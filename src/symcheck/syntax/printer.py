@@ -7,13 +7,15 @@ from typing import assert_never
 
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
+from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.traversal import Tree
-from symcheck.syntax.tree_builder import LONGEST_CHAIN, PRECEDENCE, PRECEDENCE_OF_NOT
+from symcheck.syntax.tree_builder import LONGEST_CHAIN
 
 __all__ = ["pretty", "pretty_number"]
 
 # How tightly an operator binds; its operands must bind as tightly or more.
-_PATH, _TEMPORAL, _CONDITIONAL, _SIGN, _ATOM = 0, 1, 2, 13, 14
+_PATH, _TEMPORAL, _CONDITIONAL = -2, -1, 0
+_ATOM = 100
 
 Printable = Tree | decl.Program | decl.PropertiesFile | decl.Property | decl.Composition
 
@@ -73,7 +75,7 @@ def _text(node: Tree) -> tuple[str, int]:
     """The text of a node and how tightly it binds."""
     match node:
         case ast.Binary():
-            return _binary(node), PRECEDENCE[node.operator]
+            return _binary(node), node.operator.precedence
         case ast.Literal(value=value):
             return _literal(value)
         case ast.Name(name=name):
@@ -81,8 +83,7 @@ def _text(node: Tree) -> tuple[str, int]:
         case ast.LabelReference(name=name):
             return f'"{name}"', _ATOM
         case ast.Unary(operator=operator, operand=operand):
-            level = PRECEDENCE_OF_NOT if operator == "!" else _SIGN
-            return operator + _tree(operand, level), level
+            return operator + _tree(operand, operator.precedence), operator.precedence
         case ast.Conditional(condition=condition, then=then, otherwise=otherwise):
             inner = _CONDITIONAL + 1
             return (
@@ -136,26 +137,30 @@ def _literal(value: bool | int | Fraction) -> tuple[str, int]:
     if isinstance(value, bool):
         return ("true" if value else "false"), _ATOM
     if value < 0:
-        return "-" + _literal(-value)[0], _SIGN
+        return "-" + _literal(-value)[0], UnaryOperator.MINUS.precedence
     return (str(value) if isinstance(value, int) else pretty_number(value)), _ATOM
 
 
 def _binary(node: ast.Binary) -> str:
     """An operation with all that hangs on its left at the same level, so that long chains need no recursion."""
-    operator, strength = node.operator, PRECEDENCE[node.operator]
-    if operator == "=>":
+    operator, strength = node.operator, node.operator.precedence
+    if operator is Operator.IMPLIES:
         return _implications(node, strength)
     spine = [node]
-    while isinstance(node.left, ast.Binary) and PRECEDENCE[node.left.operator] == strength:
+    while isinstance(node.left, ast.Binary) and node.left.operator.precedence == strength:
         node = node.left
         spine.append(node)
     text = _tree(spine[-1].left, strength)
     length = 1
     for part in reversed(spine):
         # The parser balances longer chains of these; parentheses keep the tree as it is.
-        if length >= LONGEST_CHAIN and operator in "&|+*":
+        if length >= LONGEST_CHAIN and operator.is_associative:
             text, length = f"({text})", 1
-        space = "" if strength >= PRECEDENCE["="] and strength != PRECEDENCE["+"] else " "
+        space = (
+            ""
+            if strength >= Operator.EQ.precedence and strength != Operator.PLUS.precedence
+            else " "
+        )
         text += _glued(f"{space}{part.operator}", space + _tree(part.right, strength + 1))
         length += 1
     return text
@@ -165,7 +170,7 @@ def _implications(node: ast.Binary, strength: int) -> str:
     """The same for =>, which associates to the right."""
     parts: list[str] = []
     rest: Tree = node
-    while isinstance(rest, ast.Binary) and rest.operator == "=>":
+    while isinstance(rest, ast.Binary) and rest.operator is Operator.IMPLIES:
         parts.append(_tree(rest.left, strength + 1))
         rest = rest.right
     return " => ".join((*parts, _tree(rest, strength)))
@@ -220,7 +225,7 @@ def _limit(bound: ast.Bound | ast.PathBound) -> str:
     """`<=k` and its kin. What is no plain number or name gets parentheses."""
     match bound:
         case ast.Bound(operator=operator, threshold=threshold):
-            return _glued(operator, _tree(threshold, PRECEDENCE["+"]))
+            return _glued(operator, _tree(threshold, Operator.PLUS.precedence))
         case ast.RewardBound():
             return f"^{{{_count(bound)}}}"
         case ast.RewardBounds(parts=parts):

@@ -17,21 +17,23 @@ from symcheck.errors import NO_SPAN, Diagnostic, Source, Span
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
 from symcheck.syntax.ast import Expression
+from symcheck.syntax.operators import (
+    FUNCTION_BY_NAME,
+    OPERATOR_BY_TOKEN,
+    Function,
+    Operator,
+    UnaryOperator,
+)
 from symcheck.syntax.traversal import Tree, children
 
 __all__ = [
     "FILTERS",
-    "FUNCTIONS",
     "LONGEST_CHAIN",
     "MAX_NESTING",
-    "PRECEDENCE",
-    "PRECEDENCE_OF_NOT",
     "Builder",
     "ModelBuilder",
     "PropertiesBuilder",
 ]
-
-FUNCTIONS = ("min", "max", "floor", "ceil", "round", "pow", "mod", "log")
 
 FILTERS = (
     "min",
@@ -51,27 +53,7 @@ FILTERS = (
 )
 _FILTER_SIGNS = {"+": "sum", "&": "forall", "|": "exists"}
 
-PRECEDENCE = {
-    "=>": 3,
-    "<=>": 4,
-    "|": 5,
-    "&": 6,
-    "=": 8,
-    "!=": 8,
-    "<": 9,
-    "<=": 9,
-    ">": 9,
-    ">=": 9,
-    "+": 10,
-    "-": 10,
-    "*": 11,
-    "/": 11,
-    "^": 12,
-}
-"""How tightly each binary operator binds. Only `=>` associates to the right."""
-PRECEDENCE_OF_NOT = 7
-_RIGHT_ASSOCIATIVE = frozenset({"=>"})
-_ASSOCIATIVE = frozenset("&|+*")
+_ASSOCIATIVE = frozenset(o for o in Operator if o.is_associative)
 
 LONGEST_CHAIN = 64
 """Longer chains of one of & | + * become balanced trees, because these operators are associative: generated labels with
@@ -216,16 +198,16 @@ class Builder:
         sign, operand = values
         if self._is_open_negation(operand):
             self._misplaced_negation(operand, sign.value)
-        return ast.Unary("-", operand, span=self._span(values))
+        return ast.Unary(UnaryOperator.MINUS, operand, span=self._span(values))
 
     def negation(self, values: Values) -> ast.Unary:
-        return ast.Unary("!", values[1], span=self._span(values))
+        return ast.Unary(UnaryOperator.NOT, values[1], span=self._span(values))
 
     def _is_open_negation(self, operand: Any) -> bool:
         """Whether this is `!x` without parentheses around it, so that operators may bind x more tightly."""
         return (
             type(operand) is ast.Unary
-            and operand.operator == "!"
+            and operand.operator is UnaryOperator.NOT
             and id(operand) not in self._outer
         )
 
@@ -237,9 +219,9 @@ class Builder:
     def chain(self, values: Values) -> Chain:
         left, operator, right = values
         if type(left) is list:
-            left += (operator.value, right)
+            left += (OPERATOR_BY_TOKEN[operator.value], right)
             return left
-        return [left, operator.value, right]
+        return [left, OPERATOR_BY_TOKEN[operator.value], right]
 
     def operation(self, values: Values) -> Any:
         return self._resolved(values[0])
@@ -255,30 +237,32 @@ class Builder:
             return chain
         operands: list[tuple[Any, int, int]] = []
         waiting: list[
-            tuple[int, str, int, int]
+            tuple[int, Operator | UnaryOperator, int, int]
         ] = []  # precedence, operator, operands, start of a negation
         last = len(chain) - 1
         for i in range(0, last + 1, 2):
             operand = chain[i]
             if i:
                 operator = chain[i - 1]
-                strength = PRECEDENCE[operator]
+                strength = operator.precedence
                 count = 2
                 while waiting and waiting[-1][0] >= strength:
                     if waiting[-1][0] == strength:
-                        if operator in _RIGHT_ASSOCIATIVE:
+                        if operator is Operator.IMPLIES:
                             break
-                        if operator in _ASSOCIATIVE and waiting[-1][1] == operator:
+                        if operator in _ASSOCIATIVE and waiting[-1][1] is operator:
                             count = waiting.pop()[2] + 1
                             break
                     self._apply(operands, *waiting.pop())
                 waiting.append((strength, operator, count, 0))
-                if strength > PRECEDENCE_OF_NOT and self._is_open_negation(operand):
+                if strength > UnaryOperator.NOT.precedence and self._is_open_negation(operand):
                     self._misplaced_negation(operand, operator)
             end = self._end(operand)
-            if i < last and PRECEDENCE[chain[i + 1]] > PRECEDENCE_OF_NOT:
+            if i < last and chain[i + 1].precedence > UnaryOperator.NOT.precedence:
                 while self._is_open_negation(operand):
-                    waiting.append((PRECEDENCE_OF_NOT, "!", 1, operand.span.start))
+                    waiting.append(
+                        (UnaryOperator.NOT.precedence, UnaryOperator.NOT, 1, operand.span.start)
+                    )
                     operand = operand.operand
             operands.append((operand, self._start(operand), end))
         while waiting:
@@ -286,12 +270,17 @@ class Builder:
         return operands[0][0]
 
     def _apply(
-        self, operands: list[tuple[Any, int, int]], _: int, operator: str, count: int, at: int
+        self,
+        operands: list[tuple[Any, int, int]],
+        _: int,
+        operator: Operator | UnaryOperator,
+        count: int,
+        at: int,
     ) -> None:
         """Replace the last operands by the operator applied to them."""
         right, start, end = operands.pop()
-        if operator == "!":
-            node: Any = ast.Unary("!", right, span=Span(self.source, at, end))
+        if isinstance(operator, UnaryOperator):
+            node: Any = ast.Unary(UnaryOperator.NOT, right, span=Span(self.source, at, end))
             operands.append((node, at, end))
         elif count == 2:
             left, start, _ = operands.pop()
@@ -312,7 +301,7 @@ class Builder:
             operands.append(parts[0])
 
     def _joined(
-        self, operator: str, a: tuple[Any, int, int], b: tuple[Any, int, int]
+        self, operator: Operator, a: tuple[Any, int, int], b: tuple[Any, int, int]
     ) -> tuple[Any, int, int]:
         span = Span(self.source, a[1], b[2])
         return ast.Binary(operator, a[0], b[0], span=span), a[1], b[2]
@@ -328,10 +317,12 @@ class Builder:
 
     def call(self, values: Values) -> ast.Call:
         function = values[0 if len(values) == 4 else 2].value
-        if function not in FUNCTIONS:
-            hint = f"the functions are {', '.join(FUNCTIONS)}"
+        if function not in FUNCTION_BY_NAME:
+            hint = f"the functions are {', '.join(FUNCTION_BY_NAME)}"
             self._wrong(f"there is no function '{function}'", self._words(values), "function", hint)
-        return ast.Call(function, values[-2], span=self._words(values))
+        return ast.Call(
+            FUNCTION_BY_NAME.get(function, Function.MIN), values[-2], span=self._words(values)
+        )
 
     # -------------------------------------------------------------------------------------------- constants, formulas, labels
 
@@ -510,7 +501,7 @@ class PropertiesBuilder(Builder):
         start, end = self._start(name or formula), self._end(formula)
         word = _LAST_WORD.search(text, max(start, end - _LONGEST_WORD), end)
         if word and _OPENING.match(text, end):
-            hint = f"the functions are {', '.join(FUNCTIONS)}"
+            hint = f"the functions are {', '.join(FUNCTION_BY_NAME)}"
             span = Span(self.source, word.start(), end)
             self._wrong(f"there is no function '{word[0]}'", span, "function", hint)
         span = Span(self.source, start, end)
@@ -567,7 +558,7 @@ class PropertiesBuilder(Builder):
         return None
 
     def threshold(self, values: Values) -> ast.Bound:
-        return ast.Bound(values[0].value, values[1], span=self._span(values))
+        return ast.Bound(OPERATOR_BY_TOKEN[values[0].value], values[1], span=self._span(values))
 
     def probability(self, values: Values) -> Expression:
         _, direction, bound, _, path, old, _ = values

@@ -29,6 +29,7 @@ from symcheck.syntax.ast import (
     StateFilter,
     Unary,
 )
+from symcheck.syntax.operators import UnaryOperator
 from symcheck.syntax.printer import pretty
 from symcheck.syntax.traversal import children, names
 
@@ -138,10 +139,10 @@ def _condition(context: Context, formula: Expression) -> Expression | None:
             return None
         case LabelReference():
             return _condition(context.inside(formula), context.referred(formula))
-        case Unary("!", operand):
+        case Unary(UnaryOperator.NOT, operand):
             inner = _condition(context, operand)
             return None if inner is None else replace(formula, operand=inner)
-        case Binary("&" | "|" | "=>" | "<=>", left, right):
+        case Binary(operator, left, right) if operator.is_logical:
             one, other = _condition(context, left), _condition(context, right)
             return None if one is None or other is None else replace(formula, left=one, right=other)
         case _:

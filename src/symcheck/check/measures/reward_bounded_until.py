@@ -29,6 +29,7 @@ from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundReward
 from symcheck.semantics.rewards import Reward, Steps, reward_items
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
+from symcheck.syntax.operators import Operator
 
 if TYPE_CHECKING:
     from symcheck.numerics.reward_bounds.epoch_system import Epochs
@@ -171,12 +172,14 @@ def _uneven(context: Context, items: Sequence[BoundReward]) -> StateSet:
             Conditional(i.guard, i.value, zero) for i in items if i.action == event.action
         )
         guards = [reduce(_or, [c.guard for c in part]) for part in event.participants]
-        groups.setdefault(terms, []).append(reduce(lambda a, b: Binary("&", a, b), guards))
+        groups.setdefault(terms, []).append(reduce(lambda a, b: Binary(Operator.AND, a, b), guards))
     known: list[tuple[StateSet, Values]] = []
     found = engine.none
     for terms, guards in groups.items():
         where = engine.where(reduce(_or, guards))
-        values = engine.values(reduce(lambda a, b: Binary("+", a, b), terms, zero), Type.DOUBLE)
+        values = engine.values(
+            reduce(lambda a, b: Binary(Operator.PLUS, a, b), terms, zero), Type.DOUBLE
+        )
         for other, rewards in known:
             if where & other:
                 equal, _ = values.map("-", rewards).compare("=", 0)
@@ -186,7 +189,7 @@ def _uneven(context: Context, items: Sequence[BoundReward]) -> StateSet:
 
 
 def _or(a: Expression, b: Expression) -> Expression:
-    return Binary("|", a, b)
+    return Binary(Operator.OR, a, b)
 
 
 def _problem(

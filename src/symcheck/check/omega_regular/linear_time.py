@@ -22,6 +22,7 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
+from symcheck.syntax.operators import UnaryOperator, connect
 
 __all__ = ["read"]
 
@@ -43,16 +44,17 @@ def read(
     if path in atoms:
         return atoms[path]  # type: ignore[index]
     match path:
-        case Unary("!", operand):
+        case Unary(UnaryOperator.NOT, operand):
             return factory.negation(inner(operand))
-        case Binary("&", left, right):
-            return factory.conjunction((inner(left), inner(right)))
-        case Binary("|", left, right):
-            return factory.disjunction((inner(left), inner(right)))
-        case Binary("=>", left, right):
-            return factory.disjunction((factory.negation(inner(left)), inner(right)))
-        case Binary("<=>", left, right):
-            return _choice(factory, inner(left), inner(right), factory.negation(inner(right)))
+        case Binary(operator, left, right) if operator.is_logical:
+            return connect(
+                operator,
+                inner(left),
+                inner(right),
+                conjunction=lambda a, b: factory.conjunction((a, b)),
+                disjunction=lambda a, b: factory.disjunction((a, b)),
+                negation=factory.negation,
+            )
         case Conditional(condition, then, otherwise):
             return _choice(factory, inner(condition), inner(then), inner(otherwise))
         case Next(operand, bound):

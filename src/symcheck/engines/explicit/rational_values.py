@@ -16,6 +16,7 @@ from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.syntax.ast import Binary, Call, Name
+from symcheck.syntax.operators import FUNCTION_BY_NAME, Operator
 
 __all__ = ["RationalValues"]
 
@@ -116,7 +117,11 @@ def _function(operator: str) -> Callable[..., Rational]:
 
     def apply(*values: Rational) -> Rational:
         names = tuple(Name(f"x{i}") for i in range(len(values)))
-        node = Binary(operator, *names) if operator == "^" else Call(operator, names)
+        node = (
+            Binary(Operator.POWER, *names)
+            if operator == "^"
+            else Call(FUNCTION_BY_NAME[operator], names)
+        )
         result = evaluate(node, {n.name: v for n, v in zip(names, values, strict=True)}, exact=True)
         return Fraction(result) if isinstance(result, int) else result
 

@@ -18,7 +18,8 @@ Semantics, where it is not obvious:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import operator as op
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import assert_never
 
@@ -46,11 +47,17 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
-__all__ = ["INT_MAX", "INT_MIN", "evaluate", "is_int64"]
+__all__ = ["BINARY", "FUNCTIONS", "INT_MAX", "INT_MIN", "evaluate", "is_int64"]
 
 INT_MIN, INT_MAX = -(2**63), 2**63 - 1
 _EXPONENT_LIMIT = 1 << 20
+
+Meaning = Callable[[Value, Value, bool, Node], Value]
+"""An operator: two values, whether arithmetic is exact, and the node, for error messages."""
+
+FunctionMeaning = Callable[[Sequence[Value], bool, Node], Value]
 
 
 def evaluate(
@@ -74,24 +81,24 @@ def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: boo
             return (
                 convert(given, Type.DOUBLE, exact) if isinstance(given, float | Fraction) else given
             )
-        case Unary("!", operand):
+        case Unary(UnaryOperator.NOT, operand):
             return not _evaluate(operand, valuation, exact)
         case Unary(_, operand):
             return _checked(-_evaluate(operand, valuation, exact), expression)
-        case Binary("&" | "|" | "=>" as operator, left, right):
-            decided = {"&": False, "|": True, "=>": False}[operator]
-            if _evaluate(left, valuation, exact) is decided:
-                return operator != "&"
-            return _evaluate(right, valuation, exact)
+        case Binary(operator, left, right) if operator.is_logical:
+            first = bool(_evaluate(left, valuation, exact))
+            decided = operator.decided(first)
+            if decided is not None:
+                return decided
+            return operator.apply(first, bool(_evaluate(right, valuation, exact)))
         case Binary(operator, left, right):
             a, b = _evaluate(left, valuation, exact), _evaluate(right, valuation, exact)
-            return _binary(operator, a, b, exact, expression)
+            return BINARY[operator](a, b, exact, expression)
         case Conditional():
             return _conditional(expression, valuation, exact)
         case Call(function, arguments):
-            return _call(
-                function, [_evaluate(a, valuation, exact) for a in arguments], exact, expression
-            )
+            values = [_evaluate(a, valuation, exact) for a in arguments]
+            return FUNCTIONS[function](values, exact, expression)
         case (
             LabelReference()
             | ProbabilityOperator()
@@ -131,70 +138,40 @@ def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact:
     return value
 
 
-def _binary(operator: str, a: Value, b: Value, exact: bool, node: Node) -> Value:
-    match operator:
-        case "=" | "<=>":
-            return _compare(operator, a, b, exact)
-        case "!=" | "<" | "<=" | ">" | ">=":
-            return _compare(operator, a, b, exact)
-        case "+" | "-" | "*":
-            return _arithmetic(operator, a, b, exact, node)
-        case "/":
-            return _divide(convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact))
-        case "^":
-            return _power(a, b, exact, node)
-        case _:
-            raise AssertionError(f"unknown operator {operator}")
-
-
 def _both_int(a: Value, b: Value) -> bool:
     return isinstance(a, int) and isinstance(b, int)
 
 
-def _compare(operator: str, a: Value, b: Value, exact: bool) -> bool:
-    if not _both_int(a, b):
+def _comparison(compare: Callable[[Value, Value], bool]) -> Meaning:
+    def apply(a: Value, b: Value, exact: bool, node: Node) -> bool:  # noqa: ARG001
+        if not _both_int(a, b):
+            a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
+        return compare(a, b)
+
+    return apply
+
+
+def _arithmetic(operation: Callable[[Value, Value], Value]) -> Meaning:
+    def apply(a: Value, b: Value, exact: bool, node: Node) -> Value:
+        if _both_int(a, b):
+            return _checked(operation(a, b), node)
         a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
-    match operator:
-        case "=" | "<=>":
-            return a == b
-        case "!=":
-            return a != b
-        case "<":
-            return a < b
-        case "<=":
-            return a <= b
-        case ">":
-            return a > b
-        case _:
-            return a >= b
+        if isinstance(a, Fraction) and isinstance(b, Fraction):
+            return operation(a, b)
+        # In exact arithmetic one of them is infinite or NaN: the other counts by its sign only.
+        return operation(_sign_if_exact(a), _sign_if_exact(b))
 
-
-_OPERATIONS: dict[str, Callable[[Value, Value], Value]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
-}
-
-
-def _arithmetic(operator: str, a: Value, b: Value, exact: bool, node: Node) -> Value:
-    operation = _OPERATIONS[operator]
-    if _both_int(a, b):
-        return _checked(operation(a, b), node)
-    a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
-    if isinstance(a, Fraction) and isinstance(b, Fraction):
-        return operation(a, b)
-    # In exact arithmetic one of them is infinite or NaN: the other counts by its sign only.
-    return operation(_sign_if_exact(a), _sign_if_exact(b))
+    return apply
 
 
 def _sign_if_exact(value: Value) -> float:
     return float((value > 0) - (value < 0)) if isinstance(value, Fraction) else float(value)
 
 
-def _divide(a: Value, b: Value) -> Value:
+def _divide(a: Value, b: Value, exact: bool, node: Node) -> Value:  # noqa: ARG001
+    a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
     if isinstance(a, Fraction) and isinstance(b, Fraction) and b != 0:
         return a / b
-    exact = isinstance(a, Fraction) or isinstance(b, Fraction)
     x, y = _sign_if_exact(a), _sign_if_exact(b)
     if y != 0:
         quotient = x / y
@@ -319,46 +296,77 @@ def _ln(x: Fraction) -> float:
 # ------------------------------------------------------------------------------------------------ functions
 
 
-def _call(function: str, values: list[Value], exact: bool, node: Node) -> Value:
-    match function, values:
-        case (("min" | "max"), _):
-            return _extreme(function, values, exact)
-        case (("floor" | "ceil" | "round"), [x]):
-            return _to_int(function, x, exact, node)
-        case "pow", [x, y]:
-            return _power(x, y, exact, node)
-        case "mod", [int(i), int(j)]:
-            return _modulo(i, j, node)
-        case "log", [x, y]:
-            return _logarithm(x, y, exact, node)
-        case _:
-            raise AssertionError(f"unknown function {function} of {len(values)} arguments")
+def _extreme(better: Callable[[Value, Value], bool]) -> FunctionMeaning:
+    """The least or greatest of the values; NaN is kept, because nothing compares with it."""
+
+    def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:  # noqa: ARG001
+        if not all(isinstance(v, int) for v in values):
+            values = [convert(v, Type.DOUBLE, exact) for v in values]
+        best = values[0]
+        for value in values[1:]:
+            if value != value or better(value, best):
+                best = value
+        return best
+
+    return apply
 
 
-def _extreme(function: str, values: list[Value], exact: bool) -> Value:
-    if not all(isinstance(v, int) for v in values):
-        values = [convert(v, Type.DOUBLE, exact) for v in values]
-    best = values[0]
-    for value in values[1:]:
-        if value != value or (value < best if function == "min" else value > best):
-            best = value  # NaN is kept: nothing compares with it
-    return best
+def _rounding(function: Function, rounded: Callable[[float | Fraction], int]) -> FunctionMeaning:
+    def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:  # noqa: ARG001
+        (x,) = values
+        if isinstance(x, int):
+            return x
+        if isinstance(x, float) and not math.isfinite(x):
+            raise _fault(node, "not-integer", f"{function} of {format_value(x)} is not an integer")
+        return _checked(rounded(x), node)
+
+    return apply
 
 
-def _to_int(function: str, x: Value, exact: bool, node: Node) -> Value:
-    if isinstance(x, int):
-        return x
-    if isinstance(x, float) and not math.isfinite(x):
-        raise _fault(node, "not-integer", f"{function} of {format_value(x)} is not an integer")
-    if function == "ceil":
-        return _checked(math.ceil(x), node)
-    return _checked(
-        math.floor(x if function == "floor" else x + (Fraction(1, 2) if exact else 0.5)), node
-    )
+def _round(x: float | Fraction) -> int:
+    return math.floor(x + (Fraction(1, 2) if isinstance(x, Fraction) else 0.5))
 
 
-def _modulo(i: int, j: int, node: Node) -> Value:
+def _modulo(i: Value, j: Value, exact: bool, node: Node) -> Value:  # noqa: ARG001
+    assert isinstance(i, int)
+    assert isinstance(j, int)
     if j == 0:
         raise _fault(node, "mod-zero", f"mod({i}, 0) has no value")
     remainder = abs(i) % abs(j) * (1 if i >= 0 else -1)
     return _checked(remainder + j if remainder < 0 else remainder, node)
+
+
+def _of_two(meaning: Meaning) -> FunctionMeaning:
+    def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:
+        a, b = values
+        return meaning(a, b, exact, node)
+
+    return apply
+
+
+BINARY: Mapping[Operator, Meaning] = {
+    Operator.EQ: _comparison(op.eq),
+    Operator.NE: _comparison(op.ne),
+    Operator.LT: _comparison(op.lt),
+    Operator.LE: _comparison(op.le),
+    Operator.GT: _comparison(op.gt),
+    Operator.GE: _comparison(op.ge),
+    Operator.PLUS: _arithmetic(op.add),
+    Operator.MINUS: _arithmetic(op.sub),
+    Operator.TIMES: _arithmetic(op.mul),
+    Operator.DIVIDE: _divide,
+    Operator.POWER: _power,
+}
+"""The meaning of each operator that is not logical."""
+
+FUNCTIONS: Mapping[Function, FunctionMeaning] = {
+    Function.MIN: _extreme(op.lt),
+    Function.MAX: _extreme(op.gt),
+    Function.FLOOR: _rounding(Function.FLOOR, math.floor),
+    Function.CEIL: _rounding(Function.CEIL, math.ceil),
+    Function.ROUND: _rounding(Function.ROUND, _round),
+    Function.POW: _of_two(_power),
+    Function.MOD: _of_two(_modulo),
+    Function.LOG: _of_two(_logarithm),
+}
+"""The meaning of each function."""

@@ -9,6 +9,7 @@ from fractions import Fraction
 from symcheck.errors import NO_SPAN, Span
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Binary, Expression, Literal, Type, Unary
+from symcheck.syntax.operators import Operator, UnaryOperator
 
 __all__ = ["as_expression", "convert", "format_state", "format_value", "to_float", "type_of_value"]
 
@@ -59,9 +60,9 @@ def as_expression(value: Value, kind: Type, span: Span = NO_SPAN) -> Expression:
     if isinstance(value, float):
         if not math.isfinite(value):
             top = 0 if math.isnan(value) else 1 if value > 0 else -1
-            return Binary("/", Literal(Fraction(top), kind, span=span), zero, span=span)
+            return Binary(Operator.DIVIDE, Literal(Fraction(top), kind, span=span), zero, span=span)
         if value == 0 and math.copysign(1.0, value) < 0:
-            return Unary("-", zero, span=span)
+            return Unary(UnaryOperator.MINUS, zero, span=span)
     # The shortest decimal that reads as this float prints better than its binary digits, and is the same float.
     return Literal(
         Fraction(repr(value)) if isinstance(value, float) else Fraction(value), kind, span=span

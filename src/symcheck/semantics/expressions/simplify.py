@@ -12,6 +12,7 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.expressions.types import Typer
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import UnaryOperator
 from symcheck.syntax.traversal import Tree, transform
 
 __all__ = ["fold", "fold_node"]
@@ -35,23 +36,26 @@ def fold_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
             isinstance(x, Literal) for x in _operands(node)
         ):
             return _constant(node, exact)
-        case Binary("&", Literal(True), other) | Binary("&", other, Literal(True)):
-            return other
-        case Binary("|", Literal(False), other) | Binary("|", other, Literal(False)):
-            return other
-        case Binary("&", Literal(False), _) | Binary("&", _, Literal(False)):
-            return Literal(False, Type.BOOL, span=node.span)
-        case Binary("|", Literal(True), _) | Binary("|", _, Literal(True)):
-            return Literal(True, Type.BOOL, span=node.span)
-        case Binary("=>", Literal(False), _) | Binary("=>", _, Literal(True)):
-            return Literal(True, Type.BOOL, span=node.span)
-        case Binary("=>", Literal(True), other):
-            return other
+        case Binary(operator, Literal(bool() as value), other) if operator.is_logical:
+            values = operator.apply(value, False), operator.apply(value, True)
+            return _with_one_operand(node, other, *values)
+        case Binary(operator, other, Literal(bool() as value)) if operator.is_logical:
+            values = operator.apply(False, value), operator.apply(True, value)
+            return _with_one_operand(node, other, *values)
         case Conditional(Literal(holds), then, otherwise):
             chosen, other = (then, otherwise) if holds else (otherwise, then)
             return chosen if _same_type(chosen, other, types) else node
         case _:
             return node
+
+
+def _with_one_operand(
+    node: Binary, operand: Expression, when_false: bool, when_true: bool
+) -> Expression:
+    """A logical operation one operand of which is constant, given its values for the other operand."""
+    if when_false is when_true:
+        return Literal(when_true, Type.BOOL, span=node.span)
+    return operand if when_true else Unary(UnaryOperator.NOT, operand, span=node.span)
 
 
 def _operands(node: Unary | Binary | Call | Conditional) -> tuple[Expression, ...]:

@@ -45,6 +45,7 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
+from symcheck.syntax.operators import Function, Signature, UnaryOperator
 
 __all__ = ["NUMERIC_FILTERS", "Typer", "article", "rounding_hint", "type_from_values", "type_of"]
 
@@ -58,7 +59,6 @@ _FILTER_TYPES = {
     "argmax": Type.BOOL,
 }
 _BOOLEAN_FILTERS = frozenset({"count", "forall", "exists"})
-_ARITIES = {"floor": 1, "ceil": 1, "round": 1, "pow": 2, "mod": 2, "log": 2}
 
 
 def type_of(
@@ -163,7 +163,7 @@ class Typer:
                 return expression.type
             case Name():
                 return self._name(expression)
-            case Unary("!", operand):
+            case Unary(UnaryOperator.NOT, operand):
                 self.boolean(operand, "what ! negates")
                 return Type.BOOL
             case Unary(_, operand):
@@ -231,23 +231,26 @@ class Typer:
 
     def _binary(self, node: Binary) -> Type | None:
         operator, left, right = node.operator, node.left, node.right
-        match operator:
-            case "&" | "|" | "=>" | "<=>":
+        match operator.signature:
+            case Signature.LOGICAL:
                 # Both sides are looked at even where the first is wrong.
                 self.boolean(left, f"what stands left of {operator}")
                 self.boolean(right, f"what stands right of {operator}")
                 return Type.BOOL
-            case "=" | "!=":
+            case Signature.EQUALITY:
                 self._common(node.span, self.state(left), self.state(right))
                 return Type.BOOL
-            case "<" | "<=" | ">" | ">=":
+            case Signature.ORDER:
                 self.numeric(left, f"what stands left of {operator}")
                 self.numeric(right, f"what stands right of {operator}")
                 return Type.BOOL
-            case "+" | "-" | "*" | "/" | "^":
+            case Signature.ARITHMETIC:
                 return self._arithmetic(operator, (left, right))
+            case Signature.DIVISION:
+                self._arithmetic(operator, (left, right))
+                return Type.DOUBLE
             case _:
-                raise AssertionError(f"unknown operator {operator}")
+                assert_never(operator.signature)
 
     def _arithmetic(self, operator: str, operands: tuple[Expression, ...]) -> Type | None:
         found = [self.state(o) for o in operands]
@@ -257,8 +260,6 @@ class Typer:
             )
             for t, o in zip(found, operands, strict=True)
         ]
-        if operator == "/":
-            return Type.DOUBLE
         if Type.DOUBLE in found:
             return Type.DOUBLE
         return Type.INT if all(fine) else None
@@ -276,10 +277,7 @@ class Typer:
 
     def _call(self, node: Call) -> Type | None:
         function, arguments = node.function, node.arguments
-        count = _ARITIES.get(function)
-        if function not in ("min", "max") and count is None:
-            self._report.type(f"unknown function {function}", node.span)
-            return None
+        count = function.arity
         if (count is not None and len(arguments) != count) or not arguments:
             self._report.type(
                 f"{function} takes {count or 'at least 1'} argument{'' if count in (1, None) else 's'}",
@@ -287,18 +285,20 @@ class Typer:
             )
             return None
         match function:
-            case "min" | "max" | "pow":
+            case Function.MIN | Function.MAX | Function.POW:
                 return self._arithmetic(function, arguments)
-            case "mod":
+            case Function.MOD:
                 for argument in arguments:
                     self.integer(argument, "an argument of mod")
                 return Type.INT
-            case "log":
+            case Function.LOG:
                 self._arithmetic(function, arguments)
                 return Type.DOUBLE
-            case _:
+            case Function.FLOOR | Function.CEIL | Function.ROUND:
                 self.numeric(arguments[0], f"the argument of {function}")
                 return Type.INT
+            case _:
+                assert_never(function)
 
     # -------------------------------------------------------------------------------------------- operators
 
@@ -379,9 +379,9 @@ class Typer:
                 self.path(left)
                 self.path(right)
                 self._limits(bound)
-            case Unary("!", operand):
+            case Unary(UnaryOperator.NOT, operand):
                 self.path(operand)
-            case Binary("&" | "|" | "=>" | "<=>", left, right):
+            case Binary(operator, left, right) if operator.is_logical:
                 self.path(left)
                 self.path(right)
             case Conditional(condition, then, otherwise):

@@ -39,8 +39,9 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
+from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
 
-__all__ = ["Column", "Lanes", "evaluate_columns"]
+__all__ = ["BINARY", "FUNCTIONS", "Column", "Lanes", "evaluate_columns"]
 
 Column = NDArray[Any]
 Bools = NDArray[np.bool_]
@@ -102,15 +103,15 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
             )
         case Name(name):
             return Lanes(columns[name])
-        case Unary("!", operand):
+        case Unary(UnaryOperator.NOT, operand):
             values, faults = _evaluate(operand, columns)
             return Lanes(np.asarray(~values), faults)
         case Unary(_, operand):
             return _apply(_negative, _evaluate(operand, columns))
-        case Binary("&" | "|" | "=>" as operator, left, right):
+        case Binary(operator, left, right) if operator.is_logical:
             return _logical(operator, _evaluate(left, columns), _evaluate(right, columns))
         case Binary(operator, left, right):
-            return _apply(_BINARY[operator], _evaluate(left, columns), _evaluate(right, columns))
+            return _apply(BINARY[operator], _evaluate(left, columns), _evaluate(right, columns))
         case Conditional(condition, then, otherwise):
             chosen, a, b = (_evaluate(e, columns) for e in (condition, then, otherwise))
             faults = _union(
@@ -120,7 +121,7 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
             )
             return Lanes(np.where(chosen.values, a.values, b.values), faults)
         case Call(function, arguments):
-            return _apply(_CALLS[function], *(_evaluate(a, columns) for a in arguments))
+            return _apply(FUNCTIONS[function], *(_evaluate(a, columns) for a in arguments))
         case (
             LabelReference()
             | ProbabilityOperator()
@@ -148,13 +149,15 @@ def _union(*faults: Bools | None) -> Bools | None:
     return reduce(op.or_, present) if present else None
 
 
-def _logical(operator: str, left: Lanes, right: Lanes) -> Lanes:
-    """`&`, `|` and `=>`: the right operand is not evaluated where the left one decides."""
-    a, b = left.values, right.values
-    matters = ~a if operator == "|" else a
-    faults = None if right.faults is None else matters & right.faults
-    values = a & b if operator == "&" else a | b if operator == "|" else ~a | b
-    return Lanes(np.asarray(values), _union(left.faults, faults))
+def _logical(operator: Operator, left: Lanes, right: Lanes) -> Lanes:
+    """The right operand is not evaluated where the left one decides."""
+    values = np.asarray(connect(operator, left.values, right.values))
+    faults = right.faults
+    if faults is not None and operator.decided(True) is not None:
+        faults = faults & ~left.values
+    if faults is not None and operator.decided(False) is not None:
+        faults = faults & left.values
+    return Lanes(values, _union(left.faults, faults))
 
 
 def _are_integers(*values: Column) -> bool:
@@ -235,28 +238,27 @@ def _total(operation: Callable[..., Any]) -> Callable[..., Lanes]:
     return lambda *operands: Lanes(np.asarray(reduce(operation, operands)))
 
 
-_BINARY: Mapping[str, Callable[[Column, Column], Lanes]] = {
-    "+": _add,
-    "-": _subtract,
-    "*": _arithmetic(op.mul),
-    "/": _total(np.true_divide),
-    "^": _power,
-    "=": _total(op.eq),
-    "!=": _total(op.ne),
-    "<": _total(op.lt),
-    "<=": _total(op.le),
-    ">": _total(op.gt),
-    ">=": _total(op.ge),
-    "<=>": _total(op.eq),
+BINARY: Mapping[Operator, Callable[[Column, Column], Lanes]] = {
+    Operator.PLUS: _add,
+    Operator.MINUS: _subtract,
+    Operator.TIMES: _arithmetic(op.mul),
+    Operator.DIVIDE: _total(np.true_divide),
+    Operator.POWER: _power,
+    Operator.EQ: _total(op.eq),
+    Operator.NE: _total(op.ne),
+    Operator.LT: _total(op.lt),
+    Operator.LE: _total(op.le),
+    Operator.GT: _total(op.gt),
+    Operator.GE: _total(op.ge),
 }
 
-_CALLS: Mapping[str, Callable[..., Lanes]] = {
-    "min": _total(np.minimum),
-    "max": _total(np.maximum),
-    "floor": _rounding(np.floor),
-    "ceil": _rounding(np.ceil),
-    "round": _rounding(lambda x: np.floor(x + 0.5)),
-    "pow": _power,
-    "mod": _modulo,
-    "log": _logarithm,
+FUNCTIONS: Mapping[Function, Callable[..., Lanes]] = {
+    Function.MIN: _total(np.minimum),
+    Function.MAX: _total(np.maximum),
+    Function.FLOOR: _rounding(np.floor),
+    Function.CEIL: _rounding(np.ceil),
+    Function.ROUND: _rounding(lambda x: np.floor(x + 0.5)),
+    Function.POW: _power,
+    Function.MOD: _modulo,
+    Function.LOG: _logarithm,
 }

@@ -11,6 +11,7 @@ from math import prod
 from symcheck.semantics.expressions.simplify import fold
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Variable
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.traversal import names, nodes, substitute
 
 __all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "folded"]
@@ -79,11 +80,13 @@ def _tested(guard: Expression, model: BoundModel) -> set[int]:
     stack = [guard]
     while stack:
         match stack.pop():
-            case Binary("&", left, right):
+            case Binary(Operator.AND, left, right):
                 stack += [left, right]
-            case Binary("=", Name(name), Literal()) | Binary("=", Literal(), Name(name)):
+            case Binary(Operator.EQ, Name(name), Literal()) | Binary(
+                Operator.EQ, Literal(), Name(name)
+            ):
                 found.add(name)
-            case Name(name) | Unary("!", Name(name)):
+            case Name(name) | Unary(UnaryOperator.NOT, Name(name)):
                 found.add(name)
             case _:
                 pass

@@ -18,6 +18,7 @@ from symcheck.semantics.reduction.control_locations import (
     control_variables,
 )
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.traversal import names, nodes
 
 __all__ = ["Liveness", "harmless", "liveness", "partial"]
@@ -162,7 +163,9 @@ def harmless(value: Expression, variable: Variable, variables: Sequence[Variable
 def partial(node: object) -> bool:
     """Whether an operator may have no value (or no finite one) for some operands."""
     match node:
-        case Binary("/" | "^", _, _) | Call("pow" | "log" | "mod", _):
+        case Binary(Operator.DIVIDE | Operator.POWER, _, _) | Call(
+            Function.POW | Function.LOG | Function.MOD, _
+        ):
             return True
         case _:
             return False
@@ -178,25 +181,28 @@ def _interval(value: Expression, variables: Mapping[str, Variable]) -> Interval:
             return n, n
         case Name(name):
             return variables[name].low, variables[name].high
-        case Unary("-", operand):
+        case Unary(UnaryOperator.MINUS, operand):
             low, high = _interval(operand, variables)
             return None if high is None else -high, None if low is None else -low
-        case Binary("+" | "-" as operator, left, right):
+        case Binary(Operator.PLUS | Operator.MINUS as operator, left, right):
             a, b = (
                 _interval(left, variables),
-                _interval(right if operator == "+" else Unary("-", right), variables),
+                _interval(
+                    right if operator is Operator.PLUS else Unary(UnaryOperator.MINUS, right),
+                    variables,
+                ),
             )
             return None if a[0] is None or b[0] is None else a[0] + b[0], None if a[1] is None or b[
                 1
             ] is None else a[1] + b[1]
-        case Binary("*", left, right):
+        case Binary(Operator.TIMES, left, right):
             ends = [_interval(left, variables), _interval(right, variables)]
             products = [x * y for x in ends[0] for y in ends[1] if x is not None and y is not None]
             return (min(products), max(products)) if len(products) == 4 else (None, None)
         case Conditional(_, then, otherwise):
             return _hull(_interval(then, variables), _interval(otherwise, variables))
-        case Call("min" | "max" as function, arguments):
-            return _extreme(function == "min", [_interval(a, variables) for a in arguments])
+        case Call(Function.MIN | Function.MAX as function, arguments):
+            return _extreme(function is Function.MIN, [_interval(a, variables) for a in arguments])
         case _:
             return None, None
 

@@ -36,6 +36,7 @@ from symcheck.syntax.ast import (
     SteadyState,
     Type,
 )
+from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import Tree, children, nodes, transform
 
 __all__ = ["Observed", "Reduction", "observe", "reduce"]
@@ -278,7 +279,7 @@ class _Resets:
         if written is not None and not harmless(written, v, self.model.variables):
             if v.low is None or v.high is None or v.type is Type.BOOL:
                 return None
-            condition = Binary("&", condition, _within(written, v.low, v.high))
+            condition = Binary(Operator.AND, condition, _within(written, v.low, v.high))
         return _choose(condition, reset, Name(v.name) if written is None else written)
 
 
@@ -304,9 +305,9 @@ def _choose(condition: Expression, reset: Expression, kept: Expression) -> Expre
 def _within(value: Expression, low: int, high: int) -> Expression:
     """That a value is in a range: where it is not, it is assigned after all, and the fault is found."""
     return Binary(
-        "&",
-        Binary(">=", value, Literal(low, Type.INT)),
-        Binary("<=", value, Literal(high, Type.INT)),
+        Operator.AND,
+        Binary(Operator.GE, value, Literal(low, Type.INT)),
+        Binary(Operator.LE, value, Literal(high, Type.INT)),
     )
 
 
@@ -328,19 +329,19 @@ def _condition(
 
 def _equal(name: str, value: bool | int) -> Expression:
     return Binary(
-        "=", Name(name), Literal(value, Type.BOOL if isinstance(value, bool) else Type.INT)
+        Operator.EQ, Name(name), Literal(value, Type.BOOL if isinstance(value, bool) else Type.INT)
     )
 
 
 def _any(parts: Iterable[Expression]) -> Expression:
     first, *rest = parts
     for part in rest:
-        first = Binary("|", first, part)
+        first = Binary(Operator.OR, first, part)
     return first
 
 
 def _all(parts: Iterable[Expression]) -> Expression:
     first, *rest = parts
     for part in rest:
-        first = Binary("&", first, part)
+        first = Binary(Operator.AND, first, part)
     return first

@@ -35,6 +35,7 @@ from symcheck.symbolic.encoding.on_the_fly_relations import (
 from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
 from symcheck.symbolic.tuning import EncodingLimits
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
@@ -62,7 +63,6 @@ class EncodedAssignment:
 
 
 _LARGEST_EXACT_INT = 2.0**53
-_COMPARISONS = {"=", "!=", "<", "<=", ">", ">="}
 
 
 class Translator:
@@ -169,36 +169,33 @@ class Translator:
         if self.width(expression) <= self.limits.table_bits:
             return self._bdd_table(expression)
         match expression:
-            case Unary("!", operand):
+            case Unary(UnaryOperator.NOT, operand):
                 return ~self.boolean(operand)
-            case Binary("&", left, right):
-                return self.boolean(left) & self.boolean(right)
-            case Binary("|", left, right):
-                return self.boolean(left) | self.boolean(right)
-            case Binary("=>", left, right):
-                return ~self.boolean(left) | self.boolean(right)
-            case Binary("<=>", left, right):
-                return self.boolean(left).equivalent(self.boolean(right))
+            case Binary(operator, left, right) if operator.is_logical:
+                return connect(operator, self.boolean(left), self.boolean(right))
             case Conditional(condition, then, otherwise):
                 return self.boolean(condition).ite(self.boolean(then), self.boolean(otherwise))
-            case Binary(operator, left, right) if operator in _COMPARISONS:
+            case Binary(operator, left, right) if operator.is_comparison:
                 return self._comparison(expression, operator, left, right)
             case _:
                 return self._bdd_table(expression)
 
     def _comparison(
-        self, expression: Expression, operator: str, left: Expression, right: Expression
+        self, expression: Expression, operator: Operator, left: Expression, right: Expression
     ) -> Bdd:
         if self._is_boolean(left):
             same = self.boolean(left).equivalent(self.boolean(right))
-            return same if operator == "=" else ~same
+            return same if operator is Operator.EQ else ~same
         try:
             x, y = self.number(left), self.number(right)
         except TooLarge:
             return self._bdd_table(expression)
         if not (self._is_exact(left, x) and self._is_exact(right, y)):
             return self._bdd_table(expression)
-        found, undefined = x.compare(operator, y), self.undefined(left) | self.undefined(right)
+        found, undefined = (
+            x.compare(operator.value, y),
+            self.undefined(left) | self.undefined(right),
+        )
         return (
             found | undefined if operator == "!=" else found - undefined
         )  # a comparison with NaN is false, and != is true
@@ -209,10 +206,10 @@ class Translator:
                 return type is Type.BOOL
             case Name(name):
                 return self.encoding.by_name[name].is_bool
-            case Unary(operator, _):
-                return operator == "!"
+            case Unary(sign, _):
+                return sign is UnaryOperator.NOT
             case Binary(operator, _, _):
-                return operator not in {"+", "-", "*", "/", "^"}
+                return operator.is_boolean
             case Conditional(_, then, _):
                 return self._is_boolean(then)
             case _:
@@ -305,10 +302,13 @@ class Translator:
         if not self._faults and not any(part.faults for part in self.on_the_fly.values()):
             return self.manager.false
         match expression:
-            case Binary("&" | "|" | "=>" as operator, left, right):
-                matters = self.boolean(left)
-                decisive = self.faults(right) & (~matters if operator == "|" else matters)
-                return self.faults(left) | decisive
+            case Binary(operator, left, right) if operator.is_logical:
+                found = self.faults(right)
+                if operator.decided(True) is not None:
+                    found = found - self.boolean(left)
+                if operator.decided(False) is not None:
+                    found = found & self.boolean(left)
+                return self.faults(left) | found
             case Conditional(condition, then, otherwise):
                 chosen = self.boolean(condition)
                 return self.faults(condition) | chosen.ite(
@@ -329,9 +329,9 @@ class Translator:
         if self._is_boolean(expression):
             return self.boolean(expression).to_mtbdd()
         match expression:
-            case Unary("-", operand):
+            case Unary(UnaryOperator.MINUS, operand):
                 return self._exact_or_table(expression, -self.number(operand))
-            case Binary("+" | "-" | "*" as operator, left, right):
+            case Binary(Operator.PLUS | Operator.MINUS | Operator.TIMES as operator, left, right):
                 try:
                     return self._arithmetic(
                         operator, self.number(left), self.number(right), expression
@@ -340,11 +340,13 @@ class Translator:
                     return self._mtbdd_table(expression)
             case Conditional(condition, then, otherwise):
                 return self.boolean(condition).ite(self.number(then), self.number(otherwise))
-            case Call("min" | "max" as function, arguments):
+            case Call(Function.MIN | Function.MAX as function, arguments):
                 values = [self.number(a) for a in arguments]
                 result = values[0]
                 for value in values[1:]:
-                    result = result.minimum(value) if function == "min" else result.maximum(value)
+                    result = (
+                        result.minimum(value) if function is Function.MIN else result.maximum(value)
+                    )
                 return result
             case _:
                 return self._mtbdd_table(expression)
