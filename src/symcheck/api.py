@@ -1,7 +1,8 @@
 """The façade: `symcheck.load("die.pm").check("P=? [ F d=6 ]")`.
 
-Every step from text to result is a function of another package; `Model` calls them in order and keeps the values between
-them, each made when it is first used. The command line and sweeps use the same methods.
+Every step from text to result is a function of another package; `Model` calls them in order and
+keeps the values between them, each made when it is first used. The command line and sweeps use the
+same methods.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ Observer = Callable[[object], None]
 
 
 def takes_options(function: F) -> F:
-    """A decorator: `help` and completion show the options among the keyword parameters of a function."""
+    """A decorator: `help` and completion show the options as keyword parameters."""
     own = signature(function)
     kept = [p for p in own.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
     options = [
@@ -69,9 +70,9 @@ def takes_options(function: F) -> F:
 class Model:
     """A model with the constants and options that it is checked with.
 
-    `bound` and `engine` are the stages of the path from text to result; each is made when it is first used. With the option
-    `reduce`, properties are checked on a smaller model, made for each `check` (or `check_all`); `engine` is that of the
-    whole model.
+    `bound` and `engine` are the stages of the path from text to result; each is made when it is
+    first used. With the option `reduce`, properties are checked on a smaller model, made for each
+    `check` (or `check_all`); `engine` is that of the whole model.
 
     Args:
         program: the parsed text.
@@ -102,7 +103,10 @@ class Model:
 
     @cached_property
     def engine(self) -> Engine:
-        """The built model: reachable states and matrix. Raises ModelFault, UnsupportedError, ResourceError."""
+        """The built model: reachable states and matrix.
+
+        Raises ModelFault, UnsupportedError, ResourceError.
+        """
         return registry.build(self.bound, self.options, self.observer)
 
     # ----------------------------------------------------------------------- variants
@@ -123,9 +127,10 @@ class Model:
     def reduced_for(
         self, instances: Sequence[PropertyInstance], *, keep_steps: bool = False
     ) -> Model:
-        """The model on which properties are checked: with the option `reduce`, one with dead variables reset.
+        """The model on which properties are checked: smaller with the option `reduce`.
 
-        Under fairness it is the model itself, because which strategies are fair depends on the states.
+        Under fairness it is the model itself, because which strategies are fair depends on the
+        states.
 
         Args:
             instances: the properties.
@@ -173,7 +178,8 @@ class Model:
             observer: is told of each iteration of a numerical method, and may raise to end it.
 
         Raises:
-            SymcheckError: the text is faulty, the property is not supported, or a limit was reached.
+            SymcheckError: the text is faulty, the property is not supported, or a limit was
+                reached.
 
         Example:
             >>> import symcheck
@@ -188,7 +194,7 @@ class Model:
         properties: str | Path | PropertiesFile,
         constants: GivenConstants | str | None = None,
     ) -> Iterator[tuple[BoundProperty, Result]]:
-        """Check the properties of a file (a Path), of a text, or of a parsed file, one after the other.
+        """Check the properties of a file (a Path), a text or a parsed file, one after the other.
 
         With the option `bisim`, one quotient serves all of them if it is small enough.
         """
@@ -229,7 +235,9 @@ class Model:
         values: Mapping[str, Sequence[ConstantValue]],
         indices: Sequence[int] | None = None,
     ) -> list[PropertyInstance]:
-        """The properties of a file for every combination of values of the constants on which each depends.
+        """The properties of a file for every combination of values of their constants.
+
+        Each property is combined with the constants on which it depends.
 
         Args:
             file: the properties.
@@ -239,7 +247,7 @@ class Model:
         return property_instances(self.program, file, values, indices)
 
     def shared_quotient(self, instances: Sequence[PropertyInstance]) -> SharedQuotient | None:
-        """With the option `bisim`, one quotient for several properties; None if it would not pay."""
+        """One quotient for several properties, with the option `bisim` and if it pays."""
         return shared_quotient(self.engine, instances, self.options)
 
     def check_instance(
@@ -277,7 +285,8 @@ class Model:
 
         Args:
             time: in the unit of the rates of a CTMC; for a DTMC, a number of steps.
-            initial: float64[states], the distribution at time 0; None for the initial states with equal probabilities.
+            initial: float64[states], the distribution at time 0; None for the initial states with
+                equal probabilities.
 
         Raises:
             UnsupportedError: the model is an MDP.
@@ -287,7 +296,10 @@ class Model:
         return transient(self.engine, time, self.options, initial)
 
     def steady_state(self, initial: Floats | None = None) -> Distribution:
-        """The long-run distribution over the states, from the same initial distributions as `transient`.
+        """The long-run distribution over the states.
+
+        Args:
+            initial: as for `transient`.
 
         Raises:
             UnsupportedError: the model is an MDP.
@@ -342,8 +354,8 @@ class Model:
     ) -> Result:
         """Estimate one property from random paths; the model is not built.
 
-        The keyword parameters are those of `symcheck.simulate.statistics.Plan`. The accuracy of the result is an interval
-        with a confidence. Raises SymcheckError.
+        The keyword parameters are those of `symcheck.simulate.statistics.Plan`. The accuracy of the
+        result is an interval with a confidence. Raises SymcheckError.
         """
         from symcheck.simulate.statistics import Plan
 
@@ -373,7 +385,7 @@ class Model:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReducedModel(Model):
-    """A model in which variables whose values are not read again are reset: fewer states, the same answers."""
+    """A model with fewer states: variables whose values are not read again are reset."""
 
     reduction: Reduction | None = None
 
@@ -406,7 +418,8 @@ def load(
 
     Args:
         path: the file.
-        constants: one value for each constant that the file leaves open: a mapping, or a text such as "N=3,p=0.5".
+        constants: one value for each constant that the file leaves open: a mapping, or a text such
+            as "N=3,p=0.5".
         type: read the model as this type, whatever its keyword says.
         options: see `symcheck.Options`.
 
@@ -416,7 +429,8 @@ def load(
 
     Example:
         >>> import symcheck
-        >>> symcheck.load("models/die/die.pm", engine="sparse").check("P=? [ F d=6 ]")  # doctest: +SKIP
+        >>> symcheck.load("models/die/die.pm", engine="sparse").check("P=? [ F d=6 ]")  # doctest:
+        +SKIP
     """
     return Model(parse_model_file(path), constant_values(constants), make_options(options), type)
 

@@ -1,6 +1,7 @@
 """Values of constants as users give them: `x=1,N=2:4,p=0.1:0.1:0.9,K={2,5}`, or a mapping.
 
-The one parser of such texts: for -const, for `symcheck.load(…, constants=…)`, and for times of -transient.
+The one parser of such texts: for -const, for `symcheck.load(…, constants=…)`, and for times of
+-transient.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ def parse_constants(texts: Sequence[str], source: str = "-const") -> dict[str, t
     A range `low:step:high` is computed in exact decimals: 0.1:0.1:0.9 ends with 0.9.
 
     Args:
-        texts: each some items `NAME=VALUE`, `NAME=LOW:HIGH`, `NAME=LOW:STEP:HIGH` or `NAME={V,W}`, with commas between.
+        texts: each some items `NAME=VALUE`, `NAME=LOW:HIGH`, `NAME=LOW:STEP:HIGH` or `NAME={V,W}`,
+            with commas between.
         source: where the texts come from, for messages.
 
     Raises:

@@ -208,7 +208,7 @@ def out_of_memory(hint: str = SMALLER_ENGINES) -> MemoryLimitError:
 def converts_memory_error(
     hint: str = SMALLER_ENGINES,
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """A decorator: a MemoryError that leaves the function becomes a MemoryLimitError with a hint."""
+    """A decorator: a MemoryError in the function becomes a MemoryLimitError with a hint."""
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         @wraps(function)

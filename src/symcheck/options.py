@@ -1,7 +1,8 @@
 """The options of a run, declared once.
 
-Each field of `Options` states its type, default, accepted values, a sentence, and the switches of the command line that set
-it. From this table come the switches, the keyword parameters of `symcheck.load`, and the option page of the documentation.
+Each field of `Options` states its type, default, accepted values, a sentence, and the switches of
+the command line that set it. From this table come the switches, the keyword parameters of
+`symcheck.load`, and the option page of the documentation.
 """
 
 from __future__ import annotations
@@ -183,7 +184,7 @@ class Switch(NamedTuple):
 
 
 class Option(NamedTuple):
-    """One row of the table. type: as it is annotated. group: the part of the documentation it is in."""
+    """One row of the table. type: its annotation. group: its part of `symcheck --help`."""
 
     name: str
     type: str
@@ -374,7 +375,7 @@ class Options:
 
 
 class OptionValues(TypedDict, total=False):
-    """The fields of `Options` as keyword parameters, for type checkers (a test compares the two)."""
+    """The fields of `Options` as keyword parameters, for type checkers; a test compares them."""
 
     engine: EngineName
     method: MethodName

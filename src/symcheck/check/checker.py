@@ -159,7 +159,7 @@ def _check_on_quotient(
 
 
 def _lift_result(result: Result, smaller: Quotient, initial: StateSet) -> Result:
-    """A result on the quotient as a result on the model, whose initial states may be in one block."""
+    """A result on the quotient, lifted to the states of the model."""
     values = None if result.values is None else smaller.lift(result.values)
     satisfied = None if result.satisfying is None else smaller.lift_set(result.satisfying)
     result = replace(result, values=values, satisfying=satisfied)
@@ -240,7 +240,7 @@ def _filter_result(
 
 
 def _each_state(context: Context, outcome: FilterResult, type: Type) -> Result:
-    """The result of a filter without a single value (print, argmin, …): that of the initial states."""
+    """The result of a filter without a single value (print, argmin): that of the initial states."""
     if type is not Type.BOOL:
         return _initially(context, outcome.per_state, type)  # type: ignore[arg-type]
     states: StateSet = outcome.per_state  # type: ignore[assignment]

@@ -1,4 +1,4 @@
-"""Expected results in comments, `// RESULT: 1/6` above a property, and their comparison with results.
+"""Expected results: comments `// RESULT: 1/6` above a property, compared with its result.
 
 The convention is PRISM's. `RESULT (N=2,p=0.5): 0.25` holds for these values of constants only; the
 first line whose constants match is used. A value ends at the first blank. `?` means unknown,
@@ -65,7 +65,7 @@ class _Unequal(Exception):
 
 
 def expected_value(comments: Sequence[str], constants: Mapping[str, Value]) -> str | None:
-    """The text of the first RESULT line whose constants have the given values; None if there is none."""
+    """The text of the first RESULT line whose constants match; None if there is none."""
     for comment in comments:
         found = _LINE.search(comment)
         if found is not None and _fits(found["constants"], constants):
@@ -220,7 +220,7 @@ def _truth(text: str, constants: Mapping[str, Value]) -> bool:
 
 
 def _number(text: str, constants: Mapping[str, Value]) -> Any:
-    """The number that a text denotes: special value, fraction, decimal, or expression over constants."""
+    """The number of a text: special value, fraction, decimal, or expression over constants."""
     if text in _SPECIAL:
         return _SPECIAL[text]
     try:

@@ -1,4 +1,4 @@
-"""Properties of a file with values of their constants, as they are put to a model or to its exact version."""
+"""Properties with values of their constants, to be bound to a model or its exact version."""
 
 from __future__ import annotations
 
@@ -27,7 +27,11 @@ __all__ = ["PropertyInstance", "property_instances", "reduced", "shared_quotient
 class PropertyInstance:
     """One property of a file, with one value for each constant that the file leaves open.
 
-    index: of the property in `file`, from 0. relevant: those of the constants on which the property depends.
+    Attributes:
+        file: the properties.
+        index: of the property in `file`, from 0.
+        constants: one value for each constant that the file leaves open.
+        relevant: those of the constants on which the property depends.
     """
 
     file: PropertiesFile = field(repr=False)
@@ -57,7 +61,9 @@ def property_instances(
     values: Mapping[str, Sequence[V]],
     indices: Sequence[int] | None = None,
 ) -> list[PropertyInstance]:
-    """The properties of a file with every combination of values of the constants on which each depends.
+    """The properties of a file for every combination of values of their constants.
+
+    Each property is combined with the constants on which it depends.
 
     Args:
         program: the model, whose names the properties may use.
@@ -77,15 +83,16 @@ def property_instances(
 def reduced(
     model: BoundModel, instances: Sequence[PropertyInstance], *, keep_steps: bool = True
 ) -> Reduction:
-    """The model with dead variables reset, so that it has fewer states and the same answers to these properties.
+    """The model with dead variables reset: fewer states, the same values of these properties.
 
-    Not for fair strategies: which strategies are fair depends on the states. Properties with a fault are not considered.
+    Not for fair strategies: which strategies are fair depends on the states. Properties with a
+    fault are not considered.
 
     Args:
         model: the model.
         instances: the properties.
-        keep_steps: preserve the number of steps of each path even if no property counts steps, as distributions and
-            exports need it.
+        keep_steps: preserve the number of steps of each path even if no property counts steps, as
+            distributions and exports need it.
     """
     from symcheck.semantics.reduction.reset_dead_variables import observe, reduce
 
@@ -98,7 +105,7 @@ def reduced(
 def shared_quotient(
     engine: Engine, instances: Sequence[PropertyInstance], options: Options
 ) -> SharedQuotient | None:
-    """With the option `bisim`, one quotient for several properties; None if it would not pay. Raises ResourceError."""
+    """One quotient for several properties, with the option `bisim` and if it pays; else None."""
     if not options.bisim or len(instances) < 2:
         return None
     from symcheck.check.bisimulation import on_quotient

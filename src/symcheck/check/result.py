@@ -30,7 +30,7 @@ Answer = bool | Number | tuple[Number, Number] | list[tuple[Number, Number]] | N
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """The value is exact; with `rounding`, up to the rounding of single floating-point operations."""
+    """The value is exact; with `rounding`, up to the rounding of single operations."""
 
     rounding: bool = False
 
@@ -64,7 +64,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Statistical:
-    """The interval from `lower` to `upper` contains the true value with probability `confidence`."""
+    """The interval [lower, upper] contains the true value with probability `confidence`."""
 
     confidence: float
     lower: float
@@ -162,7 +162,7 @@ class Result:
 
     @property
     def by_steps(self) -> bool:
-        """Whether the only computation was one product with the matrix for each step of the property."""
+        """Whether the only computation was a product with the matrix per step of the property."""
         kinds = [r.kind for r in self.runs if r.kind != "graph"]
         return bool(kinds) and all(k == "steps" for k in kinds)
 

@@ -74,7 +74,7 @@ def decide(
 
 
 def _by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet | SymcheckError:
-    """The states that satisfy the comparison by rational arithmetic, or the error that prevents it."""
+    """The states that satisfy the comparison by rational arithmetic, or the reason why not."""
     if engine.exact:
         return NumericalError("the value is not a number")
     if engine.states > EXACT_LIMIT:

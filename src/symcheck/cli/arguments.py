@@ -1,6 +1,7 @@
 """The switches of the command line: PRISM's, with one dash or two.
 
-Those that set an option come from the table in `symcheck.options`; those of input, files and output are declared here.
+Those that set an option come from the table in `symcheck.options`; those of input, files and output
+are declared here.
 """
 
 from __future__ import annotations
@@ -34,16 +35,20 @@ Examples:
   symcheck die.pm -pf 'P=? [ F d=6 ]'              check one property
   symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv:csv
 
-Switches of PRISM that have no effect here (-javamaxmem, -nopre, -gs and others) are accepted and listed in the output.
-Every switch may be written with two dashes.
+Switches of PRISM that have no effect here (-javamaxmem, -nopre, -gs and others) are accepted and
+listed in the output. Every switch may be written with two dashes.
 
-Exit status: 0 every property was answered and every test passed; 1 an error in the input, an unsupported property or a
-failed test; 2 the command line is wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C.
+Exit status: 0 every property was answered and every test passed; 1 an error in the input, an
+unsupported property or a failed test; 2 the command line is wrong; 3 stopped by a limit of memory
+or time; 130 stopped by Ctrl-C.
 """
 
 
 class Export(NamedTuple):
-    """A switch that writes a part of the model. kind: an extension, or 'model'; argument: FILE[:OPTIONS], or FILES[:OPTIONS]."""
+    """A switch that writes a part of the model.
+
+    kind: an extension, or 'model'. argument: FILE[:OPTIONS], or FILES[:OPTIONS] for 'model'.
+    """
 
     kind: str
     argument: str
@@ -52,8 +57,12 @@ class Export(NamedTuple):
 class Arguments(argparse.Namespace):
     """The parsed command line.
 
-    settings: values of options that switches set. exports: parts of the model to be written, in order. needs_model: the
-    switches that need the built model. without_effect: switches of PRISM that were ignored, with reasons. folder: of -dir.
+    Attributes:
+        settings: the values of options that switches set.
+        exports: the parts of the model to be written, in order.
+        needs_model: the switches that need the built model.
+        without_effect: the ignored switches of PRISM, with reasons.
+        folder: that of -dir.
     """
 
     model: str | None
@@ -124,7 +133,7 @@ class Arguments(argparse.Namespace):
 
 
 class _Formatter(argparse.RawDescriptionHelpFormatter):
-    """Help as wide as the terminal (argparse would import shutil and all its archive formats to find the width)."""
+    """Help as wide as the terminal; argparse would import shutil to find the width."""
 
     def __init__(self, prog: str) -> None:
         try:
@@ -215,7 +224,7 @@ class _SetOption(argparse.Action):
 
 
 class _BuiltModel(argparse.Action):
-    """Stores the value of a switch that needs the built model (True if it takes none), and notes the switch."""
+    """Stores the value of a switch that needs the built model, and notes the switch."""
 
     def __call__(
         self, _: object, arguments: Any, values: object, switch: str | None = None
@@ -299,9 +308,12 @@ def _input(parser: _Parser) -> None:
 
 def _simulation(parser: _Parser) -> None:
     parser.add(
-        "simpath", metavar=("PATH", "FILE"), nargs=2, help="write a random path ('stdout' prints it). PATH: steps, time=T or deadlock, "
-        "and ,vars=(x,…) sep=comma|space|tab rewards= probs= changes= loopcheck= snapshot=T repeat=N",
-    )  # fmt: skip
+        "simpath",
+        metavar=("PATH", "FILE"),
+        nargs=2,
+        help="write a random path ('stdout' prints it). PATH: steps, time=T or deadlock, and "
+        ",vars=(x,…) sep=comma|space|tab rewards= probs= changes= loopcheck= snapshot=T repeat=N",
+    )
     parser.add(
         "sim",
         action="store_true",
@@ -393,7 +405,8 @@ def _exports(parser: _Parser) -> None:
         metavar="FILES[:OPTIONS]",
         action=_ExportPart,
         kinds="model",
-        help="write the model: out.tra,sta,lab,srew,trew; out.all; out.dot; out.drn; out.umb; 'stdout' for out prints. "
+        help="write the model: out.tra,sta,lab,srew,trew; out.all; out.dot; out.drn; out.umb; "
+        "'stdout' for out prints. "
         "OPTIONS: actions, headers, rows, states, proplabels (=false), precision=N",
     )
     for name, kind, what in (
@@ -507,7 +520,8 @@ def _output(parser: _Parser) -> None:
     parser.add(
         "exportresults",
         metavar="FILE[:KIND]",
-        help="write the results: text (default), csv, matrix, dataframe, comment or json; 'stdout' for FILE prints",
+        help="write the results: text (default), csv, matrix, dataframe, comment or json; "
+        "'stdout' for FILE prints",
     )
     parser.add(
         "exportstrat",
@@ -539,7 +553,8 @@ def make_parser() -> _Parser:
     parser = _Parser(
         prog="symcheck",
         usage="symcheck MODEL [PROPERTIES] [switches]",
-        description="Checks probabilistic models (DTMC, CTMC, MDP in the PRISM language) against PCTL, CSL and LTL properties.",
+        description="Checks probabilistic models (DTMC, CTMC, MDP in the PRISM language) "
+        "against PCTL, CSL and LTL properties.",
         epilog=HELP_EPILOGUE,
         formatter_class=_Formatter,
         add_help=False,

@@ -1,4 +1,4 @@
-"""Checking one property: its result in the output, in the table of results and in files, and its verdict in a test."""
+"""Checking one property, and reporting its result: output, table, files, verdict of a test."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ def check_property(
     shared: SharedQuotient | None,
     varying: ConstantTexts,
 ) -> None:
-    """Check or (with a plan) estimate a property, and report the result; its fault does not stop other properties.
+    """Check a property, or estimate it with a plan, and report the result.
+
+    A fault of the property does not stop the others.
 
     shared: a quotient for several properties. varying: the constants in the names of files.
 
@@ -114,7 +116,8 @@ def internal_error(error: Exception) -> SymcheckError:
             "(pip install -e ., or make demo in a checkout)"
         )
     return SymcheckError(
-        f"internal error: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
+        f"internal error: {type(error).__name__}: {error} "
+        f"({Path(where.filename).name}:{where.lineno})"
         f"\n  hint: {hint}"
     )
 
@@ -142,7 +145,7 @@ def _write_strategy(argument: str, output: Output, result: Result, varying: Cons
 
 
 def _write_vector(path: str, output: Output, result: Result, precision: int) -> None:
-    """Write the value in each state, in the order of exported states: numbers, or true and false."""
+    """Write the value (a number or bool) in each state, in the order of exported states."""
     from symcheck.exchange.explicit_export import state_order
     from symcheck.exchange.text import lines, write_text
 

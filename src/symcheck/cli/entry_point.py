@@ -29,7 +29,10 @@ __all__ = ["run_safely"]
 
 
 def run_safely(words: list[str] | None = None) -> int:
-    """Run the command line. Every error ends in a message on standard error and an exit status, never in a traceback."""
+    """Run the command line.
+
+    Every error ends in a message on standard error and an exit status, never in a traceback.
+    """
     # The caller may have closed one of them.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
@@ -43,7 +46,8 @@ def run_safely(words: list[str] | None = None) -> int:
 def _leave(status: int) -> NoReturn:
     """End the process without freeing each object: the system frees its memory at once.
 
-    After an interrupt within exec() Python would otherwise end by the signal, and not with the status 130.
+    After an interrupt within exec() Python would otherwise end by the signal, and not with the
+    status 130.
     """
     try:
         print(end="", flush=True)
@@ -61,7 +65,7 @@ def _leave(status: int) -> NoReturn:
 
 
 def _guarded(words: list[str], stack: ExitStack) -> int:
-    """The exit status of a run; `stack` is closed by the caller after the results have been written."""
+    """The exit status of a run. The caller closes `stack` after the results are written."""
     state: RunState | None = None
     signals = StopSignals()
     try:
@@ -95,7 +99,10 @@ def _guarded(words: list[str], stack: ExitStack) -> int:
 
 @contextmanager
 def _working_folder(folder: str | None) -> Iterator[None]:
-    """Run in the folder of -dir, to which names of files are relative. Raises UsageError if there is none."""
+    """Run in the folder of -dir, to which names of files are relative.
+
+    Raises UsageError if there is none.
+    """
     if folder is None:
         yield
         return
@@ -111,7 +118,7 @@ def _working_folder(folder: str | None) -> Iterator[None]:
 
 
 def _after_export(state: RunState | None, error: SymcheckError) -> SymcheckError:
-    """The error that ends a run, after the finished results have been written if that is possible."""
+    """The error that ends a run, after the finished results were written if possible."""
     with suppress(UsageError):
         _export(state)
     return error
@@ -179,7 +186,7 @@ def _export(state: RunState | None) -> None:
 
 
 def _end_process(state: RunState | None) -> None:
-    """End the process from another thread: compiled code did not notice that the time limit was reached."""
+    """End the process from another thread: compiled code did not notice the time limit."""
     _stopped(state, TimeLimitError("the time limit was reached"), StopSignals())
     sys.stderr.flush()
     sys.stdout.flush()

@@ -46,7 +46,10 @@ def check_targets(a: Arguments) -> None:
 
 
 def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target]:
-    """The parts of the model to be written, for one combination of the constants that vary. Raises UsageError."""
+    """The parts of the model to be written, for one combination of the constants that vary.
+
+    Raises UsageError.
+    """
     if not a.exports:
         return []
     from symcheck.exchange.export import ExportOptions, Target, file_options, parse_target
@@ -84,7 +87,10 @@ def export_program(a: Arguments, output: Output, program: Program) -> None:
 def export_constants(
     a: Arguments, output: Output, model: Model, varying: ConstantTexts = NO_CONSTANTS
 ) -> None:
-    """Write the text of the model with the values of its constants for -exportprismconst. Raises UsageError."""
+    """Write the text of the model with the values of its constants for -exportprismconst.
+
+    Raises UsageError.
+    """
     if a.exportprismconst is not None:
         path = instance_path(a.exportprismconst, varying)
         _write_program(a, path, output, model.instantiated())
@@ -96,7 +102,8 @@ def _write_program(a: Arguments, path: str, output: Output, program: Program) ->
 
     if a.imports_model:
         raise UsageError(
-            "a model read from explicit files has no text in the PRISM language; -exportmodel writes it"
+            "a model read from explicit files has no text in the PRISM language; "
+            "-exportmodel writes it"
         )
     write_text(path, [pretty(program)], output.out)
     output.exported(path)
@@ -112,7 +119,8 @@ def export_model(
 ) -> None:
     """Write the parts of the model that switches name, and print the name of each file.
 
-    file, constants: the properties, whose labels may be written too, with the first of the values of each constant.
+    file, constants: the properties, whose labels may be written too, with the first of the values
+    of each constant.
     """
     if a.exportdot is not None:
         _export_dot(a.exportdot, output, model.engine, varying)
@@ -128,14 +136,18 @@ def export_model(
 
 
 def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantTexts) -> None:
-    """Write the diagrams of the matrix, one for each choice slot. Raises UnsupportedError on engines without diagrams."""
+    """Write the diagrams of the matrix, one for each choice slot.
+
+    Raises UnsupportedError on engines without diagrams.
+    """
     from symcheck.engines.symbolic.engine import SymbolicEngine
     from symcheck.exchange.text import write_text
     from symcheck.view.diagrams import dot
 
     if not isinstance(engine, SymbolicEngine):
         raise UnsupportedError(
-            f"-exportdot draws a diagram, and the engine {engine.name} has none\n  hint: -m, -h or -s build diagrams"
+            f"-exportdot draws a diagram, and the engine {engine.name} has none"
+            "\n  hint: -m, -h or -s build diagrams"
         )
     matrices = engine.diagrams.roots
     for i, matrix in enumerate(matrices):

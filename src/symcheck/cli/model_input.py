@@ -16,10 +16,10 @@ _EXPLICIT_ENDINGS = (".all", ".umb")
 
 
 def choose_model_file(a: Arguments) -> str:
-    """The file of the model; the files that stand without a switch are assigned to model and properties.
+    """The file of the model. The files without a switch become the model and the properties.
 
-    A first file `*.all` or `*.umb` is an explicit model. If an -import switch names the model, the first file is that of the
-    properties.
+    A first file `*.all` or `*.umb` is an explicit model. If an -import switch names the model, the
+    first file is that of the properties.
 
     Raises:
         UsageError: there is no model, or there are two.
@@ -50,7 +50,10 @@ def choose_model_file(a: Arguments) -> str:
 
 
 def read_model(a: Arguments) -> Model:
-    """The model that the arguments name, without values of its constants. Raises InputError, UsageError."""
+    """The model that the arguments name, without values of its constants.
+
+    Raises InputError, UsageError.
+    """
     if not a.imports_model:
         assert a.model is not None
         return Model(parse_model_file(a.model), {}, a.options, a.model_type)

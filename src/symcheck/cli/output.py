@@ -1,4 +1,4 @@
-"""The output of the command line: PRISM's wording for what scripts read, and the accuracy of every number."""
+"""The output of the command line, in PRISM's wording where scripts read it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _RULE = "-" * 69
 
 
 class Output:
-    """Writes a run to a stream line by line, flushed after each result: a stopped run keeps its results."""
+    """Writes a run to a stream, flushed after each result: a stopped run keeps them."""
 
     def __init__(self, out: TextIO | None = None, verbose: bool = False) -> None:
         self.out = out or sys.stdout
@@ -75,7 +75,7 @@ class Output:
         deadlocks = engine.deadlocks.count
         if deadlocks:
             self.warn(
-                f"deadlocks were given self-loops in {deadlocks} state{'s' if deadlocks > 1 else ''}, "
+                f"deadlocks were given self-loops in {_count(deadlocks, 'state')}, "
                 f"such as {_example(engine)}"
             )
         self.out.flush()
@@ -111,7 +111,8 @@ class Output:
                 self.line(f"  {number}: ({_state(state)})")
         for run in result.runs:
             self.detail(
-                f"{run.kind}: {run.explanation or run.method} ({run.unknowns} unknowns, {run.iterations} iterations)"
+                f"{run.kind}: {run.explanation or run.method} "
+                f"({run.unknowns} unknowns, {run.iterations} iterations)"
             )
         self.line()
         self.line(f"Time for model checking: {result.seconds:.3f} seconds.")
@@ -138,12 +139,14 @@ class Output:
     def end(self) -> None:
         """The number of warnings, at the end of a run."""
         if self.warnings:
-            plural = "were" if self.warnings > 1 else "was"
+            verb = "were" if self.warnings > 1 else "was"
             self.line()
-            self.line(
-                f"Note: There {plural} {self.warnings} warning{'s' if self.warnings > 1 else ''} during computation."
-            )
+            self.line(f"Note: There {verb} {_count(self.warnings, 'warning')} during computation.")
         self.out.flush()
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' if number > 1 else ''}"
 
 
 def _assignment(values: Mapping[str, str]) -> str:

@@ -16,7 +16,7 @@ NO_CONSTANTS: ConstantTexts = MappingProxyType({})
 
 
 def instance_path(path: str, varying: ConstantTexts) -> str:
-    """The file for one combination of the constants that vary: `out_N=3_p=0.5.tra` for `out.tra`; 'stdout' stays."""
+    """The file for one combination of constants: `out_N=3.tra` for `out.tra`; 'stdout' stays."""
     if path == "stdout" or not varying:
         return path
     whole = Path(path)

@@ -1,4 +1,4 @@
-"""Switches of PRISM that are ignored, translated or refused, so that scripts for PRISM run unchanged."""
+"""Switches of PRISM that are ignored, translated or refused: its scripts run unchanged."""
 
 from __future__ import annotations
 

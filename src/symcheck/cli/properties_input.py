@@ -1,4 +1,7 @@
-"""The properties of a run, from a file and from -pf. Those that do not follow the grammar are reported in their place."""
+"""The properties of a run, from a file and from -pf.
+
+Those that do not follow the grammar are reported in their place.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +35,10 @@ class UnparsedProperty:
 class PropertiesInput:
     """All properties of a run, in order.
 
-    file: the parsed properties; the number 0 stands in the place of one that does not follow the grammar.
-    unparsed: the latter, by their index. declarations: faults of constants, labels and formulas, which `file` lacks.
+    Attributes:
+        file: the parsed properties, with the number 0 in the place of each unparsed one.
+        unparsed: those that do not follow the grammar, by their index.
+        declarations: faults of constants, labels and formulas, which `file` omits.
     """
 
     file: PropertiesFile
@@ -76,9 +81,10 @@ def _parsed(parse: Callable[[], PropertiesFile]) -> PropertiesInput:
 
 
 def _without_faults(fault: SyntaxFault) -> PropertiesInput:
-    """The properties of a text without its faulty parts (between semicolons). Raises the fault if none is left.
+    """The properties of a text without its faulty parts. Raises the fault if none is left.
 
-    A parser reports one fault per line: the remaining text is parsed again until no part has a fault.
+    A parser reports one fault per line: the remaining text is parsed again until no part has a
+    fault.
     """
     source = fault.diagnostics[0].span.source
     parts = list(_parts(source.text))
@@ -124,7 +130,7 @@ def _bare(part: str) -> str:
 
 
 def _blank(part: str) -> tuple[str, int | None]:
-    """A blank part of the same length, with the number 0 in the place of a property, and the index of that number."""
+    """A blank part of the same length, with a 0 in the place of a property, and its index."""
     blank, bare = re.sub(r"\S", " ", part), _bare(part)
     if _DECLARATION.match(bare) or not bare.strip():
         return blank, None
@@ -133,7 +139,7 @@ def _blank(part: str) -> tuple[str, int | None]:
 
 
 def _parts(text: str) -> Iterator[tuple[int, int]]:
-    """Start and end of each part of a text, semicolon included; the last part ends one behind the text."""
+    """Start and end of each part, semicolon included; the last ends one behind the text."""
     start = 0
     for word in _WORDS.finditer(text):
         if word[0] == ";":

@@ -1,4 +1,4 @@
-"""One run of the command line: read the texts, then bind, build and check for every combination of constants."""
+"""One run of the command line: read, then build and check for every choice of constants."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ GivenValues = Mapping[str, Sequence[str]]
 
 
 def run(state: RunState) -> int:
-    """Carry out a run; gives the exit status. Raises SymcheckError for faults of the run as a whole."""
+    """Carry out a run; gives the exit status.
+
+    Raises SymcheckError for faults of the run as a whole.
+    """
     a = state.arguments
     source = choose_model_file(a)
     exports.check_targets(a)
@@ -166,8 +169,8 @@ def _check_instance(
             state.output.line(f"Bisimulation: {shared}")
         elif state.options.bisim and len(asked) > 1:
             state.output.detail(
-                "Bisimulation: no quotient that is common to the properties is half as large as the model; "
-                "each gets its own"
+                "Bisimulation: no quotient that is common to the properties is half as large as "
+                "the model; each gets its own"
             )
     for instance in asked:
         own = {n: str(v) for n, v in instance.relevant.items() if len(of_properties[n]) > 1}
@@ -177,12 +180,18 @@ def _check_instance(
 
 
 def _observer(state: RunState, watch: Progress) -> Progress | None:
-    """The observer of builders. Counting the states of diagrams takes time: only if the progress is seen."""
+    """The observer of builders.
+
+    Counting the states of diagrams takes time: only if the progress is seen.
+    """
     return watch if state.options.engine == "auto" or watch.wanted else None
 
 
 def _bound_model(state: RunState, model: Model, asked: Sequence[PropertyInstance]) -> Model:
-    """The model, bound and reduced for the properties, and described in the output. Raises InputError."""
+    """The model, bound and reduced for the properties, and described in the output.
+
+    Raises InputError.
+    """
     a = state.arguments
     state.output.model(model.bound, {n: str(v) for n, v in model.constants.items()})
     if not state.options.reduce or a.imports_model:

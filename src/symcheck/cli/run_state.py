@@ -44,7 +44,10 @@ class RunState:
         return self.arguments.test or self.arguments.testall
 
     def conclude(self, verdict: Verdict) -> None:
-        """Print and count the comparison with a RESULT line. Raises TestFailed if -test ends with it."""
+        """Print and count the comparison with a RESULT line.
+
+        Raises TestFailed if -test ends with it.
+        """
         self.output.verdict(verdict)
         if verdict.kind in (VerdictKind.FAIL, VerdictKind.UNSUPPORTED):
             self.failures += 1
@@ -53,7 +56,7 @@ class RunState:
 
 
 def results_file(argument: str) -> tuple[Path, list[str]]:
-    """The file and the formats of `FILE:KIND,KIND`; a colon within the name of the file belongs to it."""
+    """The file and the formats of `FILE:KIND,KIND`; other colons belong to the file."""
     path, colon, kinds = argument.rpartition(":")
     if not colon:
         return Path(argument), ["text"]

@@ -23,9 +23,10 @@ _HANDLED: dict[signal.Signals, Any] = {
 
 
 class StopSignals:
-    """A context in which Ctrl-C and SIGTERM raise KeyboardInterrupt in the main thread, repeatedly until it takes effect.
+    """A context in which Ctrl-C and SIGTERM raise KeyboardInterrupt until it takes effect.
 
-    The code that they interrupt may be unable to raise, such as a destructor. Signals with another handler are left alone.
+    The code that they interrupt may be unable to raise, such as a destructor. Signals with another
+    handler are left alone.
     """
 
     def __init__(self) -> None:
@@ -80,7 +81,7 @@ class StopSignals:
 
 @contextmanager
 def limited(seconds: float | None, last_resort: Callable[[], None]) -> Iterator[None]:
-    """Raise TimeLimitError in the main thread after some seconds; `last_resort` is called if that has no effect."""
+    """Raise TimeLimitError after some seconds; call `last_resort` if that has no effect."""
     if seconds is None or threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,4 +1,4 @@
-"""The switches of simulation: -simpath writes a random path, -sim estimates properties from many."""
+"""Simulation: -simpath writes a random path, -sim estimates properties from many."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do wi
 __all__ = ["sampling_plan", "write_path"]
 
 _WARNINGS = {
-    "loop": "Deterministic loop detected after {n} steps (use the loopcheck=false option to extend the path).",
+    "loop": "Deterministic loop detected after {n} steps "
+    "(use the loopcheck=false option to extend the path).",
     "deadlock": "Deadlock state reached after {n} steps.",
     "length": "the path was stopped after {n} steps (-simpathlen allows more).",
 }
@@ -58,7 +59,10 @@ def sampling_plan(a: Arguments) -> Plan:
 def write_path(
     a: Arguments, output: Output, model: Model, varying: ConstantTexts = NO_CONSTANTS
 ) -> None:
-    """Generate the path that -simpath describes, and write it to its file or 'stdout'. Raises UsageError, ModelFault."""
+    """Generate the path that -simpath describes, and write it to its file or 'stdout'.
+
+    Raises UsageError, ModelFault.
+    """
     from symcheck.simulate.path import table
     from symcheck.simulate.path_options import parse_request
 

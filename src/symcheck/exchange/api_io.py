@@ -1,4 +1,4 @@
-"""Export and import for the library: `symcheck.export(model, "die.all")`, `symcheck.load_explicit`."""
+"""Export and import for the library: `symcheck.export` and `symcheck.load_explicit`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any, NoReturn, TextIO, Unpack
 
 from symcheck.api import Model, takes_options
 from symcheck.check.context import Context
-from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import UnsupportedError, UsageError, converts_memory_error
@@ -27,7 +26,7 @@ __all__ = ["ImportedModel", "export", "export_targets", "imported_model", "load_
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImportedModel(Model):
-    """A model that was read from explicit files: its program declares names, and has no commands."""
+    """A model from explicit files. Its program declares names and has no commands."""
 
     data: ExplicitData | None = None
 
@@ -54,7 +53,7 @@ class ImportedModel(Model):
             "and a model in explicit files has none"
         )
 
-    def estimate_instance(self, instance: PropertyInstance, plan: object) -> NoReturn:  # noqa: ARG002
+    def estimate_instance(self, *_: object, **__: object) -> NoReturn:
         """Not offered. Raises UnsupportedError."""
         self.simulate()
 
@@ -65,7 +64,8 @@ def export(model: Model, target: str) -> list[str]:
 
     Args:
         model: the model.
-        target: FILES[:OPTIONS] as for -exportmodel: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`, `die.umb`.
+        target: FILES[:OPTIONS] as for -exportmodel: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`,
+            `die.umb`.
 
     Returns:
         The names of the files.
@@ -87,7 +87,7 @@ def export_targets(
     out: TextIO,
     labels: Mapping[str, Expression] | None = None,
 ) -> Iterator[str]:
-    """Write parts of a built model, one after the other; gives the name of each file that is complete.
+    """Write parts of a built model one after the other, and yield the names of the files.
 
     Args:
         model: the model.
@@ -114,7 +114,7 @@ def export_targets(
 def load_explicit(
     files: str, *, type: ModelType | None = None, **options: Unpack[OptionValues]
 ) -> Model:
-    """Read a model from PRISM's explicit files, such as `die.all` or `die.tra,lab`, or from `die.umb`.
+    """Read a model from explicit files: `die.all` or `die.tra,lab` as in PRISM, or `die.umb`.
 
     Args:
         files: the files, as for -importmodel.
@@ -132,10 +132,14 @@ def load_explicit(
 def imported_model(
     files: str | ModelFiles, options: Options, type: ModelType | None = None
 ) -> Model:
-    """A model from explicit files, named as for -importmodel or one by one. Raises SyntaxFault, UsageError."""
+    """A model from explicit files, named as for -importmodel or one by one.
+
+    Raises SyntaxFault, UsageError.
+    """
     if options.engine not in ("auto", "explicit", "exact"):
         raise UsageError(
-            f"a model read from explicit files is checked by the explicit engine, not by {options.engine}"
+            "a model read from explicit files is checked by the explicit engine, "
+            f"not by {options.engine}"
         )
     if isinstance(files, str):
         data = read_files(files, type, check_sums=options.check_sums)

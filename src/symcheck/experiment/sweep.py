@@ -1,10 +1,12 @@
-"""A sweep checks a model for many values of its constants: one process per instance, and a journal of finished instances.
+"""Check a model for many values of its constants, with a journal of finished instances.
 
-    for done in sweep(Instance.read("model.pm", "model.pctl"), {"N": ("2", "3")}, journal=Path("sweep.jsonl")):
-        print(done.constants, done.rows)
+    instance = Instance.read("model.pm", "model.pctl")
+    for finished in sweep(instance, {"N": ("2", "3")}, journal=Path("sweep.jsonl")):
+        print(finished.constants, finished.rows)
 
-Each instance has a process of its own, whose memory is measured and returned to the system. The journal is a file of JSON
-lines, one for each finished instance; a sweep that was stopped and is started again checks only the missing instances.
+Each instance has a process of its own, whose memory is measured and returned to the system. The
+journal is a file of JSON lines, one for each finished instance; a sweep that was stopped and is
+started again checks only the missing instances.
 """
 
 from __future__ import annotations
@@ -48,8 +50,8 @@ class Instance:
     Args:
         model, properties: texts.
         constants: one value for each constant that the model leaves open.
-        varying: values of the constants of the properties; a property is checked for each combination of those on which
-            it depends.
+        varying: values of the constants of the properties; a property is checked for each
+            combination of those on which it depends.
         options: how the model is built and checked.
     """
 
@@ -85,8 +87,14 @@ class Instance:
 class Finished:
     """The results of an instance.
 
-    rows: one for each property and combination of its constants. seconds, cpu_seconds: time of its process.
-    memory: largest memory of its process, in bytes. error: why there are no rows; None if there are.
+    Attributes:
+        key: that of the instance.
+        constants: those of the model.
+        states, transitions: size of the built model.
+        rows: one for each property and combination of its constants.
+        seconds, cpu_seconds: elapsed time and processor time of its process.
+        memory: largest memory of its process, in bytes.
+        error: why there are no rows; None if there are.
     """
 
     key: str
@@ -114,7 +122,7 @@ class Finished:
 
 
 def check_instance(instance: Instance) -> Finished:
-    """Build and check an instance in this process; a fault becomes the `error`, or the value of a row."""
+    """Build and check an instance in this process. A fault becomes an error or a row."""
     started, used = perf_counter(), process_time()
     finished = Finished(instance.key, instance.constants)
     try:
@@ -157,7 +165,8 @@ def sweep(
 ) -> Iterator[Finished]:
     """Check every combination of constants; results come in the order in which they are finished.
 
-    Results that the journal holds come first. An instance with an error is a result too; the next sweep tries it again.
+    Results that the journal holds come first. An instance with an error is a result too; the next
+    sweep tries it again.
 
     Args:
         instance: the model, its properties and options.
@@ -212,7 +221,7 @@ def read_journal(journal: Path) -> dict[str, Finished]:
 
 
 def _append(journal: Path, done: Finished) -> None:
-    """Append one line in one write, and flush it to the disk; after an incomplete line, begin a new one."""
+    """Append one line in one write and flush it; an incomplete last line is ended first."""
     line = json.dumps({**asdict(done), "constants": dict(done.constants)}).encode() + b"\n"
     descriptor = os.open(journal, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
     try:

@@ -21,7 +21,8 @@ class Row:
         constants: the given constants, with their values as texts.
         value: as text.
         accuracy: as text.
-        title: the heading above the results of the property, its name and text; empty for `property`.
+        title: the heading above the results of the property, its name and text; empty for
+            `property`.
         fixed: the constants that were given one value only: lists and matrices omit them.
     """
 
@@ -142,7 +143,7 @@ def _comment(rows: Sequence[Row]) -> str:
 
 
 def _json(rows: Sequence[Row]) -> str:
-    """A list of objects: property, constants, accuracy, and the result with all digits of a double."""
+    """A list of objects: property, constants, accuracy, and the result with all digits."""
     import json
 
     found = [
@@ -173,7 +174,8 @@ def render(rows: Sequence[Row], kinds: Sequence[str]) -> str:
     unknown = [k for k in kinds if k not in FORMATS]
     if unknown:
         raise UsageError(
-            f"-exportresults: unknown format '{unknown[0]}'\n  hint: the formats are {', '.join(FORMATS)}"
+            f"-exportresults: unknown format '{unknown[0]}'"
+            f"\n  hint: the formats are {', '.join(FORMATS)}"
         )
     separator = "," if "csv" in kinds else "\t"
     if "matrix" in kinds:
