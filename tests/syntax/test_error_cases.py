@@ -187,6 +187,12 @@ def test_what_was_put_in_is_never_shown() -> None:
         assert diagnostic.span.text in text
 
 
+def test_a_part_is_there_once_though_it_is_read_twice() -> None:
+    with pytest.raises(SyntaxFault) as caught:
+        parse_model("dtmc init x=1 endinit system a || endsystem")
+    assert len(caught.value.diagnostics) == 1
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

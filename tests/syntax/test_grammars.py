@@ -22,14 +22,14 @@ PARSE = "from symcheck.syntax.parse import parse_model; print(len(parse_model('d
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty cache directory."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    grammars.load.cache_clear()
+    grammars._load.cache_clear()
     yield tmp_path / "symcheck"
-    grammars.load.cache_clear()
+    grammars._load.cache_clear()
 
 
 def read_again() -> None:
     """Parse in what could be another run."""
-    grammars.load.cache_clear()
+    grammars._load.cache_clear()
     parse_model(MODEL)
     parse_properties(PROPERTIES)
 

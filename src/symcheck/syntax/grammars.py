@@ -21,7 +21,7 @@ import lark
 
 from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
 
-__all__ = ["Language", "cache_directory", "grammar_text", "load"]
+__all__ = ["Language", "cache_directory", "grammar_text", "load", "load_interactive"]
 
 _BUILDERS: dict[str, type[Builder]] = {"prism": ModelBuilder, "properties": PropertiesBuilder}
 _STARTS = {
@@ -47,13 +47,21 @@ class Language:
         }
 
 
-@cache
 def load(name: str) -> Language:
-    """The language 'prism' or 'properties'."""
+    """The language 'prism' or 'properties'; its parser uses the compiled parts of Lark if lark-cython is installed."""
+    return _load(name, find_spec("lark_cython") is not None)
+
+
+def load_interactive(name: str) -> Language:
+    """The same with Lark's own parser, because the interactive parser does not work with lark-cython."""
+    return _load(name, False)
+
+
+@cache
+def _load(name: str, compiled: bool) -> Language:
     text = grammar_text(name)
-    plugin = find_spec("lark_cython") is not None
-    path = _cache_file(name, text, plugin)
-    parser = None if path is None else _load(path)
+    path = _cache_file(name, text, compiled)
+    parser = None if path is None else _read(path)
     if parser is None:
         parser = lark.Lark(
             text,
@@ -62,7 +70,7 @@ def load(name: str) -> Language:
             start=_STARTS[name],
             keep_all_tokens=True,
             transformer=_BUILDERS[name](),
-            _plugins=_plugins() if plugin else {},
+            _plugins=_plugins() if compiled else {},
         )
         if path is not None:
             _save(parser, path)
@@ -90,15 +98,15 @@ def cache_directory() -> Path | None:
     return Path(base, "symcheck") if os.path.isabs(base) else None
 
 
-def _cache_file(name: str, text: str, plugin: bool) -> Path | None:
+def _cache_file(name: str, text: str, compiled: bool) -> Path | None:
     """Where the parser of this grammar is kept, for these versions of Lark and Python."""
     directory = cache_directory()
-    parts = (text, repr(_STARTS[name]), lark.__version__, sys.version, repr(plugin))
+    parts = (text, repr(_STARTS[name]), lark.__version__, sys.version, repr(compiled))
     digest = sha256("\0".join(parts).encode()).hexdigest()[:32]
     return directory and directory / f"{name}-{digest}.lark"
 
 
-def _load(path: Path) -> lark.Lark | None:
+def _read(path: Path) -> lark.Lark | None:
     """The saved parser, or None where there is none that can be read."""
     try:
         with path.open("rb") as file:

@@ -15,7 +15,7 @@ from lark import UnexpectedInput
 from symcheck.errors import NO_SPAN, Diagnostic, Source, SyntaxFault, UsageError
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.declarations import Program, PropertiesFile
-from symcheck.syntax.grammars import Language, load
+from symcheck.syntax.grammars import load, load_interactive
 
 __all__ = [
     "parse_expression",
@@ -100,10 +100,9 @@ def _parse(name: str, start: str, source: Source) -> Any:
             value = language.parser.parse(source.text, start=start)
             if start == "state":
                 builder.measure(value)
+            found += builder.diagnostics.values()
         except UnexpectedInput:
-            builder.begin(source)
-            found += _faults(language, start, source)
-        found += builder.diagnostics.values()
+            found += _faults(name, start, source)
         deepest = builder.deepest
         builder.begin(NO_SPAN.source)
     if found:
@@ -115,11 +114,14 @@ def _parse(name: str, start: str, source: Source) -> Any:
     return value
 
 
-def _faults(language: Language, start: str, source: Source) -> list[Diagnostic]:
+def _faults(name: str, start: str, source: Source) -> list[Diagnostic]:
     """The diagnostics of a text that does not follow the grammar."""
     from symcheck.syntax.diagnostics import diagnose
     from symcheck.syntax.recovery import find_faults
 
-    return [
+    language = load_interactive(name)
+    language.builder.begin(source)
+    found = [
         diagnose(fault, source, language) for fault in find_faults(language, start, source.text)
     ]
+    return [*found, *language.builder.diagnostics.values()]

@@ -158,8 +158,8 @@ class _Recovery:
 
     def _pass(self, token: Token) -> None:
         """Note a word as one of those before the next fault."""
-        if self._before and self._before[-1].type == _SEMICOLON:
-            self._before = self._before[-1:]
+        if token.type == _SEMICOLON:
+            self._before = []
         self._before.append(token)
 
     def _read(self, token: Token) -> None:

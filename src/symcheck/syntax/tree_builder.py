@@ -368,6 +368,8 @@ class ModelBuilder(Builder):
 
     def _single(self, found: list[tuple[Any, Span]], what: str) -> Any:
         for _, span in found[1:]:
+            if span == found[0][1]:
+                continue  # the same one, in a part of a broken text that was read twice
             self._wrong(f"a second {what}", span, "repeated", f"a model has one {what} at most")
         return found[0][0] if found else None
 
