@@ -290,7 +290,7 @@ def _answer(
     value: Number = float(low) if isinstance(low, int) else low
     if not all(r.certified for r in context.log.runs):
         return value, Estimate()
-    return value, Exact(rounding=rounded and not context.engine.exact)
+    return value, Exact(rounding=rounded)
 
 
 def _middle(low: float, high: float) -> float:

@@ -32,7 +32,7 @@ def complement(context: Context, values: Values) -> Values:
     """1 - values. Where that is so small that the rounding of `values` is most of it, bounds take the place of a number."""
     one = context.engine.constant(1)
     found = one.map("-", values)
-    if context.engine.exact or not found.rounded(context.engine.all):
+    if not found.rounded(context.engine.all):
         return found
     sure, close = found.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
     # An interval makes the margins of rounding part of the sum; this one changes nothing else.
@@ -47,6 +47,7 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
         known = path.right | ~path.left
         satisfied = context.engine.indicator(known - path.right if path.negative else path.right)
         return satisfied.choose(known, context.engine.constant(0, 1))
+    # A difference of rationals is exact; of doubles, it would lose the digits of a small probability.
     if isinstance(path, UntilPath) and path.negative and not context.engine.exact:
         from symcheck.check.complement_until import complement_until
 

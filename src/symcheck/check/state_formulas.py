@@ -10,7 +10,7 @@ from symcheck.check.filters import FilterResult, apply_filter
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import StatesOf, resolve
 from symcheck.check.path_probabilities import probability, qualitative
-from symcheck.check.rational.rebind_exact import exact_twin
+from symcheck.check.rebind_exact import exact_twin
 from symcheck.check.reward_queries import reward_of, reward_values
 from symcheck.check.steady_state import steady_values
 from symcheck.check.thresholds import decide

@@ -89,7 +89,7 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
 
 def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) -> _Asked:
     """The same on the model explored exactly; numbers as doubles."""
-    from symcheck.check.rational.rebind_exact import exact_twin
+    from symcheck.check.rebind_exact import exact_twin
 
     exact, twin = exact_twin(context, formula)
     assert isinstance(twin, MultiObjective)

@@ -13,7 +13,7 @@ __all__ = ["listed"]
 
 def listed(context: Context) -> Context:
     """The context, over the explicit engine where it has another one in floating point (the model is then explored again)."""
-    if context.engine.exact or isinstance(context.engine, ExplicitEngine):
+    if isinstance(context.engine, ExplicitEngine):
         return context
     return replace(
         context,

@@ -1,4 +1,4 @@
-"""Rational arithmetic where floating point cannot decide: the same model and formula, bound again exactly."""
+"""The same model and formula, bound again in rational arithmetic, where floating point cannot decide."""
 
 from __future__ import annotations
 
