@@ -10,6 +10,7 @@ import pytest
 MODULES = (
     "symcheck.dd.cudd.extension",
     "symcheck.dd.manager",
+    "symcheck.explicit.build",
     "symcheck.symbolic.build",
     "symcheck.symbolic.reachability.search",
 )

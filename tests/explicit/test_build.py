@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from explicit.models import models
 from symcheck.errors import InputError, Interrupted, MemoryLimitError, ModelFault, TimeLimitError
 from symcheck.explicit.build import Exploration, explore
-from symcheck.explicit.states import Layout
+from symcheck.explicit.states import StateLayout
 from symcheck.kernels.explore.packed_states import order_rows
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
@@ -287,7 +287,7 @@ def test_layout_is_lossless_and_ordered(ranges):
         Variable(f"x{i}", Type.INT, low, low + (1 << bits) - 1, low, "m")
         for i, (low, bits) in enumerate(ranges)
     )
-    layout = Layout.of(variables)
+    layout = StateLayout.of(variables)
     rng = np.random.default_rng(0)
     columns = [rng.integers(v.low, v.high, 50, endpoint=True) for v in variables]
     rows = layout.pack(columns)

@@ -11,8 +11,8 @@ from symcheck.cli.entry_point import run_safely
 from symcheck.errors import NameFault, UsageError
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
-from symcheck.simulate.path import Layout, rows, table
-from symcheck.simulate.path_options import parse_request
+from symcheck.simulate.path import PathFormat, rows, table
+from symcheck.simulate.path_options import parse_path_options
 from symcheck.simulate.walk import simulate
 from symcheck.syntax.parse import parse_model
 
@@ -40,7 +40,7 @@ def test_table() -> None:
 
 
 def test_probabilities_and_rewards() -> None:
-    found = rows(simulate(model(), 2, seed=1), Layout(probabilities=True, rewards=True))
+    found = rows(simulate(model(), 2, seed=1), PathFormat(probabilities=True, rewards=True))
     assert found[0] == [
         "action",
         "probability",
@@ -54,17 +54,17 @@ def test_probabilities_and_rewards() -> None:
 
 
 def test_chosen_variables_show_changes_only() -> None:
-    layout = parse_request("10,vars=(b),sep=comma").layout
+    layout = parse_path_options("10,vars=(b),sep=comma").path_format
     assert (
         table(simulate(model(), 10, seed=1), layout) == "action,step,b\n-,0,false\ncounter,4,true\n"
     )
-    layout = parse_request("10,vars=(b),changes=false").layout
+    layout = parse_path_options("10,vars=(b),changes=false").path_format
     assert len(rows(simulate(model(), 10, seed=1), layout)) == 6
 
 
 def test_snapshots() -> None:
     path = simulate(model(CLOCK), time=4, seed=1, loop_check=False)
-    found = rows(path, Layout(snapshot=0.5))
+    found = rows(path, PathFormat(snapshot=0.5))
     assert found[0] == ["step", "time", "x"]
     assert [r[1] for r in found[1:9]] == [str(0.5 * i) for i in range(8)]
     for step, time, x in found[1:]:
@@ -112,13 +112,13 @@ UNCLEAR = [
 @pytest.mark.parametrize("text", UNCLEAR)
 def test_requests_that_are_not_understood(text: str) -> None:
     with pytest.raises(UsageError, match="-simpath"):
-        parse_request(text)
+        parse_path_options(text)
 
 
 def test_requests() -> None:
-    request = parse_request("deadlock,repeat=7,loopcheck=false,vars=(x,b),sep=tab")
+    request = parse_path_options("deadlock,repeat=7,loopcheck=false,vars=(x,b),sep=tab")
     assert (request.deadlock, request.repeat, request.loop_check) == (True, 7, False)
-    assert request.layout == Layout(variables=("x", "b"), separator="\t", changes=True)
+    assert request.path_format == PathFormat(variables=("x", "b"), separator="\t", changes=True)
 
 
 def test_command_line(tmp_path: File, capsys: pytest.CaptureFixture[str]) -> None:

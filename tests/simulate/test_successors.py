@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from generate import random_model
 from symcheck.errors import ModelFault, NameFault
 from symcheck.explicit.build import explore
-from symcheck.explicit.states import Layout
+from symcheck.explicit.states import StateLayout
 from symcheck.explicit.successors import SuccessorGenerator
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
@@ -128,7 +128,7 @@ def test_faults_are_those_of_the_interpreter(command: str, code: str) -> None:
     model = bind(
         parse_model(f"dtmc module m x:[0..2]; [] x=0 -> (x'=1); [] {command}; endmodule"), {}
     )
-    layout = Layout.of(model.variables)
+    layout = StateLayout.of(model.variables)
     with pytest.raises(ModelFault) as fault:
         SuccessorGenerator(model, layout).successors(layout.pack([np.array([0, 1, 2])]))
     assert fault.value.diagnostics[0].code == code

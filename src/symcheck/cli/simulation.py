@@ -12,7 +12,7 @@ from symcheck.errors import UsageError
 
 if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do without
     from symcheck.simulate.path import Path
-    from symcheck.simulate.path_options import Request
+    from symcheck.simulate.path_options import PathOptions
     from symcheck.simulate.statistics import Plan
 
 __all__ = ["sampling_plan", "write_path"]
@@ -64,12 +64,12 @@ def write_path(
     Raises UsageError, ModelFault.
     """
     from symcheck.simulate.path import table
-    from symcheck.simulate.path_options import parse_request
+    from symcheck.simulate.path_options import parse_path_options
 
     assert a.simpath is not None
     _require_commands(a)
     description, target = a.simpath
-    request = parse_request(description)
+    request = parse_path_options(description)
     path = _path(a, model, request)
     output.line()
     wanted_deadlock = request.deadlock and path.end == "deadlock"
@@ -80,7 +80,7 @@ def write_path(
             f"no deadlock was met on {request.repeat} path{'s' if request.repeat > 1 else ''}: "
             "the last one is shown"
         )
-    text = table(path, request.layout)
+    text = table(path, request.path_format)
     if target == "stdout":
         output.line(text.rstrip("\n"))
         return
@@ -91,7 +91,7 @@ def write_path(
     output.line(f"Path of {len(path)} steps (seed {path.seed}) written to {target}")
 
 
-def _path(a: Arguments, model: Model, request: Request) -> Path:
+def _path(a: Arguments, model: Model, request: PathOptions) -> Path:
     """The path of a request: of several attempts the first that ends in a deadlock, or the last."""
     for attempt in range(request.repeat):
         path = model.simulate(

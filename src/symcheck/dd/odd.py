@@ -193,7 +193,7 @@ class Odd:
 
 
 def levels_of(manager: DiagramManager, names: Sequence[str]) -> NDArray[np.int32]:
-    """Levels of variables: int32[k]. Raises ValueError where these are not given from the top down."""
+    """Levels of variables, int32[k]. Raises ValueError where they are not in top-down order."""
     levels = np.array([manager.level_of(name) for name in names], np.int32)
     if (np.diff(levels) <= 0).any():
         raise ValueError(

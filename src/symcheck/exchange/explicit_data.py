@@ -14,7 +14,7 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.rational.explore import RationalModel, StateList
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, converts_memory_error
 from symcheck.explicit.model import ExplicitModel
-from symcheck.explicit.states import Layout, StateTable
+from symcheck.explicit.states import StateLayout, StateTable
 from symcheck.matrices.numbers import Numbers, Rationals, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.binding.bind import bind
@@ -183,7 +183,7 @@ def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> Impor
     deadlock = dead | members.pop("deadlock", np.zeros(given.matrix.states, bool))
     marks: dict[str, Expression] = {name: Name(f'"{name}"') for name in members}
     model = _model(given, marks)
-    layout = Layout.of(model.variables)
+    layout = StateLayout.of(model.variables)
     explored = ExplicitModel(
         model,
         StateTable(layout, layout.pack([c for _, _, c in given.columns])),

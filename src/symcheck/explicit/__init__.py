@@ -1,1 +1,3 @@
-"""Explicit search: states as packed rows of bits, matrices as compressed rows."""
+"""Explicit exploration: expressions compiled for a register machine, packed states, sparse
+matrices; no diagrams.
+"""

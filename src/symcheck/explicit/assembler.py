@@ -1,9 +1,9 @@
-"""Assembles programs of the register machine (`symcheck.kernels.explore.register_machine`):
-registers, constants, jumps, shared subexpressions.
+"""Assembler for the register machine (`symcheck.kernels.explore.register_machine`): registers,
+constants, jumps, and common subexpressions.
 
 While a program is written, a register is one int: variables count from 0, constants from CONSTANTS,
-temporaries from TEMPORARIES. `finish` lays them out one after the other, and constants come preset
-in the register file.
+temporaries from TEMPORARIES. `finish` numbers them consecutively, with the constants preset in the
+register file.
 """
 
 from __future__ import annotations
@@ -40,10 +40,13 @@ def _bits(value: bool | int | float) -> int:
 
 
 class Assembler:
-    """A program under construction, over `variables` variable registers.
+    """A program under construction.
 
-    Equal instructions on equal registers are written once within the reach of each other: `scope`
-    marks code that may be jumped over, whose values must not be used after it.
+    Equal instructions on equal registers are written once where the first is always executed before
+    the second: `scope` marks code that may be jumped over, whose values must not be used after it.
+
+    Args:
+        variables: number of variable registers.
     """
 
     def __init__(self, variables: int) -> None:
@@ -57,12 +60,10 @@ class Assembler:
         self._barrier = 0  # the last position that a jump may lead to
         self._known: dict[object, Register] = {}
 
-    # -------------------------------------------------------------------------------------------- registers
+    # ------------------------------------------------------------------------------------ registers
 
     def constant(self, value: bool | int | float) -> Register:
-        """The register that holds a constant: equal bits share one. Raises OverflowError beyond 64
-        bits.
-        """
+        """The register of a constant; equal bits share one. Raises OverflowError beyond 64 bits."""
         bits = _bits(value)
         if not -(2**63) <= bits < 2**63:
             raise OverflowError(f"{value} does not fit 64 bits")
@@ -85,28 +86,29 @@ class Assembler:
         return TEMPORARIES + self._temporaries - 1
 
     def forget(self) -> None:
-        """Begin a piece of code that shares no temporary with what came before."""
+        """Begin a piece of code that shares no temporary with the code before."""
         self._known = {}
         self._temporaries = 0
 
     @contextmanager
     def scope(self) -> Iterator[None]:
-        """Code that may be jumped over."""
+        """Context of code that may be jumped over."""
         outer = self._known
         self._known = dict(outer)
         yield
         self._known = outer
 
-    # -------------------------------------------------------------------------------------------- code
+    # ----------------------------------------------------------------------------------------- code
 
     @property
     def position(self) -> int:
-        """Where the next instruction goes."""
+        """Index of the next instruction."""
         return len(self._code)
 
     def emit(self, op: Op, a: Register, b: Register = _NONE) -> Register:
-        """An operation on registers; gives the register of its value (an older one, or a constant,
-        where it is known).
+        """Write an operation on registers; returns the register of its value.
+
+        That is an earlier register, or a constant, where the value is known.
         """
         key = (int(op), a, b)
         if (found := self._known.get(key)) is not None:
@@ -119,16 +121,16 @@ class Assembler:
         return folded
 
     def recall(self, key: object) -> Register | None:
-        """The register that `remember` noted for a key within reach."""
+        """The register noted by `remember` for a key, where it is still valid."""
         return self._known.get(key)
 
     def remember(self, key: object, register: Register) -> None:
-        """Note that a value (a whole expression, say) stands in a register."""
+        """Note that a register holds a value, such as that of a whole expression."""
         self._known[key] = register
 
     def _fold(self, op: Op, a: Register, b: Register) -> Register | None:
-        """The constant that the machine itself computes; None where it has no value (then it fails
-        when it is run).
+        """The constant that the machine computes; None where it fails, as it then does when it
+        runs.
         """
         slots = np.array([self.bits(a), self.bits(b) if b != _NONE else 0, 0], np.int64)
         result = np.zeros(1, np.int64)
@@ -138,8 +140,9 @@ class Assembler:
         return None if fault >= 0 else self._constant(bits)
 
     def move(self, destination: Register, source: Register, start: int) -> None:
-        """Set destination to source. `start`: the position since which a scope is open that closes
-        right after this.
+        """Set a destination to a source.
+
+        start: position since which a scope is open that closes directly after this.
         """
         last = (
             self._code[-1]
@@ -152,31 +155,31 @@ class Assembler:
             self._code.append((int(Op.MOVE), destination, source, _NONE))
 
     def label(self) -> int:
-        """A place to jump to, not yet placed."""
+        """A new label without a position."""
         self._labels.append(-1)
         return len(self._labels) - 1
 
     def place(self, label: int) -> None:
-        """The label is here."""
+        """Set the position of a label to here."""
         self._barrier = len(self._code)
         self._labels[label] = len(self._code)
 
     def jump(self, op: Op, label: int, a: Register = _NONE, b: Register = _NONE) -> None:
-        """A jump, conditional or not."""
+        """Write a jump, conditional or not."""
         self._code.append((int(op), label, a, b))
 
     def halt(self) -> None:
-        """End, successfully."""
+        """Write the end of a successful run."""
         self._code.append((int(Op.HALT), 0, 0, 0))
 
     def fail(self) -> None:
-        """End: not enabled."""
+        """Write the end of a run whose guard does not hold."""
         self._code.append((int(Op.FAIL), 0, 0, 0))
 
-    # -------------------------------------------------------------------------------------------- end
+    # ------------------------------------------------------------------------------------------ end
 
     def place_of(self, register: Register) -> int:
-        """Where a register stands in the register file of the finished program."""
+        """The index of a register in the register file of the finished program."""
         if register < CONSTANTS:
             return register
         if register < TEMPORARIES:
@@ -184,8 +187,8 @@ class Assembler:
         return self._variables + len(self._values) + register - TEMPORARIES
 
     def finish(self) -> tuple[NDArray[np.int32], Int64s]:
-        """The program (int32[n, 4]) and its register file (int64[registers]) with the constants in
-        their places.
+        """The program (int32[n, 4]) and its register file (int64[registers]) with the constants
+        set.
         """
         code = np.array(self._code, np.int64).reshape(-1, 4)
         jumps = code[:, 0] >= Op.JUMP

@@ -1,8 +1,8 @@
-"""Explicit exploration: from a bound model to states and a sparse matrix, without diagrams.
+"""Explicit exploration: from a bound model to its reachable states and a sparse matrix, without
+diagrams.
 
-The search itself runs in compiled code (`symcheck.kernels.explore.breadth_first`), some tens of
-milliseconds at a time; between these slices the limits are looked at, the observer is told, and
-Ctrl-C is heard.
+The search runs in compiled code (`symcheck.kernels.explore.breadth_first`) in slices of some tens
+of milliseconds. Between slices limits and signals are checked and the observer is called.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from symcheck.errors import (
     UnsupportedError,
     converts_memory_error,
 )
+from symcheck.explicit import tuning
 from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
-from symcheck.explicit.states import Layout, Rows, StateTable
+from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import Assignments, tables, total_reward
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, give_back
 from symcheck.kernels.explore.packed_states import order_rows
@@ -37,19 +38,21 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.settings import BuildSettings
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["Exploration", "Observer", "Progress", "explore"]
+__all__ = ["Exploration", "ExplorationObserver", "ExplorationProgress", "explore"]
 
-_SLICE = 0.05  # seconds of search between looks at limits and signals
-_EXAMPLES = 3
-_LARGE = 500_000  # states after whose search freed memory is given back to the system
+_EXAMPLES = 3  # deadlock states in a message
 _NO_BUDGET = 1 << 62
 _LESS_MEMORY = f"-cuddmaxmem gives more; {SMALLER_ENGINES}"
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
-    """How far a search is. `level`: breadth-first distance of the states being explored; memory in
-    bytes.
+class ExplorationProgress:
+    """The progress of an exploration.
+
+    Attributes:
+        explored: states whose successors are known.
+        level: breadth-first distance of the states that are being explored.
+        memory: bytes of the exploration's arrays.
     """
 
     states: int
@@ -62,34 +65,39 @@ class Progress:
 
     @property
     def frontier(self) -> int:
-        """States that are known and not yet explored."""
+        """Number of states that are known but not yet explored."""
         return self.states - self.explored
 
     def __str__(self) -> str:
         rate = self.explored / self.seconds / 1e6 if self.seconds > 0 else 0.0
         return (
-            f"{self.states} states, {self.transitions} transitions, {self.frontier} to explore, level {self.level}, "
+            f"{self.states} states, {self.transitions} transitions, {self.frontier} to explore, "
+            f"level {self.level}, "
             f"{self.memory / 1e6:.0f} MB, {self.seconds:.1f} s ({rate:.2f} M states/s)"
         )
 
 
-Observer = Callable[[Progress], None]
+ExplorationObserver = Callable[[ExplorationProgress], None]
 
 
 @dataclass(eq=False)
 class Exploration:
-    """A search that can be stopped, looked at and resumed: `run`, then `finish`.
+    """A search that can be interrupted, inspected and resumed: `run`, then `finish`.
 
-    `seed`: packed states (`layout`) known to be reachable, to begin with besides the initial ones.
-    `canonical`: see `explore`. The states so far are `rows()`, in the order of discovery: the first
-    `progress.explored` of them have been explored, the rest is the frontier.
+    The states so far are `rows()`, in the order of discovery; the first `progress.explored` of them
+    are explored, and the others are the frontier.
+
+    Args:
+        seed: packed states (`layout`) known to be reachable, from which the search starts besides
+            the initial ones.
+        canonical: as in `explore`.
     """
 
     model: BoundModel
     options: BuildSettings
     seed: Rows | None = None
     canonical: Assignments = ()
-    layout: Layout = field(init=False)
+    layout: StateLayout = field(init=False)
     _explorer: Explorer = field(init=False, repr=False)
     _seconds: float = field(default=0.0, init=False)
 
@@ -99,7 +107,7 @@ class Exploration:
                 f"explicit exploration of a model of type {self.model.type.value}"
             )
         started = time.perf_counter()
-        self.layout = Layout.of(self.model.variables)
+        self.layout = StateLayout.of(self.model.variables)
         self._initial = initial_rows(self.model, self.layout)
         compiled = tables(
             self.model, self.layout, check_sums=self.options.check_sums, canonical=self.canonical
@@ -114,10 +122,10 @@ class Exploration:
         return f"Exploration({self.progress})"
 
     @property
-    def progress(self) -> Progress:
-        """How far the search is."""
+    def progress(self) -> ExplorationProgress:
+        """The progress of the search."""
         e = self._explorer
-        return Progress(
+        return ExplorationProgress(
             len(e.states),
             e.explored,
             e.rows.closed,
@@ -129,21 +137,24 @@ class Exploration:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to explore."""
+        """Whether all known states are explored."""
         return self._explorer.explored == len(self._explorer.states)
 
     def rows(self) -> Rows:
-        """All states known so far, packed, in the order of discovery: uint64[states, words]."""
+        """The packed states known so far, in the order of discovery: uint64[states, words]."""
         rows = np.empty((len(self._explorer.states), self.layout.words), np.uint64)
         self._explorer.states.copy_rows(rows)
         return rows
 
-    def run(self, state_budget: int | None = None, observer: Observer | None = None) -> bool:
-        """Explore until nothing is left, or `state_budget` states are known; whether nothing is
-        left.
+    def run(
+        self, state_budget: int | None = None, observer: ExplorationObserver | None = None
+    ) -> bool:
+        """Explore until no state is left or `state_budget` states are known; returns whether no
+        state is left.
 
-        Raises ModelFault where the model breaks a rule, and TimeLimitError, MemoryLimitError or
-        Interrupted, after which the states so far are still here and `run` can go on.
+        Raises:
+            ModelFault: the model breaks a rule in a reachable state.
+            TimeLimitError, MemoryLimitError, Interrupted: `run` may be called again and goes on.
         """
         try:
             while not self._step(_NO_BUDGET if state_budget is None else state_budget):
@@ -157,7 +168,7 @@ class Exploration:
         return self.complete
 
     def _step(self, budget: int) -> bool:
-        """Search for a while; whether the search ended, complete or at the budget."""
+        """Search for one slice; whether the search ended, complete or at the budget."""
         started = time.perf_counter()
         outcome = self._explorer.run(budget, self._slice())
         self._seconds += time.perf_counter() - started
@@ -174,7 +185,11 @@ class Exploration:
 
     def _slice(self) -> float:
         limit = self.options.time_limit
-        return _SLICE if limit is None else max(0.0, min(_SLICE, limit - self._seconds))
+        return (
+            tuning.SECONDS_PER_SLICE
+            if limit is None
+            else max(0.0, min(tuning.SECONDS_PER_SLICE, limit - self._seconds))
+        )
 
     def _check_limits(self) -> None:
         limit, memory = self.options.time_limit, self.options.max_memory
@@ -200,7 +215,12 @@ class Exploration:
         raise_model_fault(self.model, state, e.fault_status, check_sums=self.options.check_sums)
 
     def finish(self) -> ExplicitModel:
-        """The model, once `run` is complete. Only once: the search gives its memory back."""
+        """The model, after a complete `run`. It can be called once, as the search releases its
+        memory.
+
+        Raises ValueError if the search is not complete, and ModelFault for deadlocks, unless these
+        are fixed, and for rewards that are not finite.
+        """
         if not self.complete:
             raise ValueError("the search is not complete")
         started = time.perf_counter()
@@ -208,7 +228,7 @@ class Exploration:
         n = len(e.states)
         e.states.drop_table()
         order, rank = np.empty(n, np.int32), np.empty(n, np.int32)
-        # Not copied: this is where the memory of a large model is at its peak.
+        # The rows are not copied, because the memory of a large model peaks here.
         order_rows(e.states.view_rows(), order, rank)
         states = StateTable(self.layout, e.states.view_rows()[order].reshape(-1, words))
         e.states.drop_rows()
@@ -220,10 +240,10 @@ class Exploration:
         initial = states.find(self._initial).astype(np.int64)
         levels = e.level + 1
         state_rewards = self._state_rewards(states)
-        if n > _LARGE:
+        if n > tuning.MIN_STATES_TO_TRIM:
             give_back()
         self._seconds += time.perf_counter() - started
-        # Not np.unique, which imports numpy.ma: a tenth of the time that a small model takes.
+        # np.unique would import numpy.ma, which takes a tenth of the time of a small model.
         ordered = np.sort(initial)
         distinct = ordered[np.append(True, ordered[1:] != ordered[:-1])[: ordered.size]]
         return ExplicitModel(
@@ -297,19 +317,33 @@ class Exploration:
 def explore(
     model: BoundModel,
     options: BuildSettings,
-    observer: Observer | None = None,
+    observer: ExplorationObserver | None = None,
     seed: Rows | None = None,
     *,
     canonical: Assignments = (),
 ) -> ExplicitModel:
-    """All reachable states and transitions of a model, breadth first.
+    """The reachable states and transitions of a model, breadth first.
 
-    observer: called with the progress every 50 ms or so. seed: packed states that another search
-    has reached already. canonical: pairs (variable index, expression over the variables) by which
-    every successor is changed before it is looked up; for reductions that identify states. Limits:
-    `options.time_limit` (seconds), `options.max_memory` (bytes of the search's own arrays).
-    Accuracy: probabilities as floating point gives them. Raises ModelFault where the model breaks a
-    rule, TimeLimitError, MemoryLimitError, Interrupted.
+    Args:
+        options: limits of time (seconds) and memory (bytes of the search's arrays), and checks.
+        observer: is called with the progress about every 50 ms.
+        seed: packed states that another search has reached already.
+        canonical: pairs (variable index, expression) by which every successor is changed before it
+            is looked up; for reductions that identify states.
+
+    Returns:
+        The model; probabilities are floating-point numbers.
+
+    Raises:
+        ModelFault: the model breaks a rule in a reachable state.
+        TimeLimitError, MemoryLimitError, Interrupted: a limit is reached, or Ctrl-C.
+
+    Example:
+        >>> import symcheck
+        >>> text = "dtmc module m x:[0..5]; [] x<3 -> (x'=x+1); endmodule"
+        >>> model = symcheck.explore(symcheck.bind(symcheck.parse_model(text)), symcheck.Options())
+        >>> list(model.states), model.matrix.entries
+        ([(0,), (1,), (2,), (3,)], 4)
     """
     exploration = Exploration(model, options, seed, canonical)
     exploration.run(None, observer)

@@ -1,9 +1,10 @@
-"""Which commands can be enabled at all, given the values of a few variables: decision forests.
+"""Decision forests that find the commands which may be enabled, given the values of a few
+variables.
 
-A model with hundreds of commands mostly has one variable that says where each module stands (`s=3`,
-`count=7`). Conjuncts of a guard that read a single variable tell for which of its values the
-command is ruled out; a switch on the variable that rules out most leaves a few candidates, whose
-guards are then evaluated in full.
+In a model with hundreds of commands, one variable usually tells where each module stands (`s=3`,
+`count=7`). A conjunct of a guard that reads a single variable rules the command out for some of its
+values. A branch on the variable that rules out most leaves a few candidates, whose guards are then
+evaluated in full.
 """
 
 from __future__ import annotations
@@ -14,19 +15,16 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.explicit import tuning
 from symcheck.explicit.compile import compile_expression
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import UnaryOperator
 
-__all__ = ["Forest", "Masks", "conjuncts", "every", "masks", "some"]
+__all__ = ["Forest", "Masks", "all_of", "any_of", "conjuncts", "guard_masks"]
 
 Masks = Mapping[int, Bools]
-_DOMAIN = 2048  # values of a variable up to which a switch is considered
-_SELECTIVE = 0.5  # share of the values that a mask may leave
-_FEW = 3  # so many candidates are evaluated without further ado
-_DEPTH = 3
 _COMPARE = {
     "=": np.equal,
     "!=": np.not_equal,
@@ -38,15 +36,19 @@ _COMPARE = {
 
 
 def conjuncts(guard: Expression) -> list[Expression]:
-    """The parts of a conjunction, in order."""
+    """The operands of a conjunction, in order."""
     if isinstance(guard, Binary) and guard.operator == "&":
         return [*conjuncts(guard.left), *conjuncts(guard.right)]
     return [guard]
 
 
-def masks(guard: Expression, variables: tuple[Variable, ...], index: Mapping[str, int]) -> Masks:
-    """Per variable, for which values (from its low bound on) no conjunct that reads only this
-    variable is false.
+def guard_masks(
+    guard: Expression, variables: tuple[Variable, ...], index: Mapping[str, int]
+) -> Masks:
+    """Per variable, the values for which no conjunct that reads only this variable is false.
+
+    Returns:
+        Variable index to bool[high - low + 1].
     """
     found: dict[int, Bools] = {}
     for part in conjuncts(guard):
@@ -54,7 +56,7 @@ def masks(guard: Expression, variables: tuple[Variable, ...], index: Mapping[str
         if v is None:
             continue
         low, high = variables[v].low, variables[v].high
-        if low is None or high is None or not 1 < high - low + 1 <= _DOMAIN:
+        if low is None or high is None or not 1 < high - low + 1 <= tuning.MAX_SWITCH_VALUES:
             continue
         mask = _mask(part, variables, v, low, high)
         found[v] = found[v] & mask if v in found else mask
@@ -93,17 +95,19 @@ def _mask(part: Expression, variables: tuple[Variable, ...], v: int, low: int, h
         case Unary(UnaryOperator.NOT, Name()):
             return np.asarray(domain == 0)
     values, valid = compile_expression(part, variables).run_masked({v: domain})
-    return np.asarray(values | ~valid)  # where it has no value, the evaluation in full will say so
+    return np.asarray(
+        values | ~valid
+    )  # a value without a result is kept: the full guard reports the fault
 
 
-def some(alternatives: Sequence[Masks]) -> Masks:
-    """What holds where at least one of the alternatives does."""
+def any_of(alternatives: Sequence[Masks]) -> Masks:
+    """The masks of a disjunction: values that at least one of the alternatives allows."""
     shared = reduce(lambda a, b: a & b, (set(m) for m in alternatives)) if alternatives else set()
     return {v: reduce(np.logical_or, [m[v] for m in alternatives]) for v in shared}
 
 
-def every(parts: Sequence[Masks]) -> Masks:
-    """What holds where all of the parts do."""
+def all_of(parts: Sequence[Masks]) -> Masks:
+    """The masks of a conjunction: values that all parts allow."""
     found: dict[int, Bools] = {}
     for part in parts:
         for v, mask in part.items():
@@ -112,8 +116,12 @@ def every(parts: Sequence[Masks]) -> Masks:
 
 
 class Forest:
-    """Builds forests into one int32 array. Nodes: (0, n, items…), or (1, variable, low, next,
-    children…) with -1 for none.
+    """Builds decision forests in one int32 array.
+
+    Nodes are (0, n, items …), or (1, variable, low, next, children …) with -1 for no child.
+
+    Args:
+        lows: lower bounds of the variables.
     """
 
     def __init__(self, lows: Sequence[int]) -> None:
@@ -122,16 +130,18 @@ class Forest:
         self._known: dict[tuple[int, ...], int] = {}
 
     def array(self) -> NDArray[np.int32]:
-        """All forests, one after the other."""
+        """All forests, one after the other: int32[n]."""
         return np.array(self._nodes or [0, 0], np.int32)
 
     def add(self, items: Sequence[int], masks_of: Sequence[Masks]) -> int:
-        """A forest that finds, among `items`, those that their masks (in the same order) allow.
-        Gives its root, or -1.
+        """Add a forest that finds the items which their masks allow; returns its root, or -1 if
+        there are no items.
+
+        masks_of: the masks of each item, in the same order.
         """
         self._known = {}
         self._masks = dict(zip(items, masks_of, strict=True))
-        return self._build(tuple(items), frozenset(), _DEPTH)
+        return self._build(tuple(items), frozenset(), tuning.MAX_FOREST_DEPTH)
 
     def _build(self, items: tuple[int, ...], used: frozenset[int], depth: int) -> int:
         if not items:
@@ -142,7 +152,7 @@ class Forest:
         return self._known[key]
 
     def _node(self, items: tuple[int, ...], used: frozenset[int], depth: int) -> int:
-        variable = self._best(items, used) if len(items) > _FEW and depth else None
+        variable = self._best(items, used) if len(items) > tuning.MAX_LEAF_ITEMS and depth else None
         if variable is None:
             return self._append([0, len(items), *items])
         group = [i for i in items if self._selective(i, variable)]
@@ -161,15 +171,15 @@ class Forest:
 
     def _selective(self, item: int, variable: int) -> bool:
         mask = self._masks[item].get(variable)
-        return mask is not None and bool(mask.mean() <= _SELECTIVE)
+        return mask is not None and bool(mask.mean() <= tuning.MAX_MASK_SHARE)
 
     def _best(self, items: tuple[int, ...], used: frozenset[int]) -> int | None:
-        """The variable whose values rule out most."""
+        """The variable whose values rule out most items; None if none rules out enough."""
         gain: dict[int, float] = {}
         for i in items:
             for v, mask in self._masks[i].items():
                 share = float(mask.mean())
-                if v not in used and share <= _SELECTIVE:
+                if v not in used and share <= tuning.MAX_MASK_SHARE:
                     gain[v] = gain.get(v, 0.0) + 1 - share
         best = max(gain, key=lambda v: gain[v], default=None)
-        return best if best is not None and gain[best] > 1.5 else None
+        return best if best is not None and gain[best] > tuning.MIN_SWITCH_GAIN else None

@@ -1,4 +1,4 @@
-"""Compiled expressions: evaluate one on many states at once, in C."""
+"""Compiled expressions, evaluated on many states at once."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.explicit.assembler import Assembler
+from symcheck.explicit.code_generation import CodeGenerator
 from symcheck.explicit.faults import raise_expression_fault
-from symcheck.explicit.states import Layout, Rows
-from symcheck.explicit.translate import Translator
+from symcheck.explicit.states import Rows, StateLayout
 from symcheck.kernels.explore.register_machine import Op, run_columns, run_packed
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.semantics.model import BoundModel, Variable
@@ -25,8 +25,11 @@ __all__ = ["Code", "compile_expression"]
 class Code:
     """An expression as a program of the register machine.
 
-    `support`: indices of the variables that it reads, ascending. `program`: int32[n, 4]; `slots`:
-    the register file, variables first; the value is left in register `result`.
+    Attributes:
+        support: indices of the variables that it reads, ascending.
+        program: int32[n, 4].
+        registers: int64, the register file with the constants set, variables first.
+        result: register of the value.
     """
 
     expression: Expression = field(repr=False)
@@ -34,32 +37,37 @@ class Code:
     type: Type
     support: tuple[int, ...]
     program: NDArray[np.int32] = field(repr=False)
-    slots: Int64s = field(repr=False)
+    registers: Int64s = field(repr=False)
     result: int = field(repr=False)
 
     def run(
         self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]
     ) -> NDArray[Any]:
-        """The value for each of n lanes: bool[n], int64[n] or float64[n] by `type`.
+        """The value for each of n valuations; some 10 to 50 million valuations per second for a few
+        operations.
 
-        `columns`: per variable of `support`, an array of n ints or bools: a mapping from variable
-        index to array, or the arrays in the order of `support` (a sequence, or the rows of an
-        array). Raises ModelFault as `evaluate` does, for the first lane that has no value. About 10
-        to 50 million lanes a second for a few operations.
+        Args:
+            columns: per variable of `support`, an array of n ints or bools: a mapping from variable
+                index to array, or the arrays in the order of `support` (a sequence, or the rows of
+                an array).
+
+        Returns:
+            bool[n], int64[n] or float64[n] by `type`.
+
+        Raises:
+            ModelFault: for the first valuation without a value, as `evaluate` raises it.
         """
         return self._run(self._gather(columns), None)
 
     def run_masked(
         self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]
     ) -> tuple[NDArray[Any], Bools]:
-        """As `run`, but lanes without a value raise nothing: gives values and, as bool[n], which of
-        them are valid.
-        """
+        """As `run` without errors: the values, and which of them are valid (bool[n])."""
         lanes = self._gather(columns)
         valid = np.ones(lanes.shape[1], np.uint8)
         return self._run(lanes, valid), valid.view(np.bool_)
 
-    def run_packed(self, layout: Layout, rows: Rows) -> NDArray[Any]:
+    def run_packed(self, layout: StateLayout, rows: Rows) -> NDArray[Any]:
         """The value in each of n packed states, as `run` gives it.
 
         Args:
@@ -74,7 +82,7 @@ class Code:
         integers = np.empty(n, np.int64) if self.type is Type.INT else None
         fault, status = run_packed(
             self.program,
-            self.slots,
+            self.registers,
             np.ascontiguousarray(layout.fields[support]),
             np.ascontiguousarray(layout.lows[support]),
             np.ascontiguousarray(rows),
@@ -100,7 +108,7 @@ class Code:
         chosen = (
             [columns[v] for v in self.support] if isinstance(columns, Mapping) else list(columns)
         )
-        if not chosen:  # a constant: as many lanes as any column has
+        if not chosen:  # a constant has as many lanes as any column
             others = list(columns.values()) if isinstance(columns, Mapping) else []
             return np.zeros((0, len(others[0]) if others else 1), np.int64)
         return np.stack([np.asarray(c, np.int64) for c in chosen])
@@ -109,9 +117,9 @@ class Code:
         n = lanes.shape[1]
         reals = np.empty(n, np.float64) if self.type is Type.DOUBLE else None
         integers = np.empty(n, np.int64) if reals is None else None
-        registers = np.array(self.support, np.int32)
+        variables = np.array(self.support, np.int32)
         fault, status = run_columns(
-            self.program, self.slots, registers, lanes, self.result, reals, integers, valid
+            self.program, self.registers, variables, lanes, self.result, reals, integers, valid
         )
         if fault >= 0:
             raise_expression_fault(
@@ -127,16 +135,17 @@ class Code:
 
 
 def compile_expression(expression: Expression, model: BoundModel | tuple[Variable, ...]) -> Code:
-    """Compile an expression over the variables of a model (well typed, without labels and temporal
-    operators).
+    """Compile a well-typed expression over the variables of a model.
 
-    Raises UnsupportedError for a node that has no value at a single state.
+    Raises:
+        UnsupportedError: the expression contains a node that has no value at a single state, such
+            as a label or a probability.
     """
     variables = model if isinstance(model, tuple) else model.variables
     assembler = Assembler(len(variables))
-    register, kind = Translator(assembler, variables).value(expression)
+    register, kind = CodeGenerator(assembler, variables).value(expression)
     assembler.halt()
-    program, slots = assembler.finish()
+    program, registers = assembler.finish()
     result = assembler.place_of(register)
     return Code(
         expression,
@@ -144,13 +153,13 @@ def compile_expression(expression: Expression, model: BoundModel | tuple[Variabl
         kind,
         _support(program, result, len(variables)),
         program,
-        slots,
+        registers,
         result,
     )
 
 
 def _support(program: NDArray[np.int32], result: int, variables: int) -> tuple[int, ...]:
-    """Variables that a program reads: unused operands are written as 0, hence the care."""
+    """The variables that a program reads; unused operands are written as 0 and are skipped."""
     read: set[int] = {result} if result < variables else set()
     for op, _, a, b in program.tolist():
         if op not in (Op.HALT, Op.FAIL, Op.JUMP):

@@ -1,4 +1,4 @@
-"""Initial states: one, or all that satisfy the expression between init and endinit."""
+"""The initial states: the one given by the declarations, or all that satisfy `init … endinit`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import cast
 import numpy as np
 
 from symcheck.errors import ModelFault
-from symcheck.explicit.candidates import conjuncts, masks
+from symcheck.explicit import tuning
+from symcheck.explicit.candidates import conjuncts, guard_masks
 from symcheck.explicit.compile import Code, compile_expression
-from symcheck.explicit.states import Layout, Rows
+from symcheck.explicit.states import Rows, StateLayout
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.state_faults import no_initial_state
@@ -20,30 +21,30 @@ from symcheck.syntax.operators import Operator
 
 __all__ = ["initial_rows"]
 
-_LANES = 1 << 20  # valuations that are tried at a time
 
+def initial_rows(model: BoundModel, layout: StateLayout) -> Rows:
+    """The initial states, packed, in lexicographic order: uint64[n, words].
 
-def initial_rows(model: BoundModel, layout: Layout) -> Rows:
-    """The initial states, packed: uint64[n, words], in lexicographic order.
-
-    Variables are given values one after the other, those first that complete a conjunct, so that
-    only products of domains which no conjunct cuts down are enumerated. Raises ModelFault if there
-    is no initial state.
+    Variables are assigned one after the other, first those that complete a conjunct of the
+    condition, so that only products of domains that no conjunct restricts are enumerated. Raises
+    ModelFault if there is no initial state.
     """
     if model.initial is None:
         values = [np.array([int(cast("bool | int", v.initial))], np.int64) for v in model.variables]
         return layout.pack(values)
-    found = [layout.pack(columns) for columns in _Enumeration.of(model, model.initial).blocks()]
-    if not found:
+    blocks = [layout.pack(columns) for columns in _Enumeration.of(model, model.initial).blocks()]
+    if not blocks:
         raise ModelFault(no_initial_state(model.initial.span))
-    rows = np.concatenate(found)
+    rows = np.concatenate(blocks)
     return np.ascontiguousarray(rows[np.lexsort(rows.T[::-1])])
 
 
 @dataclass(frozen=True, eq=False)
 class _Enumeration:
-    """`order`: variables in the order of their assignment; after number i, the codes `checks[i]`
-    can be run.
+    """The search for the valuations that satisfy a condition.
+
+    order: variables in the order of assignment; after number i, the conjuncts `checks[i]` can be
+    evaluated.
     """
 
     domains: tuple[Int64s, ...]
@@ -55,7 +56,7 @@ class _Enumeration:
         parts = conjuncts(condition)
         codes = [compile_expression(p, model) for p in parts]
         domains = tuple(_domain(model, i, parts) for i in range(len(model.variables)))
-        allowed = masks(
+        allowed = guard_masks(
             condition, model.variables, {v.name: i for i, v in enumerate(model.variables)}
         )
         domains = tuple(
@@ -68,8 +69,8 @@ class _Enumeration:
         ):
             order.extend(v for v in code.support if v not in order)
         order.extend(i for i in range(len(domains)) if i not in order)
-        place = {v: i for i, v in enumerate(order)}
-        last = [max((place[v] for v in c.support), default=0) for c in codes]
+        position = {v: i for i, v in enumerate(order)}
+        last = [max((position[v] for v in c.support), default=0) for c in codes]
         checks = tuple(
             tuple(c for c, at in zip(codes, last, strict=True) if at == i)
             for i in range(len(order))
@@ -77,7 +78,7 @@ class _Enumeration:
         return _Enumeration(domains, tuple(order), checks)
 
     def blocks(self) -> Iterator[list[Int64s]]:
-        """Columns of valuations that satisfy all checks, some at a time."""
+        """Values per variable of the valuations that satisfy all conjuncts, in blocks."""
         return self._extend([], 0)
 
     def _extend(self, columns: list[Int64s], at: int) -> Iterator[list[Int64s]]:
@@ -87,7 +88,7 @@ class _Enumeration:
             return
         domain = self.domains[self.order[at]]
         lanes = len(columns[0]) if columns else 1
-        size = max(1, _LANES // max(1, lanes))
+        size = max(1, tuning.VALUATIONS_PER_BLOCK // max(1, lanes))
         for start in range(0, len(domain), size):
             part = domain[start : start + size]
             extended = [np.repeat(c, len(part)) for c in columns] + [np.tile(part, lanes)]
@@ -111,7 +112,7 @@ def _domain(model: BoundModel, index: int, parts: list[Expression]) -> Int64s:
 
 
 def _fixed(variable: Variable, parts: list[Expression]) -> int | None:
-    """The value that a conjunct `x=3` gives, if there is one (and it lies in the range)."""
+    """The value in range that a conjunct `x=3` gives to a variable, or None."""
     for part in parts:
         match part:
             case Binary(Operator.EQ, Name(name), Literal(int(value))) | Binary(

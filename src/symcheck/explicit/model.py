@@ -1,6 +1,4 @@
-"""What explicit exploration gives: states, a sparse matrix, rewards; everything indexed by state
-number or row.
-"""
+"""The result of explicit exploration: states, a sparse matrix and rewards."""
 
 from __future__ import annotations
 
@@ -20,15 +18,20 @@ __all__ = ["ExplicitModel"]
 
 @dataclass(frozen=True, eq=False)
 class ExplicitModel:
-    """A model with n reachable states, numbered in lexicographic order of the variables in
-    declaration order.
+    """An explored model with n states, numbered lexicographically by the variables in declaration
+    order.
 
-    matrix: probabilities (rates in a CTMC); the choices of an MDP are its row groups. Deadlocks
-    have a loop of weight 1. choice_actions: per row, index into `model.actions`; -1 for none, or
-    where a DTMC's or CTMC's row merges several. initial, deadlocks: state numbers, ascending.
-    `levels`: of the breadth-first search, the first one included. state_rewards: per structure
-    float64[n]. choice_rewards: per structure float64[rows], the transition rewards weighted with
-    probability (rate) and summed over the row. `seconds`: time of the exploration.
+    Attributes:
+        matrix: probabilities (rates in a CTMC); the choices of an MDP are its row groups. Deadlocks
+            have a loop of weight 1.
+        choice_actions: int32[rows], index into `model.actions`; -1 for none, or for several in a
+            row of a DTMC or CTMC.
+        initial, deadlocks: int64 arrays of state numbers, ascending.
+        state_rewards: per structure, float64[n].
+        choice_rewards: per structure, float64[rows]: the transition rewards times probability
+            (rate), summed over the row.
+        levels: number of breadth-first levels, the initial states included.
+        seconds: duration of the exploration.
     """
 
     model: BoundModel = field(repr=False)
@@ -47,7 +50,8 @@ class ExplicitModel:
         choices = f", {m.rows} choices" if m.groups is not None else ""
         dead = f", {len(self.deadlocks)} deadlocks" if len(self.deadlocks) else ""
         return (
-            f"ExplicitModel({self.model.type.value}: {len(self.states)} states ({len(self.initial)} initial){choices}, "
+            f"ExplicitModel({self.model.type.value}: {len(self.states)} states "
+            f"({len(self.initial)} initial){choices}, "
             f"{m.entries} transitions{dead}, {self.nbytes / 1e6:.1f} MB, {self.seconds:.3g} s)"
         )
 
@@ -58,10 +62,13 @@ class ExplicitModel:
         return self.states.rows.nbytes + self.matrix.nbytes + self.choice_actions.nbytes + rewards
 
     def evaluate(self, expression: Expression) -> NDArray[Any]:
-        """The value of an expression over the variables in each state: bool[n], int64[n] or
-        float64[n] by its type.
+        """The value of an expression over the variables in each state.
 
-        Raises ModelFault if it has no value in some state.
+        Returns:
+            bool[n], int64[n] or float64[n] by the type of the expression.
+
+        Raises:
+            ModelFault: it has no value in some state.
         """
         return evaluate_states(self.model, self.states, expression)
 

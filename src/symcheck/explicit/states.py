@@ -13,20 +13,24 @@ from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Type
 
-__all__ = ["UNBOUNDED_BITS", "Layout", "Rows", "StateTable"]
+__all__ = ["UNBOUNDED_BITS", "Rows", "StateLayout", "StateTable"]
 
 Rows = NDArray[np.uint64]
 UNBOUNDED_BITS = 32
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
-    """Where each variable lies in a row. Rows compared word by word are in lexicographic order of
-    the variables.
+class StateLayout:
+    """The position of each variable in a packed state.
 
-    fields: int32[variables, 4], per variable its index, word, shift and number of bits; what is
-    stored is value - low. ranges: uint64[variables], high - low. A variable without bounds gets 32
-    bits, from -2**31.
+    Rows that are compared word by word are in lexicographic order of the variables. A value is
+    stored as value - low; a variable without bounds gets 32 bits, from -2**31 on.
+
+    Attributes:
+        words: 64-bit words per state.
+        fields: int32[variables, 4]: index of the variable, word, shift and number of bits.
+        lows: int64[variables], lower bounds.
+        ranges: uint64[variables], high - low.
     """
 
     variables: tuple[Variable, ...]
@@ -36,8 +40,8 @@ class Layout:
     ranges: NDArray[np.uint64] = field(repr=False)
 
     @staticmethod
-    def of(variables: tuple[Variable, ...]) -> Layout:
-        """The layout of these variables. Raises OverflowError for a domain of 2**63 values or more."""
+    def of(variables: tuple[Variable, ...]) -> StateLayout:
+        """The layout of these variables. Raises OverflowError for 2**63 values or more of one."""
         bounds = [_bounds(v) for v in variables]
         fields: list[tuple[int, int, int, int]] = []
         word, left = 0, 64
@@ -49,7 +53,7 @@ class Layout:
                 word, left = word + 1, 64
             left -= bits
             fields.append((i, word, min(left, 63), bits))
-        return Layout(
+        return StateLayout(
             variables,
             word + 1,
             np.array(fields, np.int32).reshape(-1, 4),
@@ -59,13 +63,11 @@ class Layout:
 
     @property
     def bits(self) -> int:
-        """Bits that a state needs."""
+        """Number of bits of a state."""
         return int(self.fields[:, 3].sum())
 
     def pack(self, columns: Sequence[Int64s]) -> Rows:
-        """Rows (uint64[n, words]) from one int64[n] of values per variable, all within their
-        ranges.
-        """
+        """Packed states (uint64[n, words]) from values in range, an int64[n] per variable."""
         n = len(columns[0]) if columns else 1
         rows = np.zeros((n, self.words), np.uint64)
         for (i, word, shift, _), low in zip(self.fields.tolist(), self.lows, strict=True):
@@ -75,7 +77,7 @@ class Layout:
         return rows
 
     def column(self, rows: Rows, variable: int) -> Int64s:
-        """Values of a variable in packed rows: int64[n]."""
+        """The values of a variable in packed states: int64[n]."""
         _, word, shift, bits = self.fields[variable].tolist()
         values: Int64s = ((rows[:, word] >> np.uint64(shift)) & np.uint64((1 << bits) - 1)).astype(
             np.int64
@@ -84,7 +86,7 @@ class Layout:
         return values
 
     def unpack(self, row: NDArray[np.uint64]) -> tuple[bool | int, ...]:
-        """The values in one packed row (uint64[words])."""
+        """The values in one packed state (uint64[words])."""
         words = row.tolist()
         values = (
             (words[w] >> s & (1 << b) - 1) + low
@@ -113,9 +115,9 @@ def _plain(column: Int64s, type: Type) -> list[bool | int]:
 
 @dataclass(frozen=True, eq=False)
 class StateTable:
-    """Packed states, by default in lexicographic order in declaration order of the variables."""
+    """Packed states, by default sorted lexicographically by the variables in declaration order."""
 
-    layout: Layout
+    layout: StateLayout
     rows: Rows = field(repr=False)
 
     def __len__(self) -> int:
@@ -149,14 +151,16 @@ class StateTable:
         return self.layout.unpack(self.rows[index])
 
     def find(self, rows: Rows) -> NDArray[np.int32]:
-        """Indices of packed states in this table, which is sorted; -1 where one is not in it."""
+        """Indices of packed states in this sorted table, int32[m]; -1 for a state that is not in
+        it.
+        """
         found = np.empty(len(rows), np.int32)
         find_rows(self.rows, np.ascontiguousarray(rows), found)
         return found
 
     def index(self, values: Sequence[bool | int]) -> int:
-        """Index of the state with these values; the table is sorted. Raises KeyError if it is not
-        there.
+        """Index of the state with these values in this sorted table. Raises KeyError if it is not
+        in it.
         """
         for variable, low, span, value in zip(
             self.layout.variables, self.layout.lows, self.layout.ranges, values, strict=True

@@ -12,7 +12,7 @@ import numpy as np
 
 from symcheck.explicit.compile import Code, compile_expression
 from symcheck.explicit.faults import raise_model_fault
-from symcheck.explicit.states import Layout, Rows
+from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.tables import tables, total_reward
 from symcheck.kernels.explore.successors import Expander
 from symcheck.matrices.rows import Bools, Floats, Int64s
@@ -53,7 +53,9 @@ class SuccessorGenerator:
         reward: the reward that is computed; None: rewards are 0.
     """
 
-    def __init__(self, model: BoundModel, layout: Layout, reward: Reward | None = None) -> None:
+    def __init__(
+        self, model: BoundModel, layout: StateLayout, reward: Reward | None = None
+    ) -> None:
         self._model, self._layout = model, layout
         self._expander = Expander(tables(replace(model, rewards=()), layout, separate_choices=True))
         items = () if reward is None else reward_items(reward, model)

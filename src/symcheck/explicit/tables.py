@@ -1,4 +1,4 @@
-"""A bound model as plain arrays, which the compiled exploration works on."""
+"""A bound model compiled to plain arrays, on which the compiled exploration works."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.explicit import tuning
 from symcheck.explicit.assembler import Assembler, Register, is_constant
-from symcheck.explicit.candidates import Forest, Masks, conjuncts, every, masks, some
-from symcheck.explicit.states import Layout
-from symcheck.explicit.translate import Translator
+from symcheck.explicit.candidates import Forest, Masks, all_of, any_of, conjuncts, guard_masks
+from symcheck.explicit.code_generation import CodeGenerator
+from symcheck.explicit.states import StateLayout
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
 from symcheck.semantics.state_faults import SUM_TOLERANCE
@@ -24,25 +25,28 @@ __all__ = ["Tables", "tables"]
 
 Assignments = Sequence[tuple[int, Expression]]
 _KINDS = {ModelType.DTMC: 0, ModelType.CTMC: 1, ModelType.MDP: 2}
-_MANY = 4  # from so many events (commands of a participant) on, candidates are looked up
 _ALL = (1 << 64) - 1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tables:
-    """What `symcheck.kernels.explore.breadth_first.Explorer` reads.
+    """A compiled model, as `symcheck.kernels.explore.successors.Expander` reads it.
 
-    Commands, updates and assignments are numbered through; `x_ys[i]` to `x_ys[i+1]` are the ys of x
-    number i. Codes are places in `program` (-1: none), registers places in the register file
-    `slots`.
+    Commands, updates and assignments are numbered consecutively; `x_ys[i]` to `x_ys[i+1]` are the
+    ys of x number i. Codes are indices into `program` (-1: none), registers are indices into the
+    register file `slots`.
 
-    command_guard (of synchronised commands only) ends with DONE where the command is enabled;
-    command_code goes on to compute its probabilities, and the new values too where all
-    probabilities are constants. update_keep has a bit for each bit of the state that the update
-    leaves alone, update_preset the new values that are constants; the others are assignments.
-    action_rewards[a+1] (a: index of the event's action, -1 none) lists rows (structure, code,
-    register) of `rewards`. canonical: rows (variable, register) to which `canonical_code` sets each
-    successor.
+    Attributes:
+        command_guard: code that ends with DONE where the command is enabled (of synchronised
+            commands only).
+        command_code: code that checks the guard and computes the probabilities, and also the new
+            values where all probabilities are constants.
+        update_keep: a bit for each bit of the state that the update keeps.
+        update_preset: the new values that are constants; the others are assignments.
+        action_rewards: entry a+1 (a: index of the event's action, -1: none) is the first of its
+            rows in `rewards`.
+        rewards: rows (structure, code, register).
+        canonical: rows (variable, register) to which `canonical_code` sets each successor.
     """
 
     kind: int
@@ -83,7 +87,7 @@ class Tables:
 
 def tables(
     model: BoundModel,
-    layout: Layout,
+    layout: StateLayout,
     *,
     check_sums: bool = True,
     canonical: Assignments = (),
@@ -94,7 +98,7 @@ def tables(
     Args:
         check_sums: check that the probabilities of each choice sum to 1 (never done for the rates
             of a CTMC).
-        canonical: pairs (variable index, expression); every successor is changed by them before it
+        canonical: pairs (variable index, expression) by which every successor is changed before it
             is looked up.
         separate_choices: give each joint choice a row of its own, as in an MDP, also in a DTMC or
             CTMC.
@@ -110,16 +114,16 @@ class _Events:
     action: list[int] = field(default_factory=list)
     parts: list[int] = field(default_factory=lambda: [0])
     commands: list[int] = field(default_factory=lambda: [0])
-    listed: list[int] = field(default_factory=list)
+    command_list: list[int] = field(default_factory=list)
     forests: list[int] = field(default_factory=list)
 
 
 class _Builder:
-    def __init__(self, model: BoundModel, layout: Layout) -> None:
+    def __init__(self, model: BoundModel, layout: StateLayout) -> None:
         self.model = model
         self.layout = layout
         self.assembler = Assembler(len(model.variables))
-        self.translator = Translator(self.assembler, model.variables)
+        self.generator = CodeGenerator(self.assembler, model.variables)
         self.index = {v.name: i for i, v in enumerate(model.variables)}
         self.fails = self.assembler.label()
         self.assembler.place(self.fails)
@@ -177,7 +181,7 @@ class _Builder:
             event_action=_ints(events.action),
             event_parts=_ints(events.parts),
             part_commands=_ints(events.commands),
-            part_list=_ints(events.listed),
+            part_list=_ints(events.command_list),
             part_forest=_ints(events.forests),
             forest=forest.array(),
             root=root,
@@ -193,45 +197,48 @@ class _Builder:
             most_parts=max((len(e.participants) for e in self.model.events), default=1),
         )
 
-    # -------------------------------------------------------------------------------------------- events
+    # --------------------------------------------------------------------------------------- events
 
     def events(self, forest: Forest) -> tuple[_Events, int]:
-        """The events, and the root of the forest that finds those that may happen."""
+        """The arrays of the events, and the root of the forest over the events."""
         found = _Events()
         actions = {a: i for i, a in enumerate(self.model.actions)}
         known: dict[int, Masks] = {}
-        many = len(self.model.events) >= _MANY
+        many = len(self.model.events) >= tuning.MIN_FOREST_ITEMS
         event_masks: list[Masks] = []
         for event in self.model.events:
             found.action.append(-1 if event.action is None else actions[event.action])
             found.parts.append(found.parts[-1] + len(event.participants))
             part_masks = [
-                [self.masks(c, known) if many or len(p) >= _MANY else {} for c in p]
+                [
+                    self.masks(c, known) if many or len(p) >= tuning.MIN_FOREST_ITEMS else {}
+                    for c in p
+                ]
                 for p in event.participants
             ]
             for commands, of_commands in zip(event.participants, part_masks, strict=True):
                 numbers = [self.command(c) for c in commands]
-                found.listed.extend(numbers)
-                found.commands.append(len(found.listed))
+                found.command_list.extend(numbers)
+                found.commands.append(len(found.command_list))
                 found.forests.append(
-                    forest.add(numbers, of_commands) if self._worth(numbers) else -1
+                    forest.add(numbers, of_commands) if self._worth_a_forest(numbers) else -1
                 )
-            event_masks.append(every([some(of) for of in part_masks]))
+            event_masks.append(all_of([any_of(m) for m in part_masks]))
         return found, forest.add(range(len(self.model.events)), event_masks)
 
     @staticmethod
-    def _worth(numbers: Sequence[int]) -> bool:
-        return len(numbers) >= _MANY and len(set(numbers)) == len(numbers)
+    def _worth_a_forest(numbers: Sequence[int]) -> bool:
+        return len(numbers) >= tuning.MIN_FOREST_ITEMS and len(set(numbers)) == len(numbers)
 
     def masks(self, command: BoundCommand, known: dict[int, Masks]) -> Masks:
         if id(command) not in known:
-            known[id(command)] = masks(command.guard, self.model.variables, self.index)
+            known[id(command)] = guard_masks(command.guard, self.model.variables, self.index)
         return known[id(command)]
 
-    # -------------------------------------------------------------------------------------------- commands
+    # ------------------------------------------------------------------------------------- commands
 
     def command(self, command: BoundCommand) -> int:
-        """The number of a command, whose code is written on first sight."""
+        """The number of a command; its code is written on the first call."""
         if id(command) not in self.numbers:
             self.numbers[id(command)] = len(self.guard)
             self.guard.append(self.assembler.position)
@@ -246,24 +253,27 @@ class _Builder:
         return self.numbers[id(command)]
 
     def guarded(self, guard: Expression) -> None:
-        """Code that ends with DISABLED unless the guard holds. Cheap conjuncts that always have a
-        value come first.
+        """Write code that ends with DISABLED unless the guard holds.
+
+        Cheap conjuncts that always have a value come first.
         """
-        translator = self.translator
+        generator = self.generator
         parts = sorted(
             conjuncts(guard),
             key=lambda p: (
-                not translator.total(p),
-                translator.cost(p) if translator.total(p) else 0,
+                not generator.total(p),
+                generator.cost(p) if generator.total(p) else 0,
             ),
         )
         for part in parts:
-            translator.jump(part, False, self.fails)
+            generator.jump(part, False, self.fails)
 
     def effects(self, updates: tuple[BoundUpdate, ...]) -> None:
-        """Code for probabilities, then (in the same run if they are constants) for the new values."""
+        """Write code for the probabilities and, in the same run if these are constants, for the new
+        values.
+        """
         assembler = self.assembler
-        probabilities = [self.translator.real(u.probability) for u in updates]
+        probabilities = [self.generator.real(u.probability) for u in updates]
         at_once = all(is_constant(p) and assembler.bits(p) > 0 for p in probabilities)
         if not at_once:
             assembler.halt()
@@ -291,7 +301,7 @@ class _Builder:
                 continue
             _, word, shift, bits = self.layout.fields[v].tolist()
             keep[word] &= ~(((1 << bits) - 1) << shift)
-            register, _ = self.translator.value(expression)
+            register, _ = self.generator.value(expression)
             if is_constant(register) and 0 <= self.assembler.bits(register) - int(
                 self.layout.lows[v]
             ) <= int(self.layout.ranges[v]):
@@ -303,10 +313,12 @@ class _Builder:
         self.keep.append(keep)
         self.preset.append(preset)
 
-    # -------------------------------------------------------------------------------------------- the rest
+    # -------------------------------------------------------------------------------------- rewards
 
     def rewards(self) -> tuple[list[int], list[tuple[int, int, Register]], int]:
-        """Code for transition rewards, by action; structures that have some are numbered through."""
+        """Write code for the transition rewards of each action; structures that have some are
+        numbered.
+        """
         having = [r for r in self.model.rewards if any(not i.on_states for i in r.items)]
         starts, found = [0], []
         for action in (None, *self.model.actions):
@@ -315,7 +327,7 @@ class _Builder:
                 if items:
                     start = self.assembler.position
                     self.assembler.forget()
-                    register = self.translator.real(total_reward(items))
+                    register = self.generator.real(total_reward(items))
                     self.assembler.halt()
                     found.append((number, start, register))
             starts.append(len(found))
@@ -326,7 +338,7 @@ class _Builder:
             return -1, []
         start = self.assembler.position
         self.assembler.forget()
-        changed = [(v, self.translator.value(expression)[0]) for v, expression in assignments]
+        changed = [(v, self.generator.value(expression)[0]) for v, expression in assignments]
         self.assembler.halt()
         return start, changed
 

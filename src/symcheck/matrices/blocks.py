@@ -1,7 +1,9 @@
-"""From matrix diagrams to compressed rows, and to blocks that are multiplied without ever writing the matrix out.
+"""From matrix diagrams to compressed rows, and to blocks that are multiplied without ever writing
+the matrix out.
 
-Both come from the quad-DAG (`symcheck.kernels.diagrams.quad_dag`): distinct sub-matrices are found once each and stamped wherever
-they stand. Rows and columns are the members of two ODDs, over row and column bits that alternate in the diagrams.
+Both come from the quad-DAG (`symcheck.kernels.diagrams.quad_dag`): distinct sub-matrices are found
+once each and stamped wherever they stand. Rows and columns are the members of two ODDs, over row
+and column bits that alternate in the diagrams.
 """
 
 from __future__ import annotations
@@ -30,10 +32,14 @@ if TYPE_CHECKING:
 __all__ = ["BlockMatrix", "RowLayout", "blocks", "flatten", "quad_dag"]
 
 BUDGET = 60_000
-"""Runs in distinct blocks: about half a megabyte, so that they stay in a core's cache while places stream by."""
+"""Runs in distinct blocks: about half a megabyte, so that they stay in a core's cache while places
+stream by.
+"""
 
 ALONE, TOGETHER = 1000, 2
-"""How often a sweep repeats a range of rows at most: one that waits for no other, and one that takes turns with others."""
+"""How often a sweep repeats a range of rows at most: one that waits for no other, and one that
+takes turns with others.
+"""
 
 THREADED = 2_000_000
 """Entries from which a product is worth a second thread (starting it takes some 50 µs)."""
@@ -44,7 +50,8 @@ class RowLayout:
     """Which rows there are when each state has a row in some of several matrices (slots).
 
     groups: int64[n+1], rows groups[s] .. groups[s+1] belong to state s, in the order of the slots.
-    present: uint8[slots, ceil(n / 8)], which states have a row in which slot: bit s % 8 of byte s // 8.
+    present: uint8[slots, ceil(n / 8)], which states have a row in which slot: bit s % 8 of byte s
+    // 8.
     """
 
     groups: NDArray[np.int64]
@@ -98,10 +105,12 @@ class RowLayout:
 
 
 def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence[str]) -> Quad:
-    """The quad-DAG of matrices over the bits `row.rows` and `columns` (alternating from the top of the diagrams down).
+    """The quad-DAG of matrices over the bits `row.rows` and `columns` (alternating from the top of
+    the diagrams down).
 
-    row: the rows, as states; column: the columns, also as states over *row* bits (they may be other states).
-    Raises OverflowError for 2**31 rows or columns or more, ValueError where a matrix depends on other variables.
+    row: the rows, as states; column: the columns, also as states over *row* bits (they may be other
+    states). Raises OverflowError for 2**31 rows or columns or more, ValueError where a matrix
+    depends on other variables.
     """
     if row.rows != column.rows:
         raise ValueError("rows and columns are over different bits")
@@ -118,10 +127,12 @@ def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence
 def flatten(
     quad: Quad, layout: RowLayout | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], Floats]:
-    """Compressed rows (indptr int64, indices int32 ascending in each row, data float64) of the matrices of a quad-DAG.
+    """Compressed rows (indptr int64, indices int32 ascending in each row, data float64) of the
+    matrices of a quad-DAG.
 
-    One matrix, or several with a layout that groups their rows by state. Raises MemoryLimitError (before anything is
-    allocated) where the machine's memory would not do, OverflowError for more columns than int32 numbers.
+    One matrix, or several with a layout that groups their rows by state. Raises MemoryLimitError
+    (before anything is allocated) where the machine's memory would not do, OverflowError for more
+    columns than int32 numbers.
     """
     entries = int(quad.entries.sum())
     _require_memory(12 * entries + 24 * quad.rows)
@@ -147,7 +158,8 @@ def _require_memory(size: int) -> None:
 
     if size > default_memory():
         raise MemoryLimitError(
-            f"the rows of the matrix would take {size / 2**30:.1f} GiB, more than this machine should spend: "
+            f"the rows of the matrix would take {size / 2**30:.1f} GiB, more than this machine "
+            "should spend: "
             f"the hybrid engine (-h) stores repeated blocks once"
         )
 
@@ -156,8 +168,9 @@ def _require_memory(size: int) -> None:
 class BlockMatrix:
     """Matrices as blocks: products without compressed rows, in a small part of their memory.
 
-    shape: rows × columns; with a layout, rows are choices grouped by state. Large products use `threads` threads (None:
-    the processors that there are, at most 4); the result does not depend on their number, digit for digit.
+    shape: rows × columns; with a layout, rows are choices grouped by state. Large products use
+    `threads` threads (None: the processors that there are, at most 4); the result does not depend
+    on their number, digit for digit.
     """
 
     stamps: Blocks
@@ -212,7 +225,9 @@ class BlockMatrix:
                 each.result()
 
     def multiply(self, x: Floats, out: Floats | None = None) -> Floats:
-        """A x, per row: float64[rows]. `out` is overwritten and returned if given. Releases the interpreter lock."""
+        """A x, per row: float64[rows]. `out` is overwritten and returned if given. Releases the
+        interpreter lock.
+        """
         x = np.ascontiguousarray(x, np.float64)
         y = np.empty(self.shape[0]) if out is None else out
         layout = self.layout
@@ -228,7 +243,8 @@ class BlockMatrix:
     def optimum(
         self, x: Floats, constant: Floats | None, direction: Direction, out: Floats | None = None
     ) -> Floats:
-        """Per state the least ('min') or greatest ('max') over its rows of constant + A x: float64[states].
+        """Per state the least ('min') or greatest ('max') over its rows of constant + A x:
+        float64[states].
 
         States without a row get +inf ('min') or -inf ('max').
         """
@@ -271,13 +287,16 @@ class BlockMatrix:
         upper: bool,
         divisor: Floats | None = None,
     ) -> None:
-        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place, there and back through the rows.
+        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place, there and
+        back through the rows.
 
-        x: float64[n], lower bounds, or upper bounds (`upper`). constant, divisor: per row, not negative. Values are moved
-        outwards by the relative `slip`, which must cover the rounding of a step.
+        x: float64[n], lower bounds, or upper bounds (`upper`). constant, divisor: per row, not
+        negative. Values are moved outwards by the relative `slip`, which must cover the rounding of
+        a step.
 
-        Ranges of rows are taken in an order in which they use each other's new values. A range that no other waits for
-        is repeated until it stands still; those that use each other take turns, there and back.
+        Ranges of rows are taken in an order in which they use each other's new values. A range that
+        no other waits for is repeated until it stands still; those that use each other take turns,
+        there and back.
         """
         groups, present = (
             (None, None) if self.layout is None else (self.layout.groups, self.layout.present)
@@ -299,7 +318,9 @@ class BlockMatrix:
 
     @cached_property
     def _schedule(self) -> list[tuple[NDArray[np.int32], int]]:
-        """Groups of row ranges that use each other, users last, and how often a range is repeated in a sweep."""
+        """Groups of row ranges that use each other, users last, and how often a range is repeated
+        in a sweep.
+        """
         uses = self.stamps.uses()
         indptr = np.concatenate(([0], np.cumsum(uses.sum(axis=1)))).astype(np.int64)
         _, order, start = components(indptr, np.nonzero(uses)[1].astype(np.int32))

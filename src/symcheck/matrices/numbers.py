@@ -1,4 +1,6 @@
-"""Vectors of numbers: float64, or exact rationals as arrays of Fraction objects (infinities and NaN stay floats)."""
+"""Vectors of numbers: float64, or exact rationals as arrays of Fraction objects (infinities and NaN
+stay floats).
+"""
 
 from __future__ import annotations
 

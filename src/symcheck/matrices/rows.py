@@ -1,4 +1,6 @@
-"""Sparse matrices in compressed rows, with rows grouped into choices for an MDP. Entries are float64 or rationals."""
+"""Sparse matrices in compressed rows, with rows grouped into choices for an MDP. Entries are
+float64 or rationals.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +18,12 @@ __all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix", "spans", "star
 
 @dataclass(frozen=True, eq=False)
 class SparseMatrix:
-    """Compressed rows. Row r has columns `indices[indptr[r]:indptr[r+1]]` with `data` alike, no column twice.
+    """Compressed rows. Row r has columns `indices[indptr[r]:indptr[r+1]]` with `data` alike, no
+    column twice.
 
-    data: float64[entries], or Fractions as objects. `groups` (int64[states+1]) says which rows are the choices of a state:
-    rows groups[s] to groups[s+1]. None means one row per state (DTMC, CTMC). Indices are int32: more than 2**31-1 states
-    raise OverflowError on building.
+    data: float64[entries], or Fractions as objects. `groups` (int64[states+1]) says which rows are
+    the choices of a state: rows groups[s] to groups[s+1]. None means one row per state (DTMC,
+    CTMC). Indices are int32: more than 2**31-1 states raise OverflowError on building.
     """
 
     indptr: Int64s
@@ -85,7 +88,9 @@ class SparseMatrix:
         return self.select(rows, np.arange(self.columns, dtype=np.int32), self.columns, groups)
 
     def merge(self, place: Int32s, columns: int) -> SparseMatrix:
-        """The matrix with columns renumbered by `place` (many to one): entries that coincide are added up."""
+        """The matrix with columns renumbered by `place` (many to one): entries that coincide are
+        added up.
+        """
         if not self.exact:
             return SparseMatrix(
                 *sparse.merge_columns(self.indptr, self.indices, self.data, place, columns),
@@ -105,7 +110,9 @@ class SparseMatrix:
         )
 
     def among(self, states: Bools, groups: Int64s | None) -> SparseMatrix:
-        """The matrix among chosen states, renumbered in their order; `groups`: where the rows of each begin."""
+        """The matrix among chosen states, renumbered in their order; `groups`: where the rows of
+        each begin.
+        """
         indptr, indices, data = submatrix.select_states(
             self.indptr, self.indices, self.handles, self.groups, states.view(np.uint8)
         )
@@ -113,7 +120,9 @@ class SparseMatrix:
         return SparseMatrix(indptr, indices, self.from_handles(data), count, groups)
 
     def sums(self, states: Bools, columns: Bools, values: Numbers | None = None) -> Numbers:
-        """Per row of the chosen states: the sum over chosen columns of the entry, or of entry times value."""
+        """Per row of the chosen states: the sum over chosen columns of the entry, or of entry times
+        value.
+        """
         if not self.exact:
             chosen, member = states.view(np.uint8), columns.view(np.uint8)
             return submatrix.sum_columns(
@@ -136,7 +145,9 @@ class SparseMatrix:
 
 
 def starts_of(sizes: ArrayLike) -> Int64s:
-    """Where parts of these sizes begin, one after the other, and where the last one ends: int64[n+1]."""
+    """Where parts of these sizes begin, one after the other, and where the last one ends:
+    int64[n+1].
+    """
     sizes = np.asarray(sizes)
     out = np.zeros(len(sizes) + 1, np.int64)
     np.cumsum(sizes, out=out[1:])

@@ -1,1 +1,3 @@
-"""Random paths, and estimates from them."""
+"""Simulation: random paths, and estimates of properties from sampled paths (statistical model
+checking).
+"""

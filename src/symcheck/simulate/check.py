@@ -1,8 +1,8 @@
-"""Statistical model checking: a property's value from sampled paths of the model, without building
-it.
+"""Statistical model checking: the value of a property from sampled paths, without building the
+model.
 
-Exact in law for DTMCs and CTMCs. In an MDP the choices are taken with equal probability: the value
-is that of one strategy, which lies between the minimum and the maximum and is neither.
+Paths have the exact distribution of a DTMC or CTMC. In an MDP choices are equally likely: the value
+is that of one strategy between the minimum and the maximum.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ from symcheck.syntax.ast import Bound, Expression, ModelType, ProbabilityOperato
 
 __all__ = ["check_by_sampling"]
 
-_UNIFORM = "nondeterminism is resolved by equally likely choices: this is the value of that strategy, not the minimum or maximum"
+_UNIFORM = (
+    "nondeterminism is resolved by equally likely choices: this is the value of that strategy, not "
+    "the minimum or maximum"
+)
 
 
 @converts_memory_error("fewer samples need less")
@@ -39,19 +42,31 @@ def check_by_sampling(
     labels: Mapping[str, Expression] | None = None,
     fix_deadlocks: bool = True,
 ) -> Result:
-    """Estimate a property `P=?`, `R=?`, or decide a threshold, in the initial state.
+    """Estimate the value of a property `P=?` or `R=?` in the initial state, or decide its
+    threshold.
 
-    formula: bound (see `bind_properties`); labels: those of the properties file. The accuracy is
-    `Statistical`. Raises UnsupportedError for what cannot be sampled, NumericalError where paths
-    are too long or a threshold lies within the interval, UsageError for a plan that fits no method,
-    ModelFault where the model breaks a rule on a sampled path.
+    Args:
+        formula: a bound formula (see `bind_properties`).
+        plan: method and size of the sample; None: the default plan.
+        labels: labels of the properties file.
+        fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
+
+    Returns:
+        A result whose accuracy is `Statistical`.
+
+    Raises:
+        UnsupportedError: the property cannot be estimated from paths.
+        NumericalError: a path is too long, or the threshold lies within the confidence interval.
+        UsageError: no method fits the plan.
+        ModelFault: the model breaks a rule in a state on a path.
     """
     started = perf_counter()
     plan = plan or Plan()
     question, reward, bound = _read(model, formula)
     if model.type is ModelType.MDP and bound is not None:
         raise UnsupportedError(
-            "-sim does not decide thresholds of an mdp: they speak of all strategies, and sampling takes one, with equally likely "
+            "-sim does not decide thresholds of an mdp: they speak of all strategies, and sampling "
+            "takes one, with equally likely "
             "choices; without -sim the threshold is decided"
         )
     if model.exact:
@@ -75,7 +90,10 @@ def check_by_sampling(
         else _by_interval(sampler, plan, bound, probability)
     )
     warnings = (_UNIFORM,) if model.type is ModelType.MDP else ()
-    about = f"{result.explanation}; {sampler.samples} paths of {sampler.steps / max(sampler.samples, 1):.1f} steps on average, seed {seed}"
+    about = (
+        f"{result.explanation}; {sampler.samples} paths of "
+        f"{sampler.steps / max(sampler.samples, 1):.1f} steps on average, seed {seed}"
+    )
     return Result(
         result.value, result.accuracy, about, warnings=warnings, seconds=perf_counter() - started
     )
@@ -89,7 +107,8 @@ def _read(model: BoundModel, formula: Expression) -> tuple[Question, Reward | No
             return reward_question(query, model), operator_reward(formula, model), bound
         case _:
             raise UnsupportedError(
-                f"-sim answers a single P or R operator, and this is a {type(formula).__name__}; without -sim it is checked numerically"
+                f"-sim answers a single P or R operator, and this is a {type(formula).__name__}; "
+                "without -sim it is checked numerically"
             )
 
 
@@ -125,8 +144,10 @@ def _verdict(found: Estimated, bound: Bound) -> bool:
     threshold = _threshold(bound)
     if found.lower <= threshold <= found.upper:
         raise NumericalError(
-            f"the threshold {threshold:g} lies within the interval [{found.lower:.6g}, {found.upper:.6g}] that {found.samples} samples "
-            "give, so that they decide nothing; more samples (-simsamples) may, and without -sim it is decided for certain"
+            f"the threshold {threshold:g} lies within the interval [{found.lower:.6g}, "
+            f"{found.upper:.6g}] that {found.samples} samples "
+            "give, so that they decide nothing; more samples (-simsamples) may, and without -sim "
+            "it is decided for certain"
         )
     return _compare(found.mean, bound)
 
@@ -134,12 +155,16 @@ def _verdict(found: Estimated, bound: Bound) -> bool:
 def _by_test(sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool) -> Result:
     if bound is None or not probability:
         raise UnsupportedError(
-            "-simmethod sprt decides thresholds on probabilities (P>=0.5 [ … ]); ci, aci and apmc estimate values"
+            "-simmethod sprt decides thresholds on probabilities (P>=0.5 [ … ]); ci, aci and apmc "
+            "estimate values"
         )
     threshold = _threshold(bound)
     above, used = sequential_test(sampler, plan, threshold)
     width, error = plan.width or 0.05, plan.error or 0.01
-    explanation = f"decided by SPRT after {used} samples; right with probability {1 - error:g} unless the value is within {width:g} of {threshold:g}"
+    explanation = (
+        f"decided by SPRT after {used} samples; right with probability {1 - error:g} unless the "
+        f"value is within {width:g} of {threshold:g}"
+    )
     lower, upper = (threshold + width, 1.0) if above else (0.0, threshold - width)
     return Result(
         above is (bound.operator in (">", ">=")),

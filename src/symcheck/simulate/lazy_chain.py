@@ -13,20 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import ModelFault
-from symcheck.explicit.states import Layout, Rows
+from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.successors import SuccessorGenerator
 from symcheck.kernels.tables.state_table import StateSet
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
+from symcheck.simulate import tuning
 from symcheck.simulate.state_predicates import StatePredicate
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["MAX_BRANCHES", "LazyChain"]
-
-MAX_BRANCHES = 1 << 25
-"""Branches beyond which the chain is dropped and begun again: about 1 GB."""
+__all__ = ["LazyChain"]
 
 
 class _GrowingArray:
@@ -66,11 +64,11 @@ class LazyChain:
         predicates: tuple[StatePredicate, ...] = (),
         *,
         fix_deadlocks: bool = True,
-        max_branches: int = MAX_BRANCHES,
+        max_branches: int = tuning.MAX_BRANCHES,
     ) -> None:
         self.model, self.max_branches = model, max_branches
         self.continuous = model.type is ModelType.CTMC
-        self.layout = Layout.of(model.variables)
+        self.layout = StateLayout.of(model.variables)
         self._predicates, self._fix_deadlocks = predicates, fix_deadlocks
         self._generator = SuccessorGenerator(model, self.layout, reward)
         self._begin()
@@ -95,7 +93,7 @@ class LazyChain:
     def __repr__(self) -> str:
         return f"LazyChain({len(self)} states known, {self._branches} branches)"
 
-    # -------------------------------------------------------------------------------------------- states
+    # --------------------------------------------------------------------------------------- states
 
     def add(self, rows: Rows) -> Int32s:
         """The numbers of packed states: int32[n]."""
@@ -173,7 +171,7 @@ class LazyChain:
             array.data[begin:end] = values
         self._branches = end
 
-    # -------------------------------------------------------------------------------------------- looking up
+    # ----------------------------------------------------------------------------------- look-up
 
     def satisfies(self, number: int, ids: Int32s) -> Bools:
         """Which of these expanded states satisfy predicate `number`: bool[n]."""
@@ -213,7 +211,7 @@ class LazyChain:
         return np.asarray(self._targets.data[branches]), np.asarray(self._earned.data[branches])
 
     def graph(self) -> tuple[SparseMatrix, Bools]:
-        """The known transitions (all weights are 1) and which states are expanded (bool[states])."""
+        """The known transitions, of weight 1, and which states are expanded (bool[states])."""
         n = len(self)
         expanded = self._start.data[:n] >= 0
         indptr = np.concatenate([[0], np.cumsum(self._length.data[:n])]).astype(np.int64)

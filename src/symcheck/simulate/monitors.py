@@ -1,7 +1,8 @@
-"""What is asked of sampled paths: each question looks at the states that paths enter, and says which paths are decided.
+"""What is asked of sampled paths: each question looks at the states that paths enter, and says
+which paths are decided.
 
-A path is in a state from `time` to `leave` (in discrete time one step). Dualities are those of `symcheck.check.path_formulas`:
-G a = !(F !a), a R b = !(!a U !b), a W b = !((a & !b) U (!a & !b)).
+A path is in a state from `time` to `leave` (in discrete time one step). Dualities are those of
+`symcheck.check.path_formulas`: G a = !(F !a), a R b = !(!a U !b), a W b = !((a & !b) U (!a & !b)).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Floats, Int32s
 from symcheck.numerics.graph import backward_reachable
 from symcheck.semantics.model import BoundModel
+from symcheck.simulate import tuning
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.state_predicates import conjunction, negation
 from symcheck.syntax.ast import (
@@ -41,14 +43,14 @@ from symcheck.syntax.traversal import nodes
 
 __all__ = ["Decision", "Goal", "Paths", "Question", "path_question", "reward_question"]
 
-_SMALL = 20_000
-"""States up to which a chain is explored where paths do not end: a step to a rare state would leave it open for long."""
 _TRUE = Literal(True, Type.BOOL)
 
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Paths that are still undecided, all after the same number of steps: states, times, and rewards until `time`."""
+    """Paths that are still undecided, all after the same number of steps: states, times, and
+    rewards until `time`.
+    """
 
     step: int
     ids: Int32s
@@ -75,13 +77,17 @@ class Question(Protocol):
 
     @property
     def goal(self) -> Goal | None:
-        """What must be reached if a path is not to go on for ever undecided; None where every path gets decided."""
+        """What must be reached if a path is not to go on for ever undecided; None where every path
+        gets decided.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """States of atom `right` are to be reached through states of atom `left` (None: any); a path that cannot is worth `missed`."""
+    """States of atom `right` are to be reached through states of atom `left` (None: any); a path
+    that cannot is worth `missed`.
+    """
 
     right: int
     left: int | None
@@ -95,8 +101,10 @@ class Goal:
         return trapped
 
     def lost(self, chain: LazyChain, ids: Int32s) -> Bools:
-        """Which paths are in a state from which all ways are known, and miss. Small chains are made known for it."""
-        chain.explore(_SMALL)
+        """Which paths are in a state from which all ways are known, and miss. Small chains are made
+        known for it.
+        """
+        chain.explore(tuning.MAX_EXPLORED_STATES)
         matrix, expanded = chain.graph()
         everything = np.arange(matrix.states, dtype=np.int32)
         target = ~expanded | chain.satisfies(self.right, everything)
@@ -244,11 +252,13 @@ class _Reach:
         return Goal(0, None, np.inf)
 
 
-# ------------------------------------------------------------------------------------------------ reading formulas
+# --------------------------------------------------------------------------------- reading formulas
 
 
 def path_question(path: PathFormula, model: BoundModel, *, negative: bool = False) -> Question:
-    """What a path formula asks. Raises UnsupportedError for formulas with several temporal operators, InputError for bounds."""
+    """What a path formula asks. Raises UnsupportedError for formulas with several temporal
+    operators, InputError for bounds.
+    """
     if isinstance(path, Unary) and path.operator == "!" and _temporal(path):
         return path_question(path.operand, model, negative=not negative)
     if not _temporal(path):
@@ -258,8 +268,10 @@ def path_question(path: PathFormula, model: BoundModel, *, negative: bool = Fals
         map(_temporal, parts)
     ):
         raise UnsupportedError(
-            "-sim does not answer path formulas with several temporal operators (general LTL); it answers X, F, G, U, W and R "
-            "over state formulas, with bounds or without; without -sim the formula is checked numerically"
+            "-sim does not answer path formulas with several temporal operators (general LTL); it "
+            "answers X, F, G, U, W and R "
+            "over state formulas, with bounds or without; without -sim the formula is checked "
+            "numerically"
         )
     times = _times(window(path.bound), model)
     match path:
@@ -301,7 +313,9 @@ def _times(times: Window, model: BoundModel) -> tuple[float, float | None]:
 
 
 def reward_question(query: RewardQuery, model: BoundModel) -> Question:
-    """What a reward operator asks. Raises UnsupportedError for S, C without a bound, and LTL; InputError for bounds."""
+    """What a reward operator asks. Raises UnsupportedError for S, C without a bound, and LTL;
+    InputError for bounds.
+    """
     match query:
         case CumulativeReward(bound):
             lower, upper = _times(window(bound), model)
@@ -315,10 +329,13 @@ def reward_question(query: RewardQuery, model: BoundModel) -> Question:
             return _Reach(operand)  # type: ignore[arg-type]
         case SteadyStateReward() | TotalReward():
             raise UnsupportedError(
-                f"-sim does not estimate R [ {'S' if isinstance(query, SteadyStateReward) else 'C'} ], which looks at paths for ever; "
+                "-sim does not estimate R [ "
+                f"{'S' if isinstance(query, SteadyStateReward) else 'C'} ], which looks at paths "
+                "for ever; "
                 "C<=k or I=k with a large k come near, and without -sim it is computed"
             )
         case _:
             raise UnsupportedError(
-                "-sim estimates R [ C<=k ], R [ I=k ] and R [ F states ]; without -sim rewards until a path formula are computed too"
+                "-sim estimates R [ C<=k ], R [ I=k ] and R [ F states ]; without -sim rewards "
+                "until a path formula are computed too"
             )

@@ -1,9 +1,8 @@
-"""Random paths as values, and as text in the layout that PRISM's -simpath writes and other tools
-read.
+"""Random paths as values, and as text in the format that PRISM's -simpath writes.
 
-One line per state: the transition that led there, its probability or rate (probs), the number of
-the step, the time (in a CTMC), the values of the variables, and the rewards (rewards): per
-structure, of the state and of the transition.
+There is one line per state: the transition that led there, its probability or rate (`probs`), the
+number of the step, the time (in a CTMC), the values of the variables, and the rewards (`rewards`)
+of the state and of the transition, per structure.
 """
 
 from __future__ import annotations
@@ -17,18 +16,21 @@ from symcheck.semantics.interpreter import State
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["Layout", "Path", "Step", "rows", "table"]
+__all__ = ["Path", "PathFormat", "PathStep", "rows", "table"]
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """A state of a path, and how it was entered.
+class PathStep:
+    """A state of a path, and the transition that led to it.
 
-    time: when it was entered (the number of steps in discrete time). action: the label of the
-    transition that led here, None for an unlabelled one; module: who took it, where it was one
-    module alone. probability: of that transition (its rate in a CTMC); in an MDP, within its
-    choice. earned: per reward structure, the reward of that transition; rewards: the state rewards
-    here. The first state has neither action nor probability.
+    Attributes:
+        time: when the state was entered (in discrete time, the number of steps).
+        action: the label of the transition; None for an unlabelled one, and in the first state.
+        module: the module that took the transition, if it was one alone.
+        probability: of the transition (its rate in a CTMC; within its choice in an MDP); None in
+            the first state.
+        rewards: state rewards per structure.
+        earned: transition rewards per structure.
     """
 
     state: State
@@ -41,7 +43,7 @@ class Step:
 
     @property
     def transition(self) -> str:
-        """The transition that led here, as tables write it: `[action]`, or the name of a module."""
+        """The transition that led here, as tables show it: `[action]`, or the name of a module."""
         if self.probability is None:
             return "-"
         return f"[{self.action}]" if self.action is not None else self.module or "[]"
@@ -49,26 +51,26 @@ class Step:
 
 @dataclass(frozen=True)
 class Path:
-    """A path with n + 1 states. `end`: why it ends: 'steps', 'time', 'deadlock', 'loop' or
-    'length'.
+    """A path with n + 1 states.
 
-    deadlock: nothing can happen in the last state. loop: from the last state on, the path can only
-    repeat itself, for it has been there before and no choice was left since. length: the longest
-    path that was allowed.
+    Attributes:
+        end: why the path ends: 'steps', 'time', 'deadlock' (the last state has no transition),
+            'loop' (the path can only repeat itself: it has been in the last state before, without a
+            choice since) or 'length' (the maximal length).
     """
 
     model: BoundModel = field(repr=False)
-    steps: tuple[Step, ...] = field(repr=False)
+    steps: tuple[PathStep, ...] = field(repr=False)
     end: str
     seed: int | None = None
 
     def __len__(self) -> int:
         return len(self.steps) - 1
 
-    def __iter__(self) -> Iterator[Step]:
+    def __iter__(self) -> Iterator[PathStep]:
         return iter(self.steps)
 
-    def __getitem__(self, index: int) -> Step:
+    def __getitem__(self, index: int) -> PathStep:
         return self.steps[index]
 
     @property
@@ -102,9 +104,13 @@ class Path:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
-    """What a table shows. `variables` None: all; `changes`: only states in which one of them (or a
-    reward) is new.
+class PathFormat:
+    """The format of a path as text.
+
+    Attributes:
+        variables: names of the variables shown; None: all.
+        changes: show only states in which a shown variable or reward changes.
+        snapshot: show the state at the multiples of this time; None: show all states.
     """
 
     variables: tuple[str, ...] | None = None
@@ -115,52 +121,52 @@ class Layout:
     snapshot: float | None = None
 
 
-def table(path: Path, layout: Layout | None = None) -> str:
+def table(path: Path, path_format: PathFormat | None = None) -> str:
     """The path as text: a line of titles, then a line per state. Raises NameFault for an unknown
     variable.
     """
-    layout = layout or Layout()
-    return "\n".join(layout.separator.join(row) for row in rows(path, layout)) + "\n"
+    path_format = path_format or PathFormat()
+    return "\n".join(path_format.separator.join(row) for row in rows(path, path_format)) + "\n"
 
 
-def rows(path: Path, layout: Layout | None = None) -> list[list[str]]:
+def rows(path: Path, path_format: PathFormat | None = None) -> list[list[str]]:
     """The cells of the table, titles first."""
-    layout = layout or Layout()
-    names = path.variables if layout.variables is None else layout.variables
+    path_format = path_format or PathFormat()
+    names = path.variables if path_format.variables is None else path_format.variables
     for name in names:
         path.values(name)  # complains about an unknown one
     chosen = [path.variables.index(n) for n in names]
     timed = path.model.type is ModelType.CTMC
-    snapshot = layout.snapshot is not None
-    titles = [] if snapshot else ["action", *(["probability"] if layout.probabilities else [])]
+    snapshot = path_format.snapshot is not None
+    titles = [] if snapshot else ["action", *(["probability"] if path_format.probabilities else [])]
     titles += [
         "step",
         *(["time"] if timed else []),
         *names,
-        *(_reward_titles(len(path.model.rewards)) if layout.rewards else []),
+        *(_reward_titles(len(path.model.rewards)) if path_format.rewards else []),
     ]
     found, last = [titles], None
-    for number, time, step in _shown(path, layout):
+    for number, time, step in _shown(path, path_format):
         cells = [format_value(step.state[i]) for i in chosen]
-        if layout.rewards:
+        if path_format.rewards:
             cells += [repr(x) for pair in _rewards(step, len(path.model.rewards)) for x in pair]
-        if layout.changes and cells == last:
+        if path_format.changes and cells == last:
             continue
         last = cells
         lead = (
             []
             if snapshot
-            else [step.transition, *([_probability(step)] if layout.probabilities else [])]
+            else [step.transition, *([_probability(step)] if path_format.probabilities else [])]
         )
         found.append([*lead, str(number), *([repr(time)] if timed else []), *cells])
     return found
 
 
-def _shown(path: Path, layout: Layout) -> Iterator[tuple[int, float, Step]]:
-    """Number, time and step of the lines: all steps, or who is there at the multiples of the
-    snapshot's time.
+def _shown(path: Path, path_format: PathFormat) -> Iterator[tuple[int, float, PathStep]]:
+    """Number, time and step of each line: all steps, or those occupied at the multiples of the
+    snapshot time.
     """
-    if layout.snapshot is None:
+    if path_format.snapshot is None:
         yield from ((i, s.time, s) for i, s in enumerate(path.steps))
         return
     tick = 0
@@ -168,11 +174,11 @@ def _shown(path: Path, layout: Layout) -> Iterator[tuple[int, float, Step]]:
         zip(path.steps, [*path.steps[1:], None], strict=True)
     ):
         while (
-            tick * layout.snapshot < following.time
+            tick * path_format.snapshot < following.time
             if following
-            else tick * layout.snapshot <= step.time
+            else tick * path_format.snapshot <= step.time
         ):
-            yield number, tick * layout.snapshot, step
+            yield number, tick * path_format.snapshot, step
             tick += 1
 
 
@@ -180,9 +186,9 @@ def _reward_titles(count: int) -> Sequence[str]:
     return [f"{kind}_reward{i + 1}" for i in range(count) for kind in ("state", "transition")]
 
 
-def _rewards(step: Step, count: int) -> list[tuple[float, float]]:
+def _rewards(step: PathStep, count: int) -> list[tuple[float, float]]:
     return list(zip(step.rewards, step.earned or (0.0,) * count, strict=True))
 
 
-def _probability(step: Step) -> str:
+def _probability(step: PathStep) -> str:
     return "-" if step.probability is None else repr(step.probability)

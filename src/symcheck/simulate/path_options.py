@@ -1,81 +1,92 @@
-"""Descriptions of random paths, such as `10`, `time=7.5,vars=(x,y)` or `deadlock,repeat=100`, taken
-apart.
-"""
+"""Parser of path options such as `10`, `time=7.5,vars=(x,y)` or `deadlock,repeat=100`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
 from symcheck.errors import UsageError
-from symcheck.simulate.path import Layout
+from symcheck.simulate.path import PathFormat
 
-__all__ = ["Request", "parse_request"]
+__all__ = ["PathOptions", "parse_path_options"]
 
 _SEPARATORS = {"space": " ", "comma": ",", "tab": "\t"}
-_OPTIONS = "vars=(x,…), sep=space|comma|tab, rewards=, probs=, changes=, loopcheck= (true or false), snapshot=TIME, repeat=N"
+_OPTIONS = (
+    "vars=(x,…), sep=space|comma|tab, rewards=, probs=, changes=, loopcheck= (true or false), "
+    "snapshot=TIME, repeat=N"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
-    """A description of a path, such as `10`, `time=7.5` or `deadlock,repeat=100`, taken apart."""
+class PathOptions:
+    """The options of a path.
+
+    Attributes:
+        steps, time, deadlock: when the path ends; exactly one of them is given.
+        loop_check: end a path that can only repeat itself.
+        repeat: number of attempts to reach a deadlock.
+    """
 
     steps: int | None = None
     time: float | None = None
     deadlock: bool = False
     loop_check: bool = True
     repeat: int = 1
-    layout: Layout = field(default_factory=Layout)
+    path_format: PathFormat = field(default_factory=PathFormat)
 
 
-def parse_request(text: str) -> Request:
-    """Read the first argument of -simpath. Raises UsageError."""
-    request, changes = Request(), None
+def parse_path_options(text: str) -> PathOptions:
+    """Parse the first argument of -simpath. Raises UsageError."""
+    options, changes = PathOptions(), None
     for item in _items(text):
         name, equals, value = (x.strip() for x in item.partition("="))
         match name:
             case "deadlock" if not equals:
-                request = replace(request, deadlock=True)
+                options = replace(options, deadlock=True)
             case "time":
-                request = replace(request, time=_number(item, value))
+                options = replace(options, time=_number(item, value))
             case "repeat":
-                request = replace(request, repeat=int(_number(item, value)))
+                options = replace(options, repeat=int(_number(item, value)))
             case "loopcheck":
-                request = replace(request, loop_check=_flag(item, value))
+                options = replace(options, loop_check=_flag(item, value))
             case "changes":
                 changes = _flag(item, value)
             case _ if not equals and name.isdigit():
-                request = replace(request, steps=int(name))
+                options = replace(options, steps=int(name))
             case _:
-                request = replace(request, layout=_layout(request.layout, item, name, value))
-    if sum((request.steps is not None, request.time is not None, request.deadlock)) != 1:
+                options = replace(
+                    options, path_format=_format_option(options.path_format, item, name, value)
+                )
+    if sum((options.steps is not None, options.time is not None, options.deadlock)) != 1:
         raise UsageError(
-            f"-simpath: '{text}' must say how long the path is: a number of steps, time=T or deadlock"
+            f"-simpath: '{text}' must say how long the path is: a number of steps, time=T or "
+            "deadlock"
         )
-    shown = request.layout.variables is not None if changes is None else changes
-    return replace(request, layout=replace(request.layout, changes=shown))
+    shown = options.path_format.variables is not None if changes is None else changes
+    return replace(options, path_format=replace(options.path_format, changes=shown))
 
 
-def _layout(layout: Layout, item: str, name: str, value: str) -> Layout:
+def _format_option(path_format: PathFormat, item: str, name: str, value: str) -> PathFormat:
     match name:
         case "vars":
             return replace(
-                layout,
+                path_format,
                 variables=tuple(v.strip() for v in value.strip("()").split(",") if v.strip()),
             )
         case "sep" if value in _SEPARATORS:
-            return replace(layout, separator=_SEPARATORS[value])
+            return replace(path_format, separator=_SEPARATORS[value])
         case "rewards":
-            return replace(layout, rewards=_flag(item, value))
+            return replace(path_format, rewards=_flag(item, value))
         case "probs":
-            return replace(layout, probabilities=_flag(item, value))
+            return replace(path_format, probabilities=_flag(item, value))
         case "snapshot":
             step = _number(item, value)
             if step == 0:
                 raise UsageError("-simpath: snapshot needs a time step above 0")
-            return replace(layout, snapshot=step)
+            return replace(path_format, snapshot=step)
         case _:
             raise UsageError(
-                f"-simpath: '{item}' is not understood\n  hint: N, time=T or deadlock, and then {_OPTIONS}"
+                f"-simpath: '{item}' is not understood\n  hint: N, time=T or deadlock, and then "
+                f"{_OPTIONS}"
             )
 
 

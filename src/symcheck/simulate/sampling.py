@@ -1,4 +1,4 @@
-"""Values of a question on many sampled paths at once."""
+"""Samples of the value of a property on many paths at once."""
 
 from __future__ import annotations
 
@@ -9,31 +9,32 @@ import numpy as np
 
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.explicit.initial import initial_rows
-from symcheck.explicit.states import Layout, Rows
+from symcheck.explicit.states import Rows, StateLayout
 from symcheck.matrices.rows import Floats, Int32s, Int64s
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
-from symcheck.simulate.lazy_chain import MAX_BRANCHES, LazyChain
+from symcheck.simulate import tuning
+from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.monitors import Paths, Question
 from symcheck.simulate.state_predicates import compile_predicate
 from symcheck.syntax.ast import Expression
 
 __all__ = ["Sampler"]
 
-_BATCH = 1 << 16  # paths at a time
-_FIRST_LOOK_AHEAD = (
-    16  # steps after which, and then after each doubling, hopeless paths are looked for
-)
-
 
 @dataclass(eq=False)
 class Sampler:
-    """Samples of a question's value: independent paths from the initial state, reproducible by the
-    generator's seed.
+    """Samples of a property's value on independent paths from the initial state, reproducible by
+    the generator's seed.
 
-    max_steps: paths that are undecided after so many steps raise NumericalError, for to leave them
-    out, or to count them as anything, would bias the estimate. The sums after: samples, steps of
-    all paths, the longest path.
+    Args:
+        structure: index of the reward structure, where the property needs one.
+        max_steps: steps after which an undecided path raises NumericalError, because leaving it
+            out, or giving it any value, would bias the estimate.
+
+    Attributes:
+        samples, steps, longest: number of paths so far, sum of their steps, and the steps of the
+            longest.
     """
 
     model: BoundModel
@@ -43,14 +44,14 @@ class Sampler:
     labels: Mapping[str, Expression] = field(default_factory=dict)
     max_steps: int = 10_000
     fix_deadlocks: bool = True
-    max_branches: int = MAX_BRANCHES
+    max_branches: int = tuning.MAX_BRANCHES
     samples: int = 0
     steps: int = 0
     longest: int = 0
 
     def __post_init__(self) -> None:
         labels = {**self.model.labels, **self.labels}
-        layout = Layout.of(self.model.variables)
+        layout = StateLayout.of(self.model.variables)
         self._chain = LazyChain(
             self.model,
             self.reward,
@@ -61,18 +62,24 @@ class Sampler:
         self._initial: Rows = initial_rows(self.model, layout)
         if len(self._initial) != 1:
             raise UnsupportedError(
-                f"-sim samples paths from one initial state, and this model has {len(self._initial)}; "
-                "init … endinit can be narrowed to one, and without -sim the result is the range over all of them"
+                "-sim samples paths from one initial state, and this model has "
+                f"{len(self._initial)}; "
+                "init … endinit can be narrowed to one, and without -sim the result is the range "
+                "over all of them"
             )
 
     def sample(self, count: int) -> Floats:
-        """The values on so many new paths, in the order of the paths: float64[count]; infinite
-        where nothing is reached.
+        """The values on `count` new paths, in the order of the paths: float64[count]; infinite
+        where a target is never reached.
 
-        Raises NumericalError for paths longer than `max_steps`, ModelFault where the model breaks a
-        rule on the way.
+        Raises:
+            NumericalError: a path is undecided after `max_steps` steps.
+            ModelFault: the model breaks a rule in a state on a path.
         """
-        parts = [self._batch(min(_BATCH, count - begin)) for begin in range(0, count, _BATCH)]
+        parts = [
+            self._batch(min(tuning.PATHS_PER_BATCH, count - begin))
+            for begin in range(0, count, tuning.PATHS_PER_BATCH)
+        ]
         self.samples += count
         return np.concatenate(parts) if parts else np.empty(0)
 
@@ -81,17 +88,17 @@ class Sampler:
         alive: Int64s = np.arange(count)
         ids = np.repeat(self._chain.add(self._initial), count)
         time, total = np.zeros(count), np.zeros(count)
-        step, look_ahead, goal = 0, _FIRST_LOOK_AHEAD, self.question.goal
+        step, next_check, goal = 0, tuning.FIRST_GRAPH_CHECK, self.question.goal
         while True:
             ids = self._chain.expand(ids)
             leave = time + self._durations(ids)
             decided, results = self.question.look(self._chain, Paths(step, ids, time, leave, total))
             if goal is not None:
-                missed = (goal.lost if step == look_ahead else goal.trapped)(
+                missed = (goal.lost if step == next_check else goal.trapped)(
                     self._chain, ids
                 ) & ~decided
                 results, decided = np.where(missed, goal.missed, results), decided | missed
-                look_ahead *= 1 + (step == look_ahead)
+                next_check *= 1 + (step == next_check)
             values[alive[decided]] = results[decided]
             open_ = ~decided
             alive, ids, time, leave, total = (
@@ -113,7 +120,7 @@ class Sampler:
             step += 1
 
     def _branches(self, ids: Int32s, total: Floats, duration: Floats) -> Int64s:
-        """Branches to take; what is earned in the states that are left is added to `total`."""
+        """Random branches (int64[n]); the state rewards of the stay are added to `total`."""
         total += self._chain.reward(ids) * duration
         return self._chain.sample(ids, self.generator.random(len(ids)))
 
@@ -124,6 +131,8 @@ class Sampler:
 
     def _too_long(self, undecided: int, count: int) -> NumericalError:
         return NumericalError(
-            f"{undecided} of {count} sampled paths are undecided after {self.max_steps} steps, and an estimate without them would "
-            "be biased: -simpathlen allows longer paths, a bound (such as F<=k) ends them, and without -sim nothing is sampled"
+            f"{undecided} of {count} sampled paths are undecided after {self.max_steps} steps, and "
+            "an estimate without them would "
+            "be biased: -simpathlen allows longer paths, a bound (such as F<=k) ends them, and "
+            "without -sim nothing is sampled"
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from symcheck.errors import Diagnostic, NameFault, UnsupportedError
 from symcheck.explicit.compile import compile_expression
-from symcheck.explicit.states import Layout, Rows
+from symcheck.explicit.states import Rows, StateLayout
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
@@ -56,7 +56,7 @@ def conjunction(left: Expression, right: Expression) -> Expression:
 
 
 def compile_predicate(
-    formula: Expression, model: BoundModel, layout: Layout, labels: Mapping[str, Expression]
+    formula: Expression, model: BoundModel, layout: StateLayout, labels: Mapping[str, Expression]
 ) -> StatePredicate:
     """Compile a state formula.
 
@@ -98,11 +98,14 @@ def compile_predicate(
             return _compile_expression(formula, model, layout)
 
 
-def _compile_expression(formula: Expression, model: BoundModel, layout: Layout) -> StatePredicate:
+def _compile_expression(
+    formula: Expression, model: BoundModel, layout: StateLayout
+) -> StatePredicate:
     for node in nodes(formula):
         if isinstance(node, _OPERATORS):
             raise UnsupportedError(
-                "-sim does not estimate an operator inside another one (paths would have to be sampled from every state on "
+                "-sim does not estimate an operator inside another one (paths would have to be "
+                "sampled from every state on "
                 "the way); without -sim the property is checked numerically"
             )
         if isinstance(node, LabelReference):
@@ -117,7 +120,7 @@ def _connect(operator: Operator, left: StatePredicate, right: StatePredicate) ->
     return lambda rows, deadlocks: connect(operator, left(rows, deadlocks), right(rows, deadlocks))
 
 
-def _initial(model: BoundModel, layout: Layout) -> StatePredicate:
+def _initial(model: BoundModel, layout: StateLayout) -> StatePredicate:
     if model.initial is not None:
         return _compile_expression(model.initial, model, layout)
     state = layout.pack([np.array([int(v.initial or 0)], np.int64) for v in model.variables])

@@ -1,7 +1,8 @@
-"""From samples to answers: intervals with a confidence (CI, ACI, APMC) and Wald's sequential test (SPRT).
+"""From samples to answers: intervals with a confidence (CI, ACI, APMC) and Wald's sequential test
+(SPRT).
 
-A confidence `c` is here the probability with which the interval holds the true value; `error` is 1 - c, which is what
--simconf gives.
+A confidence `c` is here the probability with which the interval holds the true value; `error` is 1
+- c, which is what -simconf gives.
 """
 
 from __future__ import annotations
@@ -28,14 +29,16 @@ _BLOCK = 1000
 class Plan:
     """How to sample; what is None is computed from the others, or gets its default.
 
-    method: 'ci' (default): for probabilities the interval of Clopper and Pearson (Biometrika 1934), which holds the value at
-    least as often as it says for any number of samples; for rewards Student's t. 'aci': the normal distribution, right for
-    many samples only. 'apmc': the bound of Okamoto (1958) on the number of samples, as Hérault et al. (VMCAI 2004) use it.
-    'sprt': Wald's test, for thresholds on probabilities only.
-    samples: number of paths (default 1000). error: of the interval or verdict (default 0.01). width: half the width of the
-    interval; for 'sprt' and 'apmc' the distance that is told apart (default 0.05). pilot: samples from which the variance is
-    estimated where samples are to be found for a width. most: the largest reward that a path can earn, for 'apmc'.
-    max_steps: longest path (see `Sampler`). seed: of numpy's default generator; None draws one.
+    method: 'ci' (default): for probabilities the interval of Clopper and Pearson (Biometrika 1934),
+    which holds the value at least as often as it says for any number of samples; for rewards
+    Student's t. 'aci': the normal distribution, right for many samples only. 'apmc': the bound of
+    Okamoto (1958) on the number of samples, as Hérault et al. (VMCAI 2004) use it. 'sprt': Wald's
+    test, for thresholds on probabilities only. samples: number of paths (default 1000). error: of
+    the interval or verdict (default 0.01). width: half the width of the interval; for 'sprt' and
+    'apmc' the distance that is told apart (default 0.05). pilot: samples from which the variance is
+    estimated where samples are to be found for a width. most: the largest reward that a path can
+    earn, for 'apmc'. max_steps: longest path (see `Sampler`). seed: of numpy's default generator;
+    None draws one.
     """
 
     method: Method = "ci"
@@ -62,12 +65,13 @@ class Estimated:
 def estimate(sampler: Sampler, plan: Plan, *, probability: bool) -> Estimated:
     """Estimate a mean. Two of samples, error and width may be given, the third is found.
 
-    Where a path earns an infinite reward the mean is infinite, surely. Raises UsageError for numbers that do not fit the
-    method, and what sampling raises.
+    Where a path earns an infinite reward the mean is infinite, surely. Raises UsageError for
+    numbers that do not fit the method, and what sampling raises.
     """
     if plan.samples is not None and plan.error is not None and plan.width is not None:
         raise UsageError(
-            "two of -simsamples, -simconf and -simwidth (-simapprox) may be given: the third follows from them"
+            "two of -simsamples, -simconf and -simwidth (-simapprox) may be given: the third "
+            "follows from them"
         )
     if plan.method == "apmc":
         return _apmc(sampler, plan, probability)
@@ -77,7 +81,9 @@ def estimate(sampler: Sampler, plan: Plan, *, probability: bool) -> Estimated:
 
 
 def _of_width(sampler: Sampler, plan: Plan, width: float, probability: bool) -> Estimated:
-    """Sample until the interval is narrow: first a pilot, then as many as its variance asks for, then (rarely) more."""
+    """Sample until the interval is narrow: first a pilot, then as many as its variance asks for,
+    then (rarely) more.
+    """
     values = sampler.sample(plan.pilot)
     while True:
         found = _interval(values, Plan(method=plan.method, error=plan.error), probability)
@@ -87,7 +93,8 @@ def _of_width(sampler: Sampler, plan: Plan, width: float, probability: bool) -> 
         wanted = ceil(len(values) * min(100.0, 1.02 * (half / width) ** 2)) + 1
         if wanted > _MOST:
             raise NumericalError(
-                f"a half width of {width:g} needs more than {_MOST:,} samples; a larger -simwidth needs fewer"
+                f"a half width of {width:g} needs more than {_MOST:,} samples; a larger -simwidth "
+                "needs fewer"
             )
         values = np.concatenate([values, sampler.sample(wanted - len(values))])
 
@@ -119,7 +126,8 @@ def _error_of(values: Floats, width: float, method: Method, probability: bool) -
     n, deviation = len(values), float(np.std(values, ddof=1))
     hoeffding = min(1.0, 2 * exp(-2 * n * width * width)) if probability else 1.0
     if deviation == 0.0:
-        # All samples are alike, and the variance cannot be told from them: Hoeffding's bound needs none.
+        # All samples are alike, and the variance cannot be told from them: Hoeffding's bound needs
+        # none.
         return hoeffding
     t = width * sqrt(n) / deviation
     tail = float(special.stdtr(n - 1, -t)) if method == "ci" else float(special.ndtr(-t))
@@ -143,10 +151,13 @@ def _clopper_pearson(hits: int, n: int, error: float) -> tuple[float, float]:
 
 
 def _apmc(sampler: Sampler, plan: Plan, probability: bool) -> Estimated:
-    """|mean - truth| < width * range with probability 1 - error, from error = 2 exp(-2 samples width²)."""
+    """|mean - truth| < width * range with probability 1 - error, from error = 2 exp(-2 samples
+    width²).
+    """
     if not probability and plan.most is None:
         raise UsageError(
-            "-simmethod apmc bounds the error by the largest reward of a path: give it with -simmaxrwd"
+            "-simmethod apmc bounds the error by the largest reward of a path: give it with "
+            "-simmaxrwd"
         )
     scale = 1.0 if probability else plan.most or 1.0
     samples, error, width = (
@@ -173,24 +184,28 @@ def _apmc(sampler: Sampler, plan: Plan, probability: bool) -> Estimated:
         return Estimated(mean, mean, mean, 1.0, samples)
     if float(np.max(values)) > scale or float(np.min(values)) < 0:
         raise NumericalError(
-            f"a path earned {float(np.max(values)):g}, which -simmaxrwd {scale:g} rules out: the bound does not hold"
+            f"a path earned {float(np.max(values)):g}, which -simmaxrwd {scale:g} rules out: the "
+            "bound does not hold"
         )
     return Estimated(mean, mean - width * scale, mean + width * scale, 1 - error, samples)
 
 
 def sequential_test(sampler: Sampler, plan: Plan, threshold: float) -> tuple[bool, int]:
-    """Whether the probability is at least `threshold` + width (rather than at most `threshold` - width), by Wald's test.
+    """Whether the probability is at least `threshold` + width (rather than at most `threshold` -
+    width), by Wald's test.
 
-    Gives the answer and the number of samples used. It is wrong with probability at most `error` where the true
-    probability is not within `width` of the threshold (Wald 1945; Younes 2005). Raises NumericalError where `samples` are
-    not enough, and UsageError where the indifference region leaves (0, 1).
+    Gives the answer and the number of samples used. It is wrong with probability at most `error`
+    where the true probability is not within `width` of the threshold (Wald 1945; Younes 2005).
+    Raises NumericalError where `samples` are not enough, and UsageError where the indifference
+    region leaves (0, 1).
     """
     error, width = plan.error or 0.01, plan.width or 0.05
     high, low = threshold + width, threshold - width
     if high > 1 or low < 0 or (low == 0 and high == 1):
         raise UsageError(
             f"-simmethod sprt tells {low:g} from {high:g} here, which are not both probabilities: "
-            f"-simwidth must be at most {min(threshold, 1 - threshold):g}; for thresholds 0 and 1 nothing is sampled without -sim"
+            f"-simwidth must be at most {min(threshold, 1 - threshold):g}; for thresholds 0 and 1 "
+            "nothing is sampled without -sim"
         )
     up = log(high / low) if low > 0 else np.inf
     down = log((1 - high) / (1 - low)) if high < 1 else -np.inf
@@ -204,5 +219,6 @@ def sequential_test(sampler: Sampler, plan: Plan, threshold: float) -> tuple[boo
             return bool(course[ends[0]] >= accept), used + int(ends[0]) + 1
         ratio, used = float(course[-1]), used + len(values)
     raise NumericalError(
-        f"{used} samples do not decide whether the probability is above {threshold:g}; a larger -simsamples may"
+        f"{used} samples do not decide whether the probability is above {threshold:g}; a larger "
+        "-simsamples may"
     )

@@ -1,4 +1,6 @@
-"""One random path through a model, state by state, by the scalar semantics."""
+"""A random path through a model, state by state, by the interpreter, which knows the module of each
+transition.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +8,10 @@ import numpy as np
 
 from symcheck.errors import converts_memory_error
 from symcheck.explicit.initial import initial_rows
-from symcheck.explicit.states import Layout
+from symcheck.explicit.states import StateLayout
 from symcheck.semantics.interpreter import Choice, State, choices, state_rewards
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.simulate.path import Path, Step
+from symcheck.simulate.path import Path, PathStep
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["simulate"]
@@ -28,40 +30,48 @@ def simulate(
 ) -> Path:
     """A random path from an initial state (one of several with equal probability).
 
-    It ends after `steps` steps, when `time` is reached (the last state is the one occupied then),
-    in any case in a deadlock, where it can only repeat itself (loop_check), and after max_steps.
-    The choices of an MDP are equally likely. The same seed gives the same path; None draws one.
-    Raises ModelFault.
+    The path ends in a deadlock and at the first limit. The choices of an MDP are equally likely.
+
+    Args:
+        steps: maximal number of steps; None: no limit but `max_steps`.
+        time: end in the state that is occupied at this time; None: no limit.
+        seed: the same seed gives the same path; None: a new one.
+        loop_check: end where the path can only repeat itself.
+        max_steps: end after this many steps in any case.
+        check_sums: check that probabilities sum to 1.
+
+    Raises:
+        ModelFault: the model breaks a rule in a state on the path.
     """
     chosen = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
     generator = np.random.default_rng(chosen)
     state = _first(model, generator)
-    wanted = max_steps if steps is None else min(steps, max_steps)
-    found = [Step(state, 0.0, _floats(state_rewards(model, state)))]
+    most = max_steps if steps is None else min(steps, max_steps)
+    path = [PathStep(state, 0.0, _floats(state_rewards(model, state)))]
     forced: set[State] = set()  # states since the last one with an alternative
     end = "length" if steps is None or steps > max_steps else "steps"
-    while len(found) <= wanted:
-        offered = choices(model, found[-1].state, check_sums=check_sums)
+    while len(path) <= most:
+        offered = choices(model, path[-1].state, check_sums=check_sums)
         if not offered:
             end = "deadlock"
             break
         branches = sum(len(c.branches) for c in offered)
         if branches > 1:
             forced.clear()
-        elif loop_check and found[-1].state in forced:
+        elif loop_check and path[-1].state in forced:
             end = "loop"
             break
         else:
-            forced.add(found[-1].state)
-        found.append(_next(model, found[-1], offered, generator))
-        if time is not None and found[-1].time >= time:
+            forced.add(path[-1].state)
+        path.append(_next(model, path[-1], offered, generator))
+        if time is not None and path[-1].time >= time:
             end = "time"
             break
-    return Path(model, tuple(found), end, chosen)
+    return Path(model, tuple(path), end, chosen)
 
 
 def _first(model: BoundModel, generator: np.random.Generator) -> State:
-    layout = Layout.of(model.variables)
+    layout = StateLayout.of(model.variables)
     rows = initial_rows(model, layout)
     return layout.unpack(rows[int(generator.integers(len(rows)))] if len(rows) > 1 else rows[0])
 
@@ -71,21 +81,21 @@ def _floats(values: tuple[Value, ...]) -> tuple[float, ...]:
 
 
 def _next(
-    model: BoundModel, here: Step, offered: tuple[Choice, ...], generator: np.random.Generator
-) -> Step:
+    model: BoundModel, here: PathStep, offered: tuple[Choice, ...], generator: np.random.Generator
+) -> PathStep:
     """Choose a transition, and the time until it."""
     continuous = model.type is ModelType.CTMC
     share = 1 if continuous else len(offered)
     weighted = [(float(p) / share, p, s, c) for c in offered for p, s in c.branches]
     total = sum(w for w, _, _, _ in weighted)
     duration = float(generator.standard_exponential()) / total if continuous else 1.0
-    ends = np.cumsum([w for w, _, _, _ in weighted])
-    place = int(np.searchsorted(ends, generator.random() * ends[-1], side="right"))
-    weight, own, state, choice = weighted[min(place, len(weighted) - 1)]
+    cumulative = np.cumsum([w for w, _, _, _ in weighted])
+    index = int(np.searchsorted(cumulative, generator.random() * cumulative[-1], side="right"))
+    weight, probability, state, choice = weighted[min(index, len(weighted) - 1)]
     modules = {c.module for c in choice.commands}
     module = model.modules[modules.pop()].name if len(modules) == 1 else None
-    shown = float(own) if model.type is ModelType.MDP else weight
+    shown = float(probability) if model.type is ModelType.MDP else weight
     rewards = _floats(state_rewards(model, state))
-    return Step(
+    return PathStep(
         state, here.time + duration, rewards, choice.action, module, shown, _floats(choice.rewards)
     )

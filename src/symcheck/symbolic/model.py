@@ -158,7 +158,8 @@ class SymbolicModel:
     def __repr__(self) -> str:
         nodes = sum(r.relation.node_count for r in self.relations)
         return (
-            f"SymbolicModel({self.model.type.value}: {len(self.encoding.variables)} variables in {len(self.encoding.rows)} bits, "
+            f"SymbolicModel({self.model.type.value}: {len(self.encoding.variables)} variables in "
+            f"{len(self.encoding.rows)} bits, "
             f"{len(self.events)} events in {len(self.relations)} relations of {nodes} nodes)"
         )
 
@@ -169,7 +170,10 @@ class SymbolicModel:
             f"<td>{', '.join(self.encoding.variables[i].name for i in e.touched)}</td></tr>"
             for e in self.events[:50]
         )
-        head = "<tr><th>action</th><th>commands</th><th>guard nodes</th><th>relation nodes</th><th>touches</th></tr>"
+        head = (
+            "<tr><th>action</th><th>commands</th><th>guard nodes</th><th>relation "
+            "nodes</th><th>touches</th></tr>"
+        )
         return f"<p>{self!r}</p><table>{head}{rows}</table>"
 
 
@@ -263,7 +267,8 @@ class StateSpace:
 
     def __repr__(self) -> str:
         return (
-            f"StateSpace({self.count} states, {self.states.node_count} nodes, {len(self.iterations)} iterations "
+            f"StateSpace({self.count} states, {self.states.node_count} nodes, "
+            f"{len(self.iterations)} iterations "
             f"({self.schedule}), {self.seconds:.3f} s)"
         )
 
@@ -272,7 +277,10 @@ class StateSpace:
             f"<tr><td>{i.number}</td><td>{i.states}</td><td>{i.nodes}</td><td>{i.frontier}</td><td>{i.frontier_nodes}</td></tr>"
             for i in self.iterations[:100]
         )
-        head = "<tr><th>iteration</th><th>states</th><th>nodes</th><th>frontier</th><th>frontier nodes</th></tr>"
+        head = (
+            "<tr><th>iteration</th><th>states</th><th>nodes</th><th>frontier</th><th>frontier "
+            "nodes</th></tr>"
+        )
         return f"<p>{self!r}</p><table>{head}{rows}</table>"
 
 

@@ -16,7 +16,7 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.explored import States
 from symcheck.explicit.model import ExplicitModel
-from symcheck.explicit.states import Layout, StateTable
+from symcheck.explicit.states import StateLayout, StateTable
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.bisimulation import Lumping
 from symcheck.semantics.model import BoundModel
@@ -222,7 +222,7 @@ class DiagramQuotient:
     def engine(self) -> ExplicitEngine:
         """The engine of the blocks, each with the values of its first state. Choices have no actions."""
         lumped, encoding = self.lumped, self.source.space.symbolic.encoding
-        layout = Layout.of(self.source.model.variables)
+        layout = StateLayout.of(self.source.model.variables)
         codes = encoding.codes(lumped.members)
         table = StateTable(layout, layout.pack(list(np.ascontiguousarray(codes.T))))
         d = lumped.diagrams

@@ -19,7 +19,7 @@ from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.explicit.model import evaluate_states
-from symcheck.explicit.states import Layout, Rows, StateTable
+from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.matrices.blocks import flatten, quad_dag
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
@@ -178,7 +178,7 @@ class _States(StateTable):
     """The reachable states as packed rows, made when they are first asked for: most checks never do."""
 
     def __init__(self, engine: SymbolicEngine) -> None:
-        object.__setattr__(self, "layout", Layout.of(engine.model.variables))
+        object.__setattr__(self, "layout", StateLayout.of(engine.model.variables))
         object.__setattr__(self, "_engine", engine)
 
     def __len__(self) -> int:

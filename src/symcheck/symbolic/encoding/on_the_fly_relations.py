@@ -111,7 +111,7 @@ class OnTheFlyCondition(OnTheFly):
 
 @dataclass(eq=False)
 class OnTheFlyNumber(OnTheFly):
-    """A number; `value` is right on known valuations, and 0 elsewhere and where it is `undefined`."""
+    """A number; `value` is right on known valuations, and 0 elsewhere and where `undefined`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -131,7 +131,7 @@ class OnTheFlyNumber(OnTheFly):
 
 @dataclass(eq=False)
 class OnTheFlyAssignment(OnTheFly):
-    """The assignment `target' = expression`; `relation` and `in_range` hold known valuations only."""
+    """An assignment to `target`; `relation` and `in_range` hold known valuations only."""
 
     target: EncodedVariable
 

@@ -91,7 +91,7 @@ class Translator:
         self._types = {v.name: v.variable.type for v in encoding.variables}
         self._supports: dict[Expression, frozenset[str]] = {}
 
-    # ------------------------------------------------------------------------------------------------ sizes
+    # ---------------------------------------------------------------------------------------- sizes
 
     def support(self, expression: Expression) -> frozenset[str]:
         """Names of the variables in `expression`."""
@@ -142,7 +142,7 @@ class Translator:
             for name, part in self.on_the_fly
         )
 
-    # ------------------------------------------------------------------------------------------------ booleans
+    # ------------------------------------------------------------------------------------- booleans
 
     def boolean(self, expression: Expression) -> Bdd:
         """The states that satisfy a boolean expression; a part that is encoded on the fly is right
@@ -219,7 +219,7 @@ class Translator:
         variables, lanes = self._tabulate(expression)
         return self.manager.bdd_table(_row_bits(variables), lanes.values)
 
-    # ------------------------------------------------------------------------------------------------ numbers
+    # -------------------------------------------------------------------------------------- numbers
 
     def number(self, expression: Expression) -> Mtbdd:
         """The value of a numeric expression (a boolean one counts as 0 or 1) in each state. Raises
@@ -356,7 +356,8 @@ class Translator:
         leaves = leaf_bound(operator, x.leaves, y.leaves)
         if leaves > self.limits.max_leaves:
             raise TooLarge(
-                f"the diagram of an expression may have {leaves} different values ({expression.span})"
+                f"the diagram of an expression may have {leaves} different values "
+                f"({expression.span})"
             )
         result = x + y if operator == "+" else x - y if operator == "-" else x * y
         return self._exact_or_table(expression, result)
@@ -383,7 +384,8 @@ class Translator:
             and len(np.unique(numbers)) > self.limits.max_leaves
         ):
             raise TooLarge(
-                f"the diagram of an expression has more than {self.limits.max_leaves} different values ({expression.span})"
+                f"the diagram of an expression has more than {self.limits.max_leaves} different "
+                f"values ({expression.span})"
             )
         nan = np.isnan(numbers)
         if nan.any():
@@ -391,7 +393,7 @@ class Translator:
             numbers = np.where(nan, 0.0, numbers)
         return self.manager.table(_row_bits(variables), numbers)
 
-    # ------------------------------------------------------------------------------------------------ tables
+    # --------------------------------------------------------------------------------------- tables
 
     def _tabulate(self, expression: Expression) -> tuple[tuple[EncodedVariable, ...], Lanes]:
         """Variables in diagram order and the expression's values, one per code combination, first
@@ -401,7 +403,8 @@ class Translator:
         width = sum(v.width for v in variables)
         if width > self.limits.wide_table_bits:
             raise TooLarge(
-                f"an expression reads {width} bits at once, a table may have {self.limits.wide_table_bits} ({expression.span})"
+                f"an expression reads {width} bits at once, a table may have "
+                f"{self.limits.wide_table_bits} ({expression.span})"
             )
         lanes = evaluate_columns(expression, mesh(variables)).spread(
             tuple(1 << v.width for v in variables)
@@ -410,7 +413,7 @@ class Translator:
             self._faults[expression] = self.manager.bdd_table(_row_bits(variables), lanes.faults)
         return variables, lanes
 
-    # ------------------------------------------------------------------------------------------------ assignments
+    # ---------------------------------------------------------------------------------- assignments
 
     def assignment(self, target: EncodedVariable, expression: Expression) -> EncodedAssignment:
         """The assignment `target' = expression`; where that is too large, on its known valuations

@@ -180,7 +180,8 @@ def _encode(variable: Variable, index: int) -> EncodedVariable:
     if low is None or high is None:
         raise UnsupportedError(
             f"variable {variable.name} has no bounds ({variable.span}), and diagrams need bounds: "
-            "give it a range, or use the explicit engine (-ex), which only needs that finitely many "
+            "give it a range, or use the explicit engine (-ex), which only needs that finitely "
+            "many "
             "values are reachable"
         )
     width = max(high - low, 0).bit_length()

@@ -48,7 +48,7 @@ def encode_event(translator: Translator, event: Event) -> EncodedEvent:
 
 
 def evaluated_valuations(translator: Translator, event: Event) -> int | None:
-    """Number of valuations for which an event is encoded on the fly; None if it is encoded in full."""
+    """Number of valuations for which an event is encoded on the fly; None if encoded in full."""
     parts = [
         part
         for commands in event.participants

@@ -61,7 +61,7 @@ def transitions(
     return result
 
 
-# ------------------------------------------------------------------------------------------------ DTMC, CTMC
+# --------------------------------------------------------------------------------------- DTMC, CTMC
 
 
 def _chain_transitions(space: StateSpace) -> Transitions:
@@ -114,7 +114,7 @@ def _counted(space: StateSpace, commands: Sequence[EncodedCommand]) -> Mtbdd:
     return space.symbolic.manager.sum([c.guard.to_mtbdd() for c in commands])
 
 
-# ------------------------------------------------------------------------------------------------ MDP
+# ---------------------------------------------------------------------------------------------- MDP
 
 
 def _mdp_transitions(space: StateSpace) -> Transitions:
@@ -151,7 +151,7 @@ def _mdp_transitions(space: StateSpace) -> Transitions:
     )
 
 
-# ------------------------------------------------------------------------------------------------ pieces
+# ------------------------------------------------------------------------------------------- pieces
 
 
 def full_matrix(

@@ -172,7 +172,7 @@ def _measure(
     )
 
 
-# ------------------------------------------------------------------------------------------------ schedules
+# ---------------------------------------------------------------------------------------- schedules
 
 SearchStates = Iterator[tuple[SymbolicModel, "Bdd", "Bdd", str]]
 """The model, the states found so far, the new ones among them, and the schedule that found them."""
@@ -249,7 +249,7 @@ SCHEDULES: dict[str, Callable[[SymbolicModel], SearchStates]] = {
 }
 
 
-# ------------------------------------------------------------------------------------------------ relations on the fly
+# ----------------------------------------------------------------------------- relations on the fly
 
 
 def has_on_the_fly_parts(symbolic: SymbolicModel) -> bool:

@@ -1,5 +1,6 @@
-"""From expressions to instructions of the register machine, with the semantics of
-`symcheck.semantics.expressions.evaluate`.
+"""Code generation: from expressions to instructions of the register machine.
+
+The semantics is that of `symcheck.semantics.expressions.evaluate`.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from functools import partial, reduce
 from typing import assert_never
 
 from symcheck.errors import UnsupportedError
+from symcheck.explicit import tuning
 from symcheck.explicit.assembler import Assembler, Register, is_constant
 from symcheck.kernels.explore.register_machine import Op
 from symcheck.semantics.expressions.literals import to_float
@@ -33,7 +35,7 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.operators import Function, Operator, Signature, UnaryOperator, connect
 
-__all__ = ["ARITHMETIC", "COMPARISONS", "FUNCTIONS", "Translator", "Value"]
+__all__ = ["ARITHMETIC", "COMPARISONS", "FUNCTIONS", "CodeGenerator", "Value"]
 
 Value = tuple[Register, Type]
 
@@ -52,7 +54,7 @@ COMPARISONS: Mapping[Operator, Pair] = {
     Operator.NE: (Op.NEI, Op.NED),
     Operator.LT: (Op.LTI, Op.LTD),
     Operator.LE: (Op.LEI, Op.LED),
-    # These compare with the operands exchanged.
+    # The operands of these are swapped.
     Operator.GT: (Op.LTI, Op.LTD),
     Operator.GE: (Op.LEI, Op.LED),
 }
@@ -66,7 +68,7 @@ FUNCTIONS: Mapping[Function, Pair] = {
     Function.MOD: (Op.MODI, Op.MODI),
     Function.LOG: (Op.LOGD, Op.LOGD),
 }
-# Per comparison of doubles: the jump where it holds, and where it does not (NaN!).
+# Per comparison of doubles: the jumps if it holds and if it does not, which differ for NaN.
 _JUMP_REAL = {
     Op.EQD: (Op.JEQD, Op.JNED),
     Op.NED: (Op.JNED, Op.JEQD),
@@ -76,10 +78,9 @@ _JUMP_REAL = {
 _EXPENSIVE = frozenset({Operator.POWER, Function.POW, Function.LOG})
 _PARTIAL = frozenset({Operator.POWER, Function.POW, Function.MOD})
 """Operators and functions that have no value for some ints."""
-_CHEAP = 4  # evaluating so many nodes for nothing costs less than a jump
 
 
-class Translator:
+class CodeGenerator:
     """Writes code for expressions over the given variables into an assembler."""
 
     def __init__(self, assembler: Assembler, variables: tuple[Variable, ...]) -> None:
@@ -88,10 +89,10 @@ class Translator:
             v.name: (i, v.type) for i, v in enumerate(variables)
         }
 
-    # -------------------------------------------------------------------------------------------- values
+    # --------------------------------------------------------------------------------------- values
 
     def value(self, expression: Expression) -> Value:
-        """Code that computes the expression; gives its register and type."""
+        """Write code that computes an expression; returns its register and type."""
         asm = self.assembler
         match expression:
             case Literal(value, Type.DOUBLE):
@@ -124,13 +125,14 @@ class Translator:
                 | MultiObjective()
             ):
                 raise UnsupportedError(
-                    f"{type_name(expression)} has no value at a single state by itself: check it on the model"
+                    f"{type_name(expression)} has no value at a single state by itself: check it "
+                    "on the model"
                 )
             case _:
                 assert_never(expression)
 
     def real(self, expression: Expression) -> Register:
-        """Code that computes the expression as a double."""
+        """Write code that computes an expression as a double; returns its register."""
         return self._real(self.value(expression))
 
     def _real(self, value: Value) -> Register:
@@ -142,7 +144,7 @@ class Translator:
         return self.assembler.emit(Op.REAL, register)
 
     def _alike(self, a: Value, b: Value) -> tuple[Register, Register, bool]:
-        """Both as doubles if one of them is; and whether they are."""
+        """Two values, both as doubles if one of them is a double; and whether they are doubles."""
         if Type.DOUBLE in (a[1], b[1]):
             return self._real(a), self._real(b), True
         return a[0], b[0], False
@@ -207,7 +209,9 @@ class Translator:
     def _logical(self, expression: Binary) -> Register:
         asm, operator = self.assembler, expression.operator
         both = operator.decided(True) is None and operator.decided(False) is None
-        if both or (self.cost(expression.right) <= _CHEAP and self.total(expression.right)):
+        if both or (
+            self.cost(expression.right) <= tuning.MAX_EAGER_COST and self.total(expression.right)
+        ):
             return connect(
                 operator,
                 self.value(expression.left)[0],
@@ -227,7 +231,7 @@ class Translator:
         otherwise: Expression | Value,
         real: bool = False,
     ) -> Register:
-        """The register that holds one or the other, a double if `real`."""
+        """Write code that computes one of two values; returns its register, a double if `real`."""
         asm = self.assembler
         result, no, end = asm.temporary(), asm.label(), asm.label()
         with asm.scope():
@@ -255,13 +259,14 @@ class Translator:
             self.assembler.remember(expression, found)
         return found, kind
 
-    # -------------------------------------------------------------------------------------------- jumps
+    # ---------------------------------------------------------------------------------------- jumps
 
     def jump(self, condition: Expression, sense: bool, label: int) -> None:
-        """Code that jumps to `label` if the condition is `sense`, and goes on otherwise.
+        """Write code that jumps to `label` if the condition has the truth value `sense`, and
+        continues otherwise.
 
-        What it leaves known holds where it goes on; at the label, the caller must have closed a
-        scope around the jump.
+        The values that it computes are valid where it continues. At the label, the caller must have
+        closed a scope around the jump.
         """
         asm = self.assembler
         match condition:
@@ -304,7 +309,7 @@ class Translator:
         else:  # a <= b is not b < a
             self.assembler.jump(Op.JGEI if sense else Op.JLTI, label, b, a)
 
-    # -------------------------------------------------------------------------------------------- facts
+    # ---------------------------------------------------------------------------------------- facts
 
     def type_of(self, expression: Expression) -> Type:
         """The type of a well-typed expression."""
@@ -343,8 +348,9 @@ class Translator:
         return Type.DOUBLE if Type.DOUBLE in types else types[0]
 
     def total(self, expression: Expression) -> bool:
-        """Whether the expression surely has a value in every state (int sums of variables cannot
-        leave 64 bits).
+        """Whether the expression has a value in every state.
+
+        Sums of integer variables do, as they cannot leave 64 bits.
         """
         match expression:
             case Binary(Operator.TIMES, left, right):
@@ -371,7 +377,7 @@ class Translator:
                 return False
 
     def cost(self, expression: Expression) -> int:
-        """Roughly, instructions to evaluate it."""
+        """The approximate number of instructions that evaluate an expression."""
         match expression:
             case Literal() | Name():
                 return 0
@@ -388,5 +394,5 @@ class Translator:
 
 
 def type_name(node: Expression) -> str:
-    """How to speak of a node that is not arithmetic."""
+    """The words for a node that is not arithmetic, in messages."""
     return f'"{node.name}"' if isinstance(node, LabelReference) else f"a {type(node).__name__}"

@@ -1,0 +1,45 @@
+"""Tuning constants of explicit exploration; `benchmarks/explore.py` measures their effect."""
+
+MIN_FOREST_ITEMS = 4
+"""Events, or commands of a participant, from which on the enabled ones are looked up in a decision
+forest.
+"""
+
+MAX_SWITCH_VALUES = 2048
+"""Values of a variable up to which a decision forest branches on it: a branch has an entry per
+value.
+"""
+
+MAX_MASK_SHARE = 0.5
+"""Share of a variable's values that a mask may allow if a branch on the variable is to rule the
+item out.
+"""
+
+MIN_SWITCH_GAIN = 1.5
+"""Expected number of items that a branch must rule out."""
+
+MAX_LEAF_ITEMS = 3
+"""Items that a leaf of a decision forest may have without a further branch: evaluating their guards
+is as fast.
+"""
+
+MAX_FOREST_DEPTH = 3
+"""Branches on a path of a decision forest."""
+
+MAX_EAGER_COST = 4
+"""Instructions of an operand that are executed even if it does not matter, which costs less than a
+jump.
+"""
+
+VALUATIONS_PER_BLOCK = 1 << 20
+"""Valuations that the search for initial states extends at a time: 8 MB per variable."""
+
+SECONDS_PER_SLICE = 0.05
+"""Seconds of search between checks of limits and signals, so that Ctrl-C is answered at once. It
+affects no result.
+"""
+
+MIN_STATES_TO_TRIM = 500_000
+"""States from which on freed memory is returned to the system after the search, which takes some
+milliseconds.
+"""
