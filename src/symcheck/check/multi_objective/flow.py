@@ -23,7 +23,6 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.multi_objective import linear_program as numerics
-from symcheck.numerics.multi_objective.rational_program import ExactFlow
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import CumulativeReward, ProbabilityOperator, RewardOperator
 
@@ -70,7 +69,7 @@ class _Steps:
 
 def flow_of(
     context: Context, objectives: Sequence[Objective], states_of: StatesOf
-) -> numerics.Flow | ExactFlow:
+) -> numerics.Flow:
     """The flow of the product of the model with a step counter and with an automaton per P objective."""
     chain = _Chain(context)
     limits = [_limit(o) for o in objectives]
@@ -103,7 +102,7 @@ def _equations(
     limits: Sequence[int | None],
     counts: dict[int, StateSet],
     accepted: Sequence[list[list[StateSet]] | None],
-) -> numerics.Flow | ExactFlow:
+) -> numerics.Flow:
     engine = chain.engine
     matrix = engine.system(engine.all).matrix
     assert matrix.groups is not None
@@ -133,13 +132,10 @@ def _equations(
         Incidence(matrix), costless, [None if a is None else bools(a) for a in accepted]
     )
     initial = int(np.flatnonzero(engine.to_bools(engine.initial))[0])
-    flow = numerics.Flow(
-        matrix.doubles(),
-        initial,
-        np.array([own.astype(np.float64) for own in rewards]).reshape(-1, matrix.rows),
-        stays,
+    kind = object if engine.exact else np.float64
+    return numerics.Flow(
+        matrix, initial, np.array(rewards, dtype=kind).reshape(-1, matrix.rows), stays
     )
-    return ExactFlow(flow, matrix.data, [own.tolist() for own in rewards]) if engine.exact else flow
 
 
 def _row_rewards(engine: Engine, reward: Reward) -> Numbers:

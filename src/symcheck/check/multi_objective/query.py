@@ -25,9 +25,9 @@ from symcheck.check.path_formulas import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Result, SolverRun
 from symcheck.check.strategies.to_explicit import listed
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
+from symcheck.matrices.numbers import full, is_infinite, numbers
 from symcheck.numerics.multi_objective import linear_program as numerics
 from symcheck.numerics.multi_objective.exact_lp import ROWS
-from symcheck.numerics.multi_objective.rational_program import ExactFlow, exact_corners
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.syntax.ast import (
     Bound,
@@ -154,26 +154,16 @@ def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _A
             else (value, about)
         )
     flow = query.flow
-    shape = flow.shape if isinstance(flow, ExactFlow) else flow
-    size = shape.gains.shape[1]
-    return _Asked(
-        value,
-        about,
-        size,
-        int(shape.live.sum()) + len(objectives),
-        isinstance(flow, ExactFlow),
-        close,
-    )
+    size, equations = flow.gains.shape[1], int(flow.live.sum()) + len(objectives)
+    return _Asked(value, about, size, equations, flow.exact, close)
 
 
 def _query(
     context: Context, objectives: Sequence[Objective], asked: Sequence[int], states_of: StatesOf
-) -> _FloatQuery | _ExactQuery:
+) -> _Query:
     flow = flow_of(context, objectives, states_of)
-    least = [o.least for o in objectives]
-    if isinstance(flow, ExactFlow):
-        return _ExactQuery(objectives, asked, flow, least)
-    return _FloatQuery(objectives, asked, flow, np.array([float(v) for v in least]))
+    least = numbers(np.array([o.least for o in objectives], dtype=object), exact=flow.exact)
+    return _Query(objectives, asked, flow, least)
 
 
 def _cost(objective: Objective) -> bool:
@@ -233,13 +223,18 @@ def _objective(formula: Expression) -> Objective:
             )
 
 
+def _plain(value: Any) -> Any:
+    """A number without the types of numpy."""
+    return value if isinstance(value, Fraction) else float(value)
+
+
 _NONE = "no strategy meets the bounds"
 _NO_CURVE = "no strategy meets the bounds of this Pareto query, or all have infinite cost"
 
 
 @dataclass
-class _FloatQuery:
-    """The question, once the flow is known, in floating point. close: the answer hangs on rounding."""
+class _Query:
+    """The question, once the flow is known. close: the answer hangs on rounding (never where numbers are rationals)."""
 
     objectives: Sequence[Objective]
     asked: Sequence[int]
@@ -250,20 +245,21 @@ class _FloatQuery:
     def answer(self) -> tuple[Answer, str]:
         """The value, and how it was found."""
         flow = self.flow.connected(self.least)
-        room = flow.margin(self.least) if np.isfinite(self.least).any() else None
-        if np.isfinite(self.least).any():
+        room = None if is_infinite(self.least).all() else flow.margin(self.least)
+        if not is_infinite(self.least).all():
             if room is None:
-                self.close = True  # nothing tells how far from it
+                self.close = not flow.exact  # nothing tells how far from it
                 return (nan if self.asked else False), _NONE
-            self.close = abs(room.value) <= _DOUBT
-            if room.value < -numerics.TOLERANCE:
-                return (nan if self.asked else False), f"{_NONE}: {-room.value:.3g} is missing"
+            self.close = not flow.exact and abs(room.value) <= _DOUBT
+            if room.value < -flow.tolerance:
+                missing = f"{_NONE}: {float(-room.value):.3g} is missing"
+                return (nan if self.asked else False), missing
         if not self.asked:
             return (
                 True,
                 ""
                 if room is None
-                else f"the bounds can be exceeded by {max(0.0, room.value):.3g} at once",
+                else f"the bounds can be exceeded by {float(max(0, room.value)):.3g} at once",
             )
         # Bounds that are met just so are relaxed by as little as rounding needs.
         least = self.least if room is None else np.minimum(self.least, self.least + room.value)
@@ -271,16 +267,16 @@ class _FloatQuery:
 
     def _best(self, flow: numerics.Flow, least: Any) -> tuple[Answer, str]:
         (index,) = self.asked
-        weights = np.zeros(len(self.objectives))
-        weights[index] = 1.0
+        weights = full(len(self.objectives), 0, exact=flow.exact)
+        weights[index] = full(1, 1, exact=flow.exact)[0]
         found = flow.best(weights, least)
         if found is None:
             return nan, _NONE
         if isinf(found.value):
             return inf, "rewards can be collected for ever"
-        return float(
-            self.objectives[index].shown(found.value)
-        ), f"the dual bound differs by {found.gap:.1E}"
+        optimal = "optimal vertex of the achievable set"
+        about = optimal if flow.exact else f"the dual bound differs by {found.gap:.1E}"
+        return _plain(self.objectives[index].shown(found.value)), about
 
     def _curve(self, flow: numerics.Flow, least: Any) -> tuple[Answer, str]:
         first, second = self.asked
@@ -288,47 +284,4 @@ class _FloatQuery:
         if points is None:
             raise InputError(Diagnostic(_NO_CURVE, code="multi"))
         one, two = self.objectives[first], self.objectives[second]
-        return [(float(one.shown(x)), float(two.shown(y))) for x, y in points], "Pareto curve"
-
-
-@dataclass
-class _ExactQuery:
-    """The question, once the flow is known, in rational arithmetic: nothing is close."""
-
-    objectives: Sequence[Objective]
-    asked: Sequence[int]
-    flow: ExactFlow
-    least: Sequence[Fraction | float]
-    close: bool = False
-
-    def answer(self) -> tuple[Answer, str]:
-        """The value, and how it was found."""
-        flow = self.flow.connected(self.least)
-        about = ""
-        if any(not isinf(v) for v in self.least):
-            room = flow.margin(self.least)
-            if room is None or room.value < 0:
-                missing = "" if room is None else f": {float(-room.value):.3g} is missing"
-                return (nan if self.asked else False), _NONE + missing
-            about = f"the bounds can be exceeded by {float(room.value):.3g} at once"
-        if not self.asked:
-            return True, about
-        if len(self.asked) == 2:
-            return self._curve(flow)
-        (index,) = self.asked
-        found = flow.best(
-            [Fraction(int(i == index)) for i in range(len(self.objectives))], self.least
-        )
-        if found is None:
-            return nan, _NONE
-        if isinf(found.value):
-            return inf, "rewards can be collected for ever"
-        return self.objectives[index].shown(found.value), "the corner is optimal"
-
-    def _curve(self, flow: ExactFlow) -> tuple[Answer, str]:
-        first, second = self.asked
-        points = exact_corners(flow, first, second, self.least)
-        if points is None:
-            raise InputError(Diagnostic(_NO_CURVE, code="multi"))
-        one, two = self.objectives[first], self.objectives[second]
-        return [(one.shown(x), two.shown(y)) for x, y in points], "Pareto curve"
+        return [(_plain(one.shown(x)), _plain(two.shown(y))) for x, y in points], "Pareto curve"

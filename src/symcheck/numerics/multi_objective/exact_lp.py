@@ -18,7 +18,7 @@ import numpy as np
 from symcheck.errors import NumericalError
 from symcheck.matrices.rows import Floats, Int64s, starts_of
 
-__all__ = ["ROWS", "Optimum", "Program", "solve_program"]
+__all__ = ["ROWS", "Column", "Optimum", "Program", "solve_program"]
 
 ROWS = 1_000
 """Equations up to which programs are solved: rational solutions take cubic time."""

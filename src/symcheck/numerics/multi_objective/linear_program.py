@@ -6,22 +6,27 @@ or settles), and expected values of objectives are linear in them, so that what 
 corners are found by linear programs. Sources: Etessami, Kwiatkowska, Vardi & Yannakakis (2007); Forejt, Kwiatkowska,
 Norman, Parker & Qu (2011).
 
-Every objective is written so that more of it is better: costs are negative rewards.
+Every objective is written so that more of it is better: costs are negative rewards. Numbers are doubles, and programs are
+solved by HiGHS, or they are rationals, and solutions are proved.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
+from math import isinf
 from typing import Any
 
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
+from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers, rationals
+from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans
 from symcheck.numerics import graph
+from symcheck.numerics.multi_objective.exact_lp import Column, Program, solve_program
 
 __all__ = ["TOLERANCE", "Flow", "Outcome", "Stay", "corners", "settling"]
 
@@ -44,13 +49,13 @@ class Stay:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """The optimum of a linear program: its value (inf where unbounded), and what each objective has there.
+    """The optimum of a linear program: its value (inf where unbounded), and what each objective has there (NaN then).
 
-    gap: between the value and the bound that the dual program proves up to rounding.
+    gap: between the value and the bound that the dual program proves up to rounding; 0 for rationals.
     """
 
-    value: float
-    gains: Floats
+    value: Any
+    gains: Numbers
     iterations: int = 0
     gap: float = 0.0
 
@@ -106,14 +111,25 @@ def _accepting(source: graph.Source, avoid: Bools, visits: Sequence[Bools], rows
 class Flow:
     """The linear equations of an MDP's flow from one initial state.
 
-    rewards: float64[objectives, rows], what each row gives each objective. banned: states that are not to be entered.
+    rewards: [objectives, rows], what each row gives each objective. banned: states that are not to be entered. Numbers are
+    float64, or all of them rationals.
     """
 
     matrix: SparseMatrix
     initial: int
-    rewards: Floats = field(repr=False)
+    rewards: Numbers = field(repr=False)
     stays: Sequence[Stay] = field(repr=False)
     banned: Bools | None = field(default=None, repr=False)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the numbers are rationals."""
+        return self.matrix.exact
+
+    @property
+    def tolerance(self) -> Any:
+        """What the linear programs leave open: nothing for rationals."""
+        return Fraction(0) if self.exact else TOLERANCE
 
     @property
     def objectives(self) -> int:
@@ -124,13 +140,6 @@ class Flow:
     def edges(self) -> graph.Incidence:
         """The matrix seen from its columns."""
         return graph.Incidence(self.matrix)
-
-    @cached_property
-    def _csr(self) -> Any:
-        from scipy.sparse import csr_array
-
-        m = self.matrix
-        return csr_array((m.data, m.indices, m.indptr), shape=(m.rows, m.states))
 
     @cached_property
     def live(self) -> Bools:
@@ -148,7 +157,7 @@ class Flow:
         """Rows that may be taken."""
         usable = self.live[self.edges.owner_of_rows]
         if self.banned is not None:
-            usable &= (self._csr @ self.banned.astype(np.float64)) == 0.0
+            usable &= self._row_sums(self.banned) == 0
         return np.flatnonzero(usable)
 
     @cached_property
@@ -156,44 +165,59 @@ class Flow:
         """Per stay: the states where it may be taken."""
         return [np.flatnonzero(s.states & self.live) for s in self.stays]
 
-    @cached_property
-    def _balance(self) -> tuple[Any, Floats]:
-        """The equations: per live state, outflow + settling - inflow = what begins there."""
-        from scipy.sparse import coo_array, csr_array, hstack
+    def _row_sums(self, states: Bools) -> Numbers:
+        """Per row of all states: the probability of entering some states."""
+        return self.matrix.sums(np.ones(self.matrix.states, np.bool_), states)
 
-        number = np.cumsum(self.live) - 1
-        n, rows = int(self.live.sum()), self.usable
-        out = csr_array(
-            (np.ones(len(rows)), (number[self.edges.owner_of_rows[rows]], np.arange(len(rows)))),
-            shape=(n, len(rows)),
+    def _full(self, n: int, value: float) -> Numbers:
+        return full(n, value, exact=self.exact)
+
+    @cached_property
+    def _balance(self) -> tuple[Int64s, Int64s, Numbers]:
+        """The equations, per live state: outflow + settling - inflow = what begins there. Their rows, columns and entries."""
+        m, number, rows = self.matrix, np.cumsum(self.live) - 1, self.usable
+        entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
+        source = np.repeat(np.arange(len(rows)), np.diff(m.indptr)[rows])
+        inside = self.live[m.indices[entries]]
+        settled = np.concatenate([number[:0], *(number[places] for places in self.places)])
+        equations = (
+            number[self.edges.owner_of_rows[rows]],
+            number[m.indices[entries[inside]]],
+            settled,
         )
-        inner = self._csr[rows].T.tocsr()[np.flatnonzero(self.live)]
-        parts = [out - inner]
-        for places in self.places:
-            shape = (n, len(places))
-            parts.append(
-                coo_array(
-                    (np.ones(len(places)), (number[places], np.arange(len(places)))), shape=shape
-                )
-            )
-        begin = np.zeros(n)
-        if self.live[self.initial]:
-            begin[number[self.initial]] = 1.0
-        return hstack(parts, format="csr"), begin
+        variables = (
+            np.arange(len(rows)),
+            source[inside],
+            np.arange(len(rows), len(rows) + len(settled)),
+        )
+        values = (
+            self._full(len(rows), 1),
+            -m.data[entries[inside]],
+            self._full(len(settled), 1),
+        )
+        return np.concatenate(equations), np.concatenate(variables), np.concatenate(values)
 
     @cached_property
-    def gains(self) -> Floats:
-        """What each variable of the program gives each objective: float64[objectives, variables]."""
+    def _begin(self) -> Numbers:
+        """The right sides of these equations."""
+        begin = self._full(int(self.live.sum()), 0)
+        if self.live[self.initial]:
+            begin[int(self.live[: self.initial].sum())] = self._full(1, 1)[0]
+        return begin
+
+    @cached_property
+    def gains(self) -> Numbers:
+        """What each variable of the program gives each objective: [objectives, variables]."""
         parts = [self.rewards[:, self.usable]]
         parts += [
-            np.tile(stay.gains[:, None], len(places))
+            np.tile(numbers(stay.gains, exact=self.exact)[:, None], len(places))
             for stay, places in zip(self.stays, self.places, strict=True)
         ]
         return np.concatenate(parts, axis=1)
 
-    def best(self, weights: Floats, least: Floats) -> Outcome | None:
+    def best(self, weights: Numbers, least: Numbers) -> Outcome | None:
         """The greatest weighted sum of objectives where each has at least `least` (-inf: any); None where none have."""
-        bounded = np.flatnonzero(np.isfinite(least))
+        bounded = np.flatnonzero(~is_infinite(least))
         found = self._solve(self.gains.T @ weights, -self.gains[bounded], -least[bounded])
         if found is None:
             return None
@@ -201,15 +225,13 @@ class Flow:
         gains = np.full(self.objectives, np.nan) if x is None else self.gains @ x
         return Outcome(value, gains, iterations, gap)
 
-    def margin(self, least: Floats) -> Outcome | None:
+    def margin(self, least: Numbers) -> Outcome | None:
         """By how much all of `least` can be exceeded at once (at most 1; negative where they cannot be had)."""
-        from scipy.sparse import csr_array, hstack
-
-        bounded = np.flatnonzero(np.isfinite(least))
-        extra = np.ones((len(bounded), 1))
-        objective = np.concatenate((np.zeros(self.gains.shape[1]), [1.0]))
-        above = hstack((csr_array(-self.gains[bounded]), csr_array(extra)), format="csr")
-        found = self._solve(objective, above, -least[bounded], extra=[(None, 1.0)])
+        bounded = np.flatnonzero(~is_infinite(least))
+        objective = np.concatenate((self._full(self.gains.shape[1], 0), self._full(1, 1)))
+        extra = self._full(len(bounded), 1)[:, None]
+        above = np.concatenate((-self.gains[bounded], extra), axis=1)
+        found = self._solve(objective, above, -least[bounded], extra=[(None, 1)])
         if found is None:
             return None
         x, value, iterations, gap = found
@@ -218,58 +240,18 @@ class Flow:
 
     def _solve(
         self,
-        objective: Floats,
-        above: Any,
-        limit: Floats,
-        extra: Sequence[tuple[float | None, float | None]] = (),
-    ) -> tuple[Floats | None, float, int, float] | None:
+        objective: Numbers,
+        above: Numbers,
+        limit: Numbers,
+        extra: Sequence[tuple[int | None, int]] = (),
+    ) -> _Solved | None:
         """Maximise; columns beyond those of the flow have the bounds `extra`. None: infeasible; no point: unbounded."""
-        from scipy.optimize import linprog
-        from scipy.sparse import csr_array, hstack
-
         if not self.live[self.initial]:
             return None
-        balance, begin = self._balance
-        if extra:
-            balance = hstack((balance, csr_array((balance.shape[0], len(extra)))), format="csr")
-        bounds = [(0.0, None)] * (len(objective) - len(extra)) + list(extra)
-        inequalities = (above, limit) if len(limit) else (None, None)
-        answer = linprog(
-            -objective, *inequalities, balance, begin, bounds, method="highs", options=_SETTINGS
-        )
-        if (
-            answer.status == 4
-        ):  # numerical difficulties: the other algorithm, without simplification
-            answer = linprog(
-                -objective,
-                *inequalities,
-                balance,
-                begin,
-                bounds,
-                method="highs-ds",
-                options={"presolve": False},
-            )
-        match answer.status:
-            case 0:
-                dual = float(begin @ answer.eqlin.marginals) + float(
-                    limit @ answer.ineqlin.marginals if len(limit) else 0.0
-                )
-                dual += float(
-                    sum(
-                        b[1] * m
-                        for b, m in zip(bounds[::-1], answer.upper.marginals[::-1], strict=True)
-                        if b[1] is not None
-                    )
-                )
-                return answer.x, -answer.fun, answer.nit, abs(dual - answer.fun)
-            case 2:
-                return None
-            case 3:
-                return None, np.inf, answer.nit, 0.0
-            case _:
-                raise NumericalError(f"the linear program was not solved: {answer.message}")
+        solve = _proved if self.exact else _floating
+        return solve(objective, self._balance, self._begin, above, limit, extra)
 
-    def connected(self, least: Floats) -> Flow:
+    def connected(self, least: Numbers) -> Flow:
         """The same without end components where flow could circulate that never comes from the initial state.
 
         In an end component where some row has a positive reward, circulation is worth something; it stands for strategies
@@ -298,11 +280,11 @@ class Flow:
         allowed = np.zeros(self.matrix.rows, dtype=np.bool_)
         allowed[self.usable] = True
         parts = graph.maximal_end_components(self.edges, self.live, allowed)
-        positive = parts.rows & (self.rewards > 0.0).any(axis=0)
+        positive = parts.rows & (self.rewards > 0).any(axis=0)
         numbers = np.unique(parts.of[self.edges.owner_of_rows[positive]])
         return [parts.of == c for c in numbers.tolist() if c >= 0 and parts.of[self.initial] != c]
 
-    def _never_entered(self, components: Sequence[Bools], least: Floats) -> list[Bools]:
+    def _never_entered(self, components: Sequence[Bools], least: Numbers) -> list[Bools]:
         """Those that no flow enters which has at least `least`; none where there is no such flow."""
         left = list(components)
         while left:
@@ -310,69 +292,167 @@ class Flow:
             if amounts is None:
                 return []
             # One flow need not enter all that some flow enters: ask again for the others.
-            entered = amounts > 10 * TOLERANCE
+            entered = amounts > 10 * self.tolerance
             if not entered.any():
                 break
             left = [c for c, yes in zip(left, entered.tolist(), strict=True) if not yes]
         return left
 
-    def entering(self, components: Sequence[Bools]) -> Floats:
-        """How much of each variable enters each component: float64[components, variables]."""
+    def _entering(self, components: Sequence[Bools]) -> Numbers:
+        """How much of each variable enters each component: [components, variables]."""
         owner = self.edges.owner_of_rows[self.usable]
-        out = np.zeros((len(components), self.gains.shape[1]))
+        out = self._full(len(components) * self.gains.shape[1], 0).reshape(len(components), -1)
         for i, states in enumerate(components):
-            out[i, : len(self.usable)] = np.where(
-                states[owner], 0.0, self._csr[self.usable] @ states.astype(np.float64)
-            )
+            outside = np.flatnonzero(~states[owner])
+            out[i, outside] = self._row_sums(states)[self.usable[outside]]
         return out
 
-    def _entered(self, components: Sequence[Bools], least: Floats) -> Floats | None:
+    def _entered(self, components: Sequence[Bools], least: Numbers) -> Numbers | None:
         """How much (at most 1) a flow enters each that enters them most in sum; None where no flow has `least`."""
-        from scipy.sparse import csr_array, eye_array, hstack, vstack
-
-        bounded = np.flatnonzero(np.isfinite(least))
+        bounded = np.flatnonzero(~is_infinite(least))
         k = len(components)
-        objective = np.concatenate((np.zeros(self.gains.shape[1]), np.ones(k)))
-        above = hstack((csr_array(-self.entering(components)), eye_array(k)), format="csr")
-        floor = hstack(
-            (csr_array(-self.gains[bounded]), csr_array((len(bounded), k))), format="csr"
+        objective = np.concatenate((self._full(self.gains.shape[1], 0), self._full(k, 1)))
+        unit = numbers(np.eye(k).ravel(), exact=self.exact).reshape(k, k)
+        none = self._full(len(bounded) * k, 0).reshape(len(bounded), k)
+        above = np.concatenate(
+            (
+                np.concatenate((-self._entering(components), unit), axis=1),
+                np.concatenate((-self.gains[bounded], none), axis=1),
+            )
         )
-        limit = np.concatenate((np.zeros(k), -least[bounded] + TOLERANCE / 100))
-        found = self._solve(
-            objective, vstack((above, floor), format="csr"), limit, extra=[(0.0, 1.0)] * k
-        )
+        slack = 0 if self.exact else TOLERANCE / 100
+        limit = np.concatenate((self._full(k, 0), -least[bounded] + slack))
+        found = self._solve(objective, above, limit, extra=[(0, 1)] * k)
         if found is None:
             return None
-        return np.zeros(k) if found[0] is None else np.asarray(found[0][-k:])
+        return self._full(k, 0) if found[0] is None else found[0][-k:]
 
 
-def corners(flow: Flow, first: int, second: int, least: Floats) -> list[tuple[float, float]] | None:
+_Solved = tuple[Numbers | None, Any, int, float]
+"""The point (None where unbounded), its value, iterations, and the gap to the dual bound."""
+
+_Balance = tuple[Int64s, Int64s, Numbers]
+_Extra = Sequence[tuple[int | None, int]]
+
+
+def _floating(
+    objective: Floats, balance: _Balance, begin: Floats, above: Floats, limit: Floats, extra: _Extra
+) -> _Solved | None:
+    """The solution by HiGHS."""
+    from scipy.optimize import linprog
+    from scipy.sparse import csr_array
+
+    rows, columns, values = balance
+    equations = csr_array((values, (rows, columns)), shape=(len(begin), len(objective)))
+    bounds = [(0.0, None)] * (len(objective) - len(extra)) + list(extra)
+    inequalities = (csr_array(above), limit) if len(limit) else (None, None)
+    answer = linprog(
+        -objective, *inequalities, equations, begin, bounds, method="highs", options=_SETTINGS
+    )
+    if answer.status == 4:  # numerical difficulties: the other algorithm, without simplification
+        answer = linprog(
+            -objective,
+            *inequalities,
+            equations,
+            begin,
+            bounds,
+            method="highs-ds",
+            options={"presolve": False},
+        )
+    match answer.status:
+        case 0:
+            dual = float(begin @ answer.eqlin.marginals) + float(
+                limit @ answer.ineqlin.marginals if len(limit) else 0.0
+            )
+            dual += float(
+                sum(
+                    b[1] * m
+                    for b, m in zip(bounds[::-1], answer.upper.marginals[::-1], strict=True)
+                    if b[1] is not None
+                )
+            )
+            return answer.x, -answer.fun, answer.nit, abs(dual - answer.fun)
+        case 2:
+            return None
+        case 3:
+            return None, np.inf, answer.nit, 0.0
+        case _:
+            raise NumericalError(f"the linear program was not solved: {answer.message}")
+
+
+def _proved(
+    objective: Rationals,
+    balance: _Balance,
+    begin: Rationals,
+    above: Rationals,
+    limit: Rationals,
+    extra: _Extra,
+) -> _Solved | None:
+    """The exact solution: with a slack per inequality, and variables that are not negative."""
+    n, size = len(begin), len(objective)
+    columns: list[Column] = [{} for _ in range(size)]
+    for i, j, v in zip(*(part.tolist() for part in balance), strict=True):
+        columns[j][i] = columns[j].get(i, Fraction(0)) + v
+    for k, row in enumerate(above):
+        for j in np.flatnonzero(row != 0).tolist():
+            columns[j][n + k] = row[j]
+    columns += [{n + k: Fraction(1)} for k in range(len(limit))]
+    right, cost = (
+        [*begin.tolist(), *limit.tolist()],
+        objective.tolist() + [Fraction(0)] * len(limit),
+    )
+    constant, free = Fraction(0), []
+    for j, (low, high) in enumerate(extra, size - len(extra)):
+        if low is None:  # the variable is its upper bound minus another one
+            free.append((j, high))
+            for i, v in columns[j].items():
+                right[i] -= high * v
+            columns[j] = {i: -v for i, v in columns[j].items()}
+            constant += high * cost[j]
+            cost[j] = -cost[j]
+        else:
+            columns[j][len(right)] = Fraction(1)
+            columns.append({len(right): Fraction(1)})
+            right.append(Fraction(high))
+            cost.append(Fraction(0))
+    program = Program([{i: v for i, v in c.items() if v} for c in columns], cost, right)
+    found = solve_program(program)
+    if found is None or isinf(found.value):
+        return None if found is None else (None, found.value, found.iterations, 0.0)
+    x = rationals(found.x.get(j, 0) for j in range(size))
+    for j, high in free:
+        x[j] = high - x[j]
+    return x, found.value + constant, found.iterations, 0.0
+
+
+def corners(flow: Flow, first: int, second: int, least: Numbers) -> list[tuple[Any, Any]] | None:
     """The corners of the Pareto curve of two objectives, by falling value of the first; None where `least` cannot be had.
 
     Weighted sums are maximised: first those of one objective (ties broken by the other), then those that are constant on
     the line between two neighbours, until nothing lies beyond it. Raises NumericalError where an objective is unbounded.
     """
+    tolerance = flow.tolerance
 
-    def at(weights: tuple[float, float], floor: Floats) -> Floats | None:
-        w = np.zeros(flow.objectives)
-        w[first], w[second] = weights
+    def at(weights: Numbers, floor: Numbers) -> Numbers | None:
+        w = full(flow.objectives, 0, exact=flow.exact)
+        w[[first, second]] = weights
         found = flow.best(w, floor)
         if found is None:
             return None
-        if not np.isfinite(found.value):
+        if isinf(found.value):
             raise NumericalError(
                 "a reward of this Pareto query has no bound: some strategy collects it for ever"
             )
         return found.gains[[first, second]]
 
-    def extreme(main: int, other: int) -> Floats | None:
-        weights = ((1.0, 0.0), (0.0, 1.0))
+    def extreme(main: int, other: int) -> Numbers | None:
+        weights = numbers(np.eye(2).ravel(), exact=flow.exact).reshape(2, 2)
         best = at(weights[main], least)
         if best is None:
             return None
         floor = least.copy()
         index = (first, second)[main]
-        floor[index] = max(floor[index], best[main] - 1e-10 * max(1.0, abs(best[main])))
+        floor[index] = max(floor[index], best[main] - tolerance / 100 * max(1, abs(best[main])))
         return at(weights[other], floor)
 
     ends = extreme(0, 1), extreme(1, 0)
@@ -383,18 +463,19 @@ def corners(flow: Flow, first: int, second: int, least: Floats) -> list[tuple[fl
     while not done:
         done = True
         for i, (p, q) in enumerate(pairwise(points)):
-            normal = np.array([p[1] - q[1], q[0] - p[0]])
-            normal = np.abs(normal) / max(np.abs(normal).max(), 1e-300)
-            found = at((float(normal[0]), float(normal[1])), least) if _apart(p, q) else None
-            if found is not None and normal @ found > normal @ p + TOLERANCE * max(
-                1.0, np.abs(p).max()
-            ):
+            if not _apart(p, q, tolerance):
+                continue
+            normal = np.abs(np.array([p[1] - q[1], q[0] - p[0]]))
+            normal = normal / normal.max()
+            found = at(normal, least)
+            slack = tolerance * max(1, np.abs(p).max())
+            if found is not None and normal @ found > normal @ p + slack:
                 points.insert(i + 1, found)
                 done = False
                 break
-    kept = [p for i, p in enumerate(points) if i == 0 or _apart(p, points[i - 1])]
-    return [(float(x), float(y)) for x, y in kept]
+    kept = [p for i, p in enumerate(points) if i == 0 or _apart(p, points[i - 1], tolerance)]
+    return [(p[0], p[1]) for p in kept]
 
 
-def _apart(p: Floats, q: Floats) -> bool:
-    return bool(np.abs(p - q).max() > 100 * TOLERANCE * max(1.0, np.abs(p).max()))
+def _apart(p: Numbers, q: Numbers, tolerance: Any) -> bool:
+    return bool(np.abs(p - q).max() > 100 * tolerance * max(1, np.abs(p).max()))
