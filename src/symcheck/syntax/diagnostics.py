@@ -1,4 +1,4 @@
-"""Says what is wrong with a text in the words of the language, and what to do about it."""
+"""Describes the faults of a text in the words of the language, with a hint at what to do."""
 
 from __future__ import annotations
 
@@ -14,88 +14,39 @@ from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
 
 __all__ = ["diagnose"]
 
-# Groups of words that one phrase stands for: if all of the first are expected, name the phrase and leave out all of the second.
-_OPERATORS = frozenset(
-    {
-        *("AND", "OR", "IMPLIES", "IFF", "EQ", "NE", "LT", "LE", "GT", "GE"),
-        *("PLUS", "MINUS", "TIMES", "DIVIDE", "POWER", "QMARK"),
-    }
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_OPERATORS = _set("AND OR IMPLIES IFF EQ NE LT LE GT GE PLUS MINUS TIMES DIVIDE POWER QMARK")
+_STARTS = _set(
+    "INTEGER REAL TRUE FALSE NAME STRING FUNCTION MIN MAX FUNC MULTI FILTER LPAR MINUS NOT "
+    "P PMIN PMAX PMINMAX PMAXMIN RELEASE RMIN RMAX RMINMAX RMAXMIN S ALL EXISTS"
 )
-_STARTS = frozenset(
-    {
-        *(
-            "INTEGER",
-            "REAL",
-            "TRUE",
-            "FALSE",
-            "NAME",
-            "STRING",
-            "FUNCTION",
-            "MIN",
-            "MAX",
-            "FUNC",
-            "MULTI",
-            "FILTER",
-        ),
-        *("LPAR", "MINUS", "NOT"),
-        *(
-            "P",
-            "PMIN",
-            "PMAX",
-            "PMINMAX",
-            "PMAXMIN",
-            "RELEASE",
-            "RMIN",
-            "RMAX",
-            "RMINMAX",
-            "RMAXMIN",
-            "S",
-            "ALL",
-            "EXISTS",
-        ),
-    }
+_DECLARATIONS = _set("CONST LABEL FORMULA RATE PROB")
+_MODEL_PARTS = _set(
+    "MODULE REWARDS GLOBAL INIT SYSTEM DTMC CTMC MDP PROBABILISTIC STOCHASTIC NONDETERMINISTIC"
 )
+_BOUNDS = _set("LT LE GT GE EQ")
+
+# A phrase stands for a group of words: it is used if all words of the first set are expected, and
+# then replaces those of the second.
 _PHRASES = (
-    ("a path formula", frozenset({"NEXT", "INTEGER"}), _STARTS | {"NEXT", "FINALLY", "GLOBALLY"}),
-    ("an expression", frozenset({"INTEGER", "LPAR"}), _STARTS),
-    ("'U', 'W' or 'R'", frozenset({"UNTIL", "WEAK"}), frozenset({"UNTIL", "WEAK", "RELEASE"})),
-    ("an operator", frozenset({"AND", "PLUS"}), _OPERATORS),
-    ("an operator", frozenset({"AND", "OR"}), _OPERATORS),
-    (
-        "a bound",
-        frozenset({"LT", "EQ", "LSQB"}),
-        frozenset({"LT", "LE", "GT", "GE", "EQ", "LSQB", "POWER", "LBRACE"}),
-    ),
-    (
-        "a bound such as =? or >=0.5",
-        frozenset({"LT", "EQ"}),
-        frozenset({"LT", "LE", "GT", "GE", "EQ"}),
-    ),
-    ("'min' or 'max'", frozenset({"MINMAX", "MIN"}), frozenset({"MIN", "MAX", "MINMAX", "MAXMIN"})),
+    ("a path formula", {"NEXT", "INTEGER"}, _STARTS | {"NEXT", "FINALLY", "GLOBALLY"}),
+    ("an expression", {"INTEGER", "LPAR"}, _STARTS),
+    ("'U', 'W' or 'R'", {"UNTIL", "WEAK"}, {"UNTIL", "WEAK", "RELEASE"}),
+    ("an operator", {"AND", "PLUS"}, _OPERATORS),
+    ("an operator", {"AND", "OR"}, _OPERATORS),
+    ("a bound", {"LT", "EQ", "LSQB"}, _BOUNDS | {"LSQB", "POWER", "LBRACE"}),
+    ("a bound such as =? or >=0.5", {"LT", "EQ"}, _BOUNDS),
+    ("'min' or 'max'", {"MINMAX", "MIN"}, {"MIN", "MAX", "MINMAX", "MAXMIN"}),
     (
         "a module or another declaration",
-        frozenset({"MODULE", "CONST", "REWARDS"}),
-        frozenset(
-            {
-                "MODULE",
-                "CONST",
-                "REWARDS",
-                "FORMULA",
-                "LABEL",
-                "GLOBAL",
-                "INIT",
-                "SYSTEM",
-                "RATE",
-                "PROB",
-            }
-        )
-        | {"DTMC", "CTMC", "MDP", "PROBABILISTIC", "STOCHASTIC", "NONDETERMINISTIC"},
+        {"MODULE", "CONST", "REWARDS"},
+        _DECLARATIONS | _MODEL_PARTS,
     ),
-    (
-        "a declaration",
-        frozenset({"CONST", "LABEL"}),
-        frozenset({"CONST", "LABEL", "FORMULA", "RATE", "PROB"}),
-    ),
+    ("a declaration", {"CONST", "LABEL"}, _DECLARATIONS),
 )
 _WORDS = {
     "NAME": "a name",
@@ -131,18 +82,7 @@ _SIGNS = {
     "\u200b": "nothing",
     "\ufeff": "nothing",
 }
-_MODEL_WORDS = frozenset(
-    {
-        "dtmc",
-        "ctmc",
-        "mdp",
-        "module",
-        "endmodule",
-        "probabilistic",
-        "stochastic",
-        "nondeterministic",
-    }
-)
+_MODEL_WORDS = _set("dtmc ctmc mdp module endmodule probabilistic stochastic nondeterministic")
 _OTHER_MODELS = {
     "pta": "probabilistic timed automata",
     "popta": "partially observable timed automata",
@@ -202,7 +142,7 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
 
 
 def _span(source: Source, fault: Fault) -> Span:
-    """The word that does not fit; at the end of the text, the last character that is not white space."""
+    """The span of the word that does not fit; at the end of the text, of its last visible character."""
     if fault.token.value:
         return Span(source, fault.start, fault.end)
     start = max(len(source.text.rstrip()) - 1, 0)
@@ -216,7 +156,7 @@ def _found(found: str) -> str:
 
 
 def _listed(expected: set[str], language: Language) -> str:
-    """What could stand there, in words: phrases first, then single words and signs."""
+    """The expected words in a list: phrases first, then single words and signs."""
     left = set(expected)
     phrases: list[str] = []
     for phrase, needed, covered in _PHRASES:
@@ -228,7 +168,7 @@ def _listed(expected: set[str], language: Language) -> str:
         for t in left
         if t in _WORDS or t in language.spelling
     }
-    # The end of the text always may follow a whole property: not worth a word.
+    # The end of the text may follow every whole property, so it is named only if it is alone.
     everything = [*phrases, *sorted(singles, key=lambda w: (w.startswith("'"), w))]
     if len(everything) > 1 and _WORDS["$END"] in everything:
         everything.remove(_WORDS["$END"])
@@ -242,7 +182,7 @@ def _listed(expected: set[str], language: Language) -> str:
 
 
 def _keyword(found: str, expected: set[str], language: Language) -> str | None:
-    """A hint at a keyword that could stand there and is nearly what does."""
+    """A hint at an expected keyword that is spelled nearly like the word found."""
     from difflib import get_close_matches
 
     keywords = [word for t, word in language.spelling.items() if t in expected and word.isalpha()]
@@ -254,7 +194,7 @@ def _keyword(found: str, expected: set[str], language: Language) -> str | None:
 
 
 def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
-    """Types of models that the language has elsewhere, and what only they have."""
+    """Model types of other tools, and the words and signs that only these models have."""
     word, span = source.text[fault.start : fault.end], _span(source, fault)
     hint = "dtmc, ctmc and mdp are"
     if word in _OTHER_MODELS and (fault.token.type == RESERVED or "MODULE" in expected):
@@ -334,70 +274,43 @@ def _reserved(word: str, span: Span) -> Diagnostic:
 
 
 def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
-    """Mistakes that are often made, told by the words around."""
+    """Frequent mistakes that the words around the fault tell apart."""
     text, start = source.text, fault.start
-    before, rest = text[: fault.previous], text[start:]
     glued = fault.previous == start
-    code, length, message, hint = "syntax", 1, "", ""
-    if glued and before.endswith("=") and rest.startswith("="):
-        start, length, message, hint = (
-            start - 1,
-            2,
-            "'==' is not an operator",
-            "equality is written =",
-        )
-    elif glued and before.endswith("&") and rest.startswith("&"):
-        start, length, message, hint = start - 1, 2, "'&&' is not an operator", "and is written &"
-    elif rest.startswith("||") or (glued and before.endswith("|") and rest.startswith("|")):
-        start, length = (start, 2) if rest.startswith("||") else (start - 1, 2)
-        message, hint = "'||' is not an operator of expressions", "or is written |"
-    elif rest.startswith("<-"):
-        length, message, hint = 2, "'<-' is read as one sign", "for less than minus …, write < -"
-    elif rest.startswith("->") and fault.last == "]" and "INTEGER" in expected:
-        length, message, hint = (
-            2,
-            "the guard is missing before '->'",
-            "write true for a command that is always enabled",
-        )
-    elif rest.startswith("->") and "INTEGER" in expected:
-        length, message, hint = 2, "an expression is missing before '->'", _COMMAND
-    elif rest.startswith("->") and "RPAR" not in expected:
-        length, message, hint = 2, "'->' has no place here", "implication is written =>"
-    elif glued and before.endswith("-") and rest.startswith(">"):
-        start, length, message, hint = (
-            start - 1,
-            2,
-            "'->' is not an operator of properties",
-            "implication is written =>",
-        )
-    elif rest.startswith("'") and _in_command(fault) and not _has(fault.after, "->"):
-        message, hint = "'->' is missing between the guard and the updates", _COMMAND
-    elif (
-        rest.startswith("'")
-        and _in_update(fault)
-        and (len(fault.before) < 2 or fault.before[-2].value != "(")
-    ):
-        message, hint = "an update stands in parentheses", f"write ({fault.last}' = …)"
-    elif rest.startswith("'"):
-        message, hint = (
-            "a prime belongs to the left side of an update only",
-            "write (x'=…) in an update, and x without prime elsewhere",
-        )
-    elif rest.startswith("/*") or (glued and rest.startswith("*") and before.endswith("/")):
-        start, length = (start, 2) if rest.startswith("/*") else (start - 1, 2)
-        message, hint = (
-            "this comment cannot be read",
-            "comments start with // and end with the line",
-        )
-    elif rest.startswith("=") and glued and before.endswith((">", "<")):
-        message, hint = "this is no comparison", "comparisons are < <= > >= = !="
-    else:
-        return _misplaced(fault, source, expected)
-    return Diagnostic(message, Span(source, start, start + length), code, hint)
+    two = text[start : start + 2]
+
+    def wrong(message: str, hint: str, length: int = 1, at: int = start) -> Diagnostic:
+        return Diagnostic(message, Span(source, at, at + length), "syntax", hint)
+
+    if glued and text[start - 1 : start + 1] in _DOUBLED:
+        message, hint = _DOUBLED[text[start - 1 : start + 1]]
+        return wrong(message, hint, 2, start - 1)
+    if two in ("||", "/*"):
+        return wrong(*_DOUBLED[two], 2)
+    if two == "<-":
+        return wrong("'<-' is read as one sign", "for less than minus …, write < -", 2)
+    if two == "->":
+        if fault.last == "]" and "INTEGER" in expected:
+            hint = "write true for a command that is always enabled"
+            return wrong("the guard is missing before '->'", hint, 2)
+        if "INTEGER" in expected:
+            return wrong("an expression is missing before '->'", _COMMAND, 2)
+        if "RPAR" not in expected:
+            return wrong("'->' has no place here", "implication is written =>", 2)
+    if two[:1] == "'":
+        if _in_command(fault) and not _has(fault.after, "->"):
+            return wrong("'->' is missing between the guard and the updates", _COMMAND)
+        if _in_update(fault) and fault.before[-2].value != "(":
+            return wrong("an update stands in parentheses", f"write ({fault.last}' = …)")
+        hint = "write (x'=…) in an update, and x without prime elsewhere"
+        return wrong("a prime belongs to the left side of an update only", hint)
+    if two[:1] == "=" and glued and text[start - 1 : start] in ("<", ">"):
+        return wrong("this is no comparison", "comparisons are < <= > >= = !=")
+    return _misplaced(fault, source, expected)
 
 
 def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
-    """Words that are right elsewhere."""
+    """Words that are right in another place."""
     text, start, end = source.text, fault.start, fault.end
     found, before = text[start:end], text[: fault.previous]
     span = Span(source, start, end)
@@ -511,7 +424,7 @@ def _last_span(source: Source, fault: Fault) -> Span:
 
 
 def _no_update(source: Source, fault: Fault, span: Span) -> Diagnostic:
-    """A command, or a part of it, that changes nothing: perhaps as a prime was forgotten."""
+    """The diagnostic of an update without an assignment; perhaps its prime was forgotten."""
     words = fault.before
     for i in range(len(words) - 1, 1, -1):
         if words[i].value in ("->", ";"):
@@ -528,52 +441,19 @@ def _no_update(source: Source, fault: Fault, span: Span) -> Diagnostic:
     return Diagnostic("this command does not say what changes", span, "update", _UPDATE)
 
 
+_DOUBLED = {
+    "==": ("'==' is not an operator", "equality is written ="),
+    "&&": ("'&&' is not an operator", "and is written &"),
+    "||": ("'||' is not an operator of expressions", "or is written |"),
+    "->": ("'->' is not an operator of properties", "implication is written =>"),
+    "/*": ("this comment cannot be read", "comments start with // and end with the line"),
+}
 _COMMAND = "a command is [action] guard -> updates;"
 _UPDATE = "an update is true, (x'=…), or probability : (x'=…)"
-_STATE_OPERATORS = frozenset(
-    {*("P", "Pmin", "Pmax", "R", "Rmin", "Rmax", "A", "E", "S")},
-)
-_KEYWORD_NAMES = frozenset(
-    {
-        *(
-            "A",
-            "bool",
-            "C",
-            "double",
-            "E",
-            "false",
-            "F",
-            "filter",
-            "func",
-            "G",
-            "I",
-            "int",
-            "max",
-            "min",
-            "P",
-            "Pmax",
-            "Pmin",
-            "prob",
-            "R",
-        ),
-        *(
-            "rate",
-            "Rmax",
-            "Rmin",
-            "S",
-            "true",
-            "U",
-            "W",
-            "X",
-            "minmax",
-            "maxmin",
-            "dtmc",
-            "ctmc",
-            "mdp",
-            "system",
-            "init",
-        ),
-    }
+_STATE_OPERATORS = _set("P Pmin Pmax R Rmin Rmax A E S")
+_KEYWORD_NAMES = _set(
+    "A bool C double E false F filter func G I int max min P Pmax Pmin prob R rate Rmax Rmin S "
+    "true U W X minmax maxmin dtmc ctmc mdp system init"
 )
 
 
@@ -591,7 +471,7 @@ def _inside_path(words: Sequence[Token]) -> bool:
 
 
 def _open_bracket(words: Sequence[Token], sign: str | None = None) -> int | None:
-    """The last bracket among these words, in the same part of the text, that nothing closes; `sign`: the last of that kind."""
+    """The index of the last bracket (of the kind `sign`) since the last semicolon that is open."""
     closed = 0
     for i in range(len(words) - 1, -1, -1):
         word = words[i].value

@@ -80,6 +80,9 @@ Values = list[Any]
 Chain = list[Any]
 """Operands and the operators between them: operand, operator, operand, …"""
 
+Operand = tuple[Any, int, int]
+"""A node with the offsets where it starts and ends, parentheses included."""
+
 
 class Structure(NamedTuple):
     """The name or the index of a reward structure in braces, and where it stands."""
@@ -235,10 +238,9 @@ class Builder:
         """
         if type(chain) is not list:
             return chain
-        operands: list[tuple[Any, int, int]] = []
-        waiting: list[
-            tuple[int, Operator | UnaryOperator, int, int]
-        ] = []  # precedence, operator, operands, start of a negation
+        operands: list[Operand] = []
+        # Precedence, operator, number of operands, start of a negation.
+        waiting: list[tuple[int, Operator | UnaryOperator, int, int]] = []
         last = len(chain) - 1
         for i in range(0, last + 1, 2):
             operand = chain[i]
@@ -271,38 +273,30 @@ class Builder:
 
     def _apply(
         self,
-        operands: list[tuple[Any, int, int]],
+        operands: list[Operand],
         _: int,
         operator: Operator | UnaryOperator,
         count: int,
         at: int,
     ) -> None:
-        """Replace the last operands by the operator applied to them."""
-        right, start, end = operands.pop()
+        """Replace the last `count` operands by the operator applied to them."""
         if isinstance(operator, UnaryOperator):
-            node: Any = ast.Unary(UnaryOperator.NOT, right, span=Span(self.source, at, end))
+            operand, _, end = operands.pop()
+            node = ast.Unary(operator, operand, span=Span(self.source, at, end))
             operands.append((node, at, end))
-        elif count == 2:
-            left, start, _ = operands.pop()
-            span = Span(self.source, start, end)
-            operands.append((ast.Binary(operator, left, right, span=span), start, end))
-        else:
-            parts = [*operands[1 - count :], (right, start, end)]
-            del operands[1 - count :]
-            if count <= LONGEST_CHAIN:
-                first = parts[0]
-                for part in parts[1:]:
-                    first = self._joined(operator, first, part)
-                parts = [first]
-            while len(parts) > 1:
-                pairs = zip(parts[::2], parts[1::2], strict=False)
-                odd = parts[-1:] if len(parts) % 2 else []
-                parts = [self._joined(operator, a, b) for a, b in pairs] + odd
-            operands.append(parts[0])
+            return
+        parts = operands[-count:]
+        del operands[-count:]
+        while count > LONGEST_CHAIN and len(parts) > 1:
+            pairs = zip(parts[::2], parts[1::2], strict=False)
+            odd = parts[-1:] if len(parts) % 2 else []
+            parts = [self._joined(operator, a, b) for a, b in pairs] + odd
+        joined = parts[0]
+        for part in parts[1:]:
+            joined = self._joined(operator, joined, part)
+        operands.append(joined)
 
-    def _joined(
-        self, operator: Operator, a: tuple[Any, int, int], b: tuple[Any, int, int]
-    ) -> tuple[Any, int, int]:
+    def _joined(self, operator: Operator, a: Operand, b: Operand) -> Operand:
         span = Span(self.source, a[1], b[2])
         return ast.Binary(operator, a[0], b[0], span=span), a[1], b[2]
 
