@@ -381,6 +381,14 @@ class DiagramManager:
         """Raise TimeLimitError this many seconds from now; None removes the limit."""
         self.core.limit_time(seconds)
 
+    def limit_lookups(self, lookups: int | None) -> None:
+        """Raise TimeLimitError after so many more look-ups in CUDD's cache; None removes the limit.
+
+        Look-ups measure the work of all operations: a limit on them has the same effect on every
+        machine. Two million take about a second.
+        """
+        self.core.limit_lookups(lookups)
+
     def limit_memory(self, limit: int) -> None:
         """Change the memory limit, in bytes."""
         self.core.limit_memory(limit)

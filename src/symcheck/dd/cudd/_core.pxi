@@ -46,6 +46,7 @@ cdef struct Env:
     unsigned int uncollected_nodes  # nodes up to which dead ones are not collected
     bint collecting
     double deadline              # of the time limit, on the monotonic clock; 0: none
+    double max_lookups           # count of look-ups in CUDD's cache at which to stop; 0: no limit
 
 
 cdef double now() noexcept nogil:
@@ -65,6 +66,13 @@ cdef void switch_collection(Env* e) noexcept nogil:
         e.collecting = False
 
 
+cdef bint past_limit(Env* e) noexcept nogil:
+    """Whether the limit of time or of look-ups is reached."""
+    return (e.deadline > 0 and now() > e.deadline) or (
+        e.max_lookups > 0 and Cudd_ReadCacheLookUps(e.dd) > e.max_lookups
+    )
+
+
 cdef bint should_stop(Env* e) noexcept nogil:
     """Whether a signal arrived or the time limit is reached.
 
@@ -78,7 +86,7 @@ cdef bint should_stop(Env* e) noexcept nogil:
     if PyErr_CheckSignals() != 0:
         e.reason = SIGNAL
         return True
-    if e.deadline > 0 and now() > e.deadline:
+    if past_limit(e):
         e.reason = TIME
         return True
     return False
@@ -218,7 +226,7 @@ cdef class Core:
         cdef Env* e = &self.e
         cdef int i, size = Cudd_ReadSize(e.dd)
         switch_collection(e)
-        if e.deadline > 0 and now() > e.deadline:
+        if past_limit(e):
             raise TimeLimitError(_TIME)
         if e.order_changed or size != e.size:
             perm = <int*>realloc(e.perm, (size + 1) * sizeof(int))
@@ -268,6 +276,10 @@ cdef class Core:
     def limit_time(self, seconds):
         """Stop with TimeLimitError after so many seconds from now; None: no limit."""
         self.e.deadline = 0 if seconds is None else now() + max(float(seconds), 1e-9)
+
+    def limit_lookups(self, lookups):
+        """Stop with TimeLimitError after so many more look-ups in CUDD's cache; None: no limit."""
+        self.e.max_lookups = 0 if lookups is None else Cudd_ReadCacheLookUps(self.e.dd) + lookups
 
     def from_dd(self, function):
         """The Bdd of a dd Function of this manager; nothing is copied."""
