@@ -48,13 +48,14 @@ def _exact_engine(context: Context) -> Engine:
 
 
 def _explored(context: Context) -> Engine:
+    from symcheck.engines.capabilities import HasRationalTwin
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
 
     # A model that was read state by state has no text to bind again, and brings its own rationals.
-    own = getattr(context.engine, "rational", None)
-    if own is not None:
-        return own()  # type: ignore[no-any-return]
+    imported = context.engine.capability(HasRationalTwin)
+    if imported is not None:
+        return imported.rational()
     model = exactly_bound(context.engine.model)
     explored = explore_exactly(
         model, check_sums=context.options.check_sums, limit=context.engine.states

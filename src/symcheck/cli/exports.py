@@ -140,16 +140,17 @@ def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantText
 
     Raises UnsupportedError on engines without diagrams.
     """
-    from symcheck.engines.symbolic.engine import SymbolicEngine
+    from symcheck.engines.symbolic.diagrams import HasDiagrams
     from symcheck.exchange.text import write_text
     from symcheck.view.diagrams import dot
 
-    if not isinstance(engine, SymbolicEngine):
+    symbolic = engine.capability(HasDiagrams)
+    if symbolic is None:
         raise UnsupportedError(
             f"-exportdot draws a diagram, and the engine {engine.name} has none"
             "\n  hint: -m, -h or -s build diagrams"
         )
-    matrices = engine.diagrams.roots
+    matrices = symbolic.diagrams.roots
     for i, matrix in enumerate(matrices):
         own = {**varying, **({"slot": str(i + 1)} if len(matrices) > 1 else {})}
         target = instance_path(path, own)
@@ -158,7 +159,7 @@ def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantText
             [
                 dot(
                     matrix,
-                    engine.space.symbolic.encoding,
+                    symbolic.space.symbolic.encoding,
                     max_nodes=_MOST_NODES,
                     title="transitions",
                 )

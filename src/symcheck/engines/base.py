@@ -24,6 +24,7 @@ from symcheck.syntax.ast import Expression, Type
 
 __all__ = [
     "ROUNDING",
+    "CapabilityT",
     "Engine",
     "Equations",
     "Graph",

@@ -8,9 +8,9 @@ beside these: `HasDiagrams` in engines/symbolic/diagrams.py.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
 
-from symcheck.engines.base import Engine
+from symcheck.engines.base import CapabilityT, Engine
 from symcheck.matrices.rows import Bools, Int32s, SparseMatrix
 from symcheck.syntax.ast import Expression
 
@@ -27,14 +27,12 @@ __all__ = [
     "HasRationalTwin",
 ]
 
-CapabilityT = TypeVar("CapabilityT")
-
 
 class Capable:
     """The capabilities of an engine: the protocols that its class inherits from."""
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
-        """The engine as what offers `kind`; None where it does not.
+        """The engine as what offers `kind` (a protocol, or the class of an engine); None where it does not.
 
         Example:
             >>> rows = engine.capability(HasMatrix)

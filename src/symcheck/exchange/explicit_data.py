@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from symcheck.engines.capabilities import HasImportedStates, HasRationalTwin
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.rational.explore import RationalModel, StateList
@@ -107,7 +108,7 @@ class _ImportedModel(BoundModel):
 
 
 @dataclass(frozen=True)
-class ImportedEngine(ExplicitEngine):
+class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
     """The explicit engine on a model that was read: labels are sets of states, not expressions.
 
     Attributes:

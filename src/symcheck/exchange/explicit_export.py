@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.capabilities import HasActions, HasExploredModel, HasImportedStates
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.semantics.model import Variable
 from symcheck.semantics.rewards import Structure
@@ -190,7 +191,7 @@ def explicit_export(
         matrix.doubles(),
         matrix.data,
         model.actions,
-        _row_actions(engine, system) if model.type is ModelType.MDP else None,
+        _row_actions(engine),
         members,
         [
             Rewards(r.name, *system.rewards(Structure(i)), _entry_rewards(engine, i))
@@ -202,10 +203,10 @@ def explicit_export(
     return _sorted(found, state_order(engine, columns))
 
 
-def _entry_rewards(engine: Any, structure: int) -> NDArray[Any] | None:
+def _entry_rewards(engine: Engine, structure: int) -> NDArray[Any] | None:
     """The rewards of single transitions, for models read from files."""
-    told = getattr(engine, "entry_rewards", ())
-    return told[structure] if told else None
+    imported = engine.capability(HasImportedStates)
+    return imported.entry_rewards[structure] if imported and imported.entry_rewards else None
 
 
 def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None:
@@ -231,7 +232,7 @@ def state_order(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int6
 
     A model that was read keeps the order of its files.
     """
-    if getattr(engine, "members", None) is not None:
+    if engine.capability(HasImportedStates) is not None:
         return None
     columns = _columns(engine) if columns is None else columns
     order = np.lexsort(list(columns)[::-1]) if columns else np.arange(engine.states)
@@ -239,10 +240,10 @@ def state_order(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int6
 
 
 def _columns(engine: Engine) -> list[Int64s]:
-    explored = getattr(engine, "explored", None)
+    explicit = engine.capability(HasExploredModel)
     count = len(engine.model.variables)
-    if explored is not None:
-        return [explored.states.column(i) for i in range(count)]
+    if explicit is not None:
+        return [explicit.explored.states.column(i) for i in range(count)]
     flat = np.fromiter(
         (int(x) for state in engine.valuations(engine.all) for x in state),
         np.int64,
@@ -251,11 +252,13 @@ def _columns(engine: Engine) -> list[Int64s]:
     return list(flat.reshape(engine.states, count).T)
 
 
-def _row_actions(engine: Engine, system: Any) -> Int32s:
-    """The action of each row."""
-    explored = getattr(engine, "explored", None)
-    actions = system.actions if explored is None else explored.choice_actions
-    return np.asarray(actions, np.int32)
+def _row_actions(engine: Engine) -> Int32s | None:
+    """The action of each row of an MDP."""
+    if engine.model.type is not ModelType.MDP:
+        return None
+    known = engine.capability(HasActions)
+    assert known is not None
+    return known.row_actions()
 
 
 def _sorted(found: ExplicitExport, order: Int64s | None) -> ExplicitExport:

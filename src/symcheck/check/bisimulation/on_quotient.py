@@ -135,24 +135,28 @@ def quotient(
 def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
     if context.options.fairness:
         raise UnsupportedError("-bisim does not support fair strategies")
-    engine: Any = context.engine
+    engine = context.engine
     if engine.exact:
         raise UnsupportedError(
             "-bisim compares numbers in floating point, and -exact asks for rationals"
         )
-    if isinstance(engine, ExplicitEngine):
-        source = getattr(engine, "source", None)
-        if source is not None and engine.states > _LONG:
-            try:
-                return ArrayQuotient(
-                    source, _lumped(context, source, observed, engine.states // _ALIKE)
-                )
-            except UnsupportedError:
-                pass
-        return _listed(context, engine, observed, ExplicitQuotient)
-    if getattr(engine, "diagrams", None) is None:
-        raise UnsupportedError("-bisim works on listed states (-ex) and on diagrams")
-    return _on_diagrams(context, engine, observed)
+    explicit = engine.capability(ExplicitEngine)
+    if explicit is not None and engine.states <= _LONG:
+        return _listed(context, explicit, observed, ExplicitQuotient)
+    from symcheck.engines.symbolic.engine import SymbolicEngine
+
+    symbolic = engine.capability(SymbolicEngine)
+    if explicit is None:
+        if symbolic is None:
+            raise UnsupportedError("-bisim works on listed states (-ex) and on diagrams")
+        return _on_diagrams(context, symbolic, observed)
+    if symbolic is not None:
+        try:
+            lumped = _lumped(context, symbolic, observed, engine.states // _ALIKE)
+            return ArrayQuotient(symbolic, lumped)
+        except UnsupportedError:
+            pass
+    return _listed(context, explicit, observed, ExplicitQuotient)
 
 
 def filtered(context: Context, smaller: Quotient, formula: Filter | StateFilter) -> FilterResult:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.engines.base import OwnSet, OwnValues
+from symcheck.engines.base import Engine, OwnSet, OwnValues
+from symcheck.engines.capabilities import HasBlocks, HasRationalTwin
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import UnsupportedError
@@ -123,10 +124,15 @@ class QuotientModel:
 
 
 @dataclass(frozen=True)
-class BlockEngine(ExplicitEngine):
+class BlockEngine(ExplicitEngine, HasBlocks, HasRationalTwin):
     """The explicit engine of the blocks."""
 
-    def rational(self) -> Any:
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return self.states
+
+    def rational(self) -> Engine:
         """Raises UnsupportedError: rational arithmetic is used on the model, not on a quotient."""
         raise UnsupportedError("a quotient is not computed in rational arithmetic")
 

@@ -23,6 +23,7 @@ from symcheck.check.result import SolverRun
 from symcheck.check.time_bounds import Count
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
+from symcheck.engines.capabilities import HasBlocks
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
@@ -148,9 +149,7 @@ def check_even(context: Context, reward: Reward, *, paying: bool) -> None:
         return
     if model.type is ModelType.MDP:
         return
-    if hasattr(
-        context.engine, "rational"
-    ):  # a model with a text, but not the states of that text: blocks of them
+    if context.engine.capability(HasBlocks) is not None:
         raise UnsupportedError(
             "bounds on transition rewards of a chain are not checked on a quotient"
         )

@@ -181,8 +181,8 @@ class _Chooser:
     """Collects rows, state by state: -1 where any will do."""
 
     def __init__(self, context: Context, direction: Direction) -> None:
-        engine = context.engine
-        assert isinstance(engine, ExplicitEngine)
+        engine = context.engine.capability(ExplicitEngine)
+        assert engine is not None
         assert engine.matrix.groups is not None
         self.context, self.engine, self.direction = context, engine, direction
         self.edges = graph.Incidence(engine.matrix)

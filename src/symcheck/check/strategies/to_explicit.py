@@ -13,7 +13,7 @@ __all__ = ["listed"]
 
 def listed(context: Context) -> Context:
     """The context, over the explicit engine where it has another one in floating point (the model is then explored again)."""
-    if isinstance(context.engine, ExplicitEngine):
+    if context.engine.capability(ExplicitEngine) is not None:
         return context
     return replace(
         context,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.engines.capabilities import Capable
+from symcheck.engines.capabilities import Capable, HasActions
 from symcheck.engines.linear_system import Preprocessing, refuse_infinite_minimum
 from symcheck.engines.symbolic.acyclic import AcyclicSolution
 from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination, ReducedSet
@@ -18,7 +18,7 @@ from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_o
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues, constant_piece, values_of
 from symcheck.engines.symbolic.system import SymbolicSystem
-from symcheck.matrices.rows import Bools
+from symcheck.matrices.rows import Bools, Int32s
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, Type
@@ -33,7 +33,7 @@ __all__ = ["SymbolicEngine"]
 
 
 @dataclass(frozen=True, eq=False)
-class SymbolicEngine(Capable, HasDiagrams):
+class SymbolicEngine(Capable, HasDiagrams, HasActions):
     """A model built as diagrams (see `symcheck.engines.base.Engine`).
 
     States are numbered in the order of the diagrams: lexicographically in declaration order, unless another order of the
@@ -173,6 +173,12 @@ class SymbolicEngine(Capable, HasDiagrams):
             self._last.clear()
             self._last[key] = SymbolicSystem(self, states, direction)
         return self._last[key]
+
+    def row_actions(self) -> Int32s:
+        """Per row of an MDP, the number of its action among the model's, -1 for none."""
+        actions = self.system(self.all).actions
+        assert actions is not None
+        return actions
 
     @cached_property
     def elimination(self) -> DeterministicElimination:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.engines.base import CapabilityT
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.system import SymbolicSystem
@@ -36,6 +37,11 @@ class WrittenEngine(ExplicitEngine):
     """States and rows as arrays; which states satisfy an expression is still asked of the diagrams, where it costs nothing."""
 
     source: SymbolicEngine | None = None
+
+    def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
+        """The engine as what offers `kind`, or the diagrams that it was materialized from; None where neither does."""
+        own = super().capability(kind)
+        return own if own is not None or self.source is None else self.source.capability(kind)
 
     @property
     def states(self) -> int:
