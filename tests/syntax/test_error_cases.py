@@ -34,7 +34,7 @@ def test_case(path: Path) -> None:
 def test_what_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "model.pm"
     path.write_bytes(b"\x7fELF\0\0")
-    with pytest.raises(UsageError, match="it is no text"):
+    with pytest.raises(UsageError, match="not a UTF-8 text file"):
         parse_model_file(path)
 
 

@@ -3,52 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 from symcheck.engines.base import Engine
 from symcheck.errors import converts_memory_error
-from symcheck.options import EngineName
+from symcheck.options import EngineName, Options
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.settings import BuildSettings
 
 if TYPE_CHECKING:
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
-__all__ = ["BUILDERS", "BuildOptions", "build"]
-
-
-class BuildOptions(BuildSettings, Protocol):
-    """What building an engine needs to be told; the options of a check fit this protocol."""
-
-    @property
-    def engine(self) -> EngineName:
-        """Name of an engine, or 'auto'."""
-        ...
-
-    @property
-    def exact(self) -> bool:
-        """Whether arithmetic is rational."""
-        ...
+__all__ = ["BUILDERS", "build"]
 
 
 Observer = Callable[[object], None]
-Builder = Callable[[BoundModel, Any, Observer | None], Engine]
+Builder = Callable[[BoundModel, Options, Observer | None], Engine]
 
 
-def _auto(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
+def _auto(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
     from symcheck.engines.selection import choose
 
     return choose(model, options, observer)
 
 
-def _explicit(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
+def _explicit(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.explicit.build import explore
 
     return ExplicitEngine(explore(model, options, observer))
 
 
-def _exact(model: BoundModel, options: Any, _: Observer | None) -> Engine:
+def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
 
@@ -58,20 +43,20 @@ def _exact(model: BoundModel, options: Any, _: Observer | None) -> Engine:
     return ExplicitEngine(explored, "exact")
 
 
-def _sparse(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
+def _sparse(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
     from symcheck.engines.symbolic.sparse import SparseEngine
 
     return _compressed(SparseEngine, model, options, observer)
 
 
-def _hybrid(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
+def _hybrid(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
     from symcheck.engines.symbolic.hybrid import HybridEngine
 
     return _compressed(HybridEngine, model, options, observer)
 
 
 def _compressed(
-    kind: type[SymbolicEngine], model: BoundModel, options: Any, observer: Observer | None
+    kind: type[SymbolicEngine], model: BoundModel, options: Options, observer: Observer | None
 ) -> Engine:
     """The engine, unless diagrams hold the states but do not compress them: then the rows are listed."""
     from symcheck.engines.symbolic.enumerated_rows import listed
@@ -82,7 +67,7 @@ def _compressed(
     return listed(space, options, kind.name) or kind.of(transitions(space, options, observer))
 
 
-def _mtbdd(model: BoundModel, options: Any, observer: Observer | None) -> Engine:
+def _mtbdd(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
     from symcheck.engines.symbolic.mtbdd import MtbddEngine
 
     return _compressed(MtbddEngine, model, options, observer)
@@ -99,7 +84,7 @@ BUILDERS: Mapping[EngineName, Builder] = {
 
 
 @converts_memory_error()
-def build(model: BoundModel, options: BuildOptions, observer: Observer | None = None) -> Engine:
+def build(model: BoundModel, options: Options, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
 
     `observer` gets what the builders tell on the way: progress, iterations, and the Choice of 'auto'.

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from symcheck.engines.base import Engine
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 from symcheck.machine import memory
-from symcheck.semantics.settings import BuildSettings
+from symcheck.options import Options
 from symcheck.syntax.ast import Call, ModelType
 from symcheck.syntax.traversal import names, nodes
 
@@ -73,7 +73,7 @@ class Choice:
 Observer = Callable[[object], None]
 
 
-def choose(model: BoundModel, options: BuildSettings, observer: Observer | None = None) -> Engine:
+def choose(model: BoundModel, options: Options, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that fits it; `observer` gets the Choice, besides what the builders tell.
 
     Raises ModelFault for a faulty model, and ResourceError.
@@ -161,7 +161,7 @@ def _ordered(model: BoundModel, options: Any, observer: Observer | None) -> Any:
 
 
 def _try_diagrams(
-    model: BoundModel, options: BuildSettings, seconds: float, stretch: float
+    model: BoundModel, options: Options, seconds: float, stretch: float
 ) -> StateSpace | _Missed:
     """The states as a diagram that compresses them, made within `seconds` times `stretch`."""
     try:
@@ -233,7 +233,7 @@ def _explicit(exploration: Exploration, observer: Observer | None, reason: str) 
     return ExplicitEngine(exploration.finish())
 
 
-def _reach(model: BoundModel, options: BuildSettings, seconds: float | None) -> StateSpace:
+def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateSpace:
     """The states as a diagram. Raises TimeLimitError after `seconds` (None: at the options' time limit only).
 
     Within a limited turn, a model with updates that diagrams would have to learn state by state is left to the search:
@@ -261,7 +261,7 @@ def _reach(model: BoundModel, options: BuildSettings, seconds: float | None) -> 
 
 
 def _symbolic(
-    space: StateSpace, options: BuildSettings, observer: Observer | None, reason: str
+    space: StateSpace, options: Options, observer: Observer | None, reason: str
 ) -> Engine:
     from symcheck.engines.symbolic.hybrid import HybridEngine
     from symcheck.engines.symbolic.materialized import written_out

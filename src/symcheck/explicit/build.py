@@ -33,9 +33,9 @@ from symcheck.explicit.tables import Assignments, tables, total_reward
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, give_back
 from symcheck.kernels.explore.packed_states import order_rows
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.options import Options
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.settings import BuildSettings
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Exploration", "ExplorationObserver", "ExplorationProgress", "explore"]
@@ -94,7 +94,7 @@ class Exploration:
     """
 
     model: BoundModel
-    options: BuildSettings
+    options: Options
     seed: Rows | None = None
     canonical: Assignments = ()
     layout: StateLayout = field(init=False)
@@ -316,7 +316,7 @@ class Exploration:
 @converts_memory_error()
 def explore(
     model: BoundModel,
-    options: BuildSettings,
+    options: Options,
     observer: ExplorationObserver | None = None,
     seed: Rows | None = None,
     *,

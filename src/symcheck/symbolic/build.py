@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from symcheck.errors import converts_memory_error
+from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.events.encode_events import encode_events
 from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
 from symcheck.symbolic.ordering.order import is_sifted, variable_order
@@ -27,7 +27,7 @@ Observer = Callable[[object], None]
 @converts_memory_error()
 def build(
     model: BoundModel,
-    options: BuildSettings,
+    options: Options,
     observer: Observer | None = None,
     *,
     order: Sequence[str] | None = None,
@@ -67,7 +67,7 @@ def build(
 
 
 def chosen_order(
-    model: BoundModel, options: BuildSettings, observer: Observer | None = None
+    model: BoundModel, options: Options, observer: Observer | None = None
 ) -> tuple[str, ...] | None:
     """The variable order that the options ask for: names from the top down; None is declaration
     order.
@@ -87,7 +87,7 @@ def chosen_order(
 
 def construct(
     model: BoundModel,
-    options: BuildSettings,
+    options: Options,
     observer: Observer | None = None,
     *,
     order: Sequence[str] | None = None,
@@ -109,7 +109,7 @@ def construct(
 
 def build_state_space(
     model: BoundModel,
-    options: BuildSettings,
+    options: Options,
     observer: Observer | None = None,
     *,
     order: Sequence[str] | None = None,

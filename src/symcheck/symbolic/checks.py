@@ -14,8 +14,8 @@ from operator import and_
 from typing import TYPE_CHECKING
 
 from symcheck.errors import Diagnostic, InputError, ModelFault
+from symcheck.options import Options
 from symcheck.semantics import interpreter, state_faults
-from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic.events.commands import positive
 from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
 from symcheck.syntax.ast import ModelType
@@ -32,7 +32,7 @@ def check_initial(symbolic: SymbolicModel) -> None:
         raise ModelFault(state_faults.no_initial_state(symbolic.model.initial.span))
 
 
-def check_model(space: StateSpace, options: BuildSettings) -> None:
+def check_model(space: StateSpace, options: Options) -> None:
     """Raise ModelFault if a reachable state breaks a rule, with an example of each fault."""
     found: dict[Diagnostic, None] = {}
     seen = space.symbolic.manager.false
@@ -55,7 +55,7 @@ def check_model(space: StateSpace, options: BuildSettings) -> None:
         raise ModelFault(*found)
 
 
-def _explain(space: StateSpace, states: Bdd, options: BuildSettings) -> tuple[Diagnostic, ...]:
+def _explain(space: StateSpace, states: Bdd, options: Options) -> tuple[Diagnostic, ...]:
     state = next(space.valuations(states, 1))
     try:
         interpreter.choices(space.symbolic.model, state, check_sums=options.check_sums)
@@ -64,7 +64,7 @@ def _explain(space: StateSpace, states: Bdd, options: BuildSettings) -> tuple[Di
     return ()
 
 
-def _violations(space: StateSpace, options: BuildSettings) -> Iterator[Bdd]:
+def _violations(space: StateSpace, options: Options) -> Iterator[Bdd]:
     """Non-empty sets of reachable states that break a rule, one per command and rule.
 
     Guards are small and reachable sets may be large: they meet only where a command could break a
@@ -116,7 +116,7 @@ def _command_violations(
     command: EncodedCommand,
     enabled: _LazySet,
     happens: _LazySet,
-    options: BuildSettings,
+    options: Options,
 ) -> Iterator[Bdd]:
     translator = space.symbolic.translator
     where = _LazySet(lambda: command.guard & enabled())

@@ -62,7 +62,8 @@ def _read(path: str | Path) -> str:
         raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
     if b"\0" in data[:1000]:
         raise UsageError(
-            f"cannot read {path}: it is no text\n  hint: models of other tools are read with -import…; see symcheck --help"
+            f"cannot read {path}: not a UTF-8 text file"
+            "\n  hint: -import… reads models of other tools; see symcheck --help"
         )
     try:
         return data.decode("utf-8-sig")

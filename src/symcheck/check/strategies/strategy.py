@@ -108,9 +108,8 @@ def strategy_of(
     best for it or, without a direction, worst. Raises UnsupportedError for other formulas.
     """
     if context.engine.model.type is not ModelType.MDP:
-        raise UnsupportedError(
-            "strategies are those of an mdp: other models leave nothing to choose"
-        )
+        kind = context.engine.model.type.name
+        raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind}")
     if context.engine.exact or context.options.fairness:
         raise UnsupportedError("strategies are not supported with -exact or -fair")
     if not isinstance(formula, ProbabilityOperator | RewardOperator):

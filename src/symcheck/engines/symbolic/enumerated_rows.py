@@ -18,7 +18,7 @@ from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.materialized import WrittenEngine, stored_states
 from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.model import ExplicitModel
-from symcheck.semantics.settings import BuildSettings
+from symcheck.options import Options
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.matrix.enumerate_rows import enumerate_rows
 from symcheck.symbolic.matrix.rewards import chain_rewards, state_rewards
@@ -48,7 +48,7 @@ class ListedEngine(WrittenEngine):
         return ExplicitEngine.where(self, expression)
 
 
-def listed(space: StateSpace, options: BuildSettings, name: str) -> ListedEngine | None:
+def listed(space: StateSpace, options: Options, name: str) -> ListedEngine | None:
     """An engine over listed rows, under the name `name`; None where diagrams are the better form, or rows cannot be listed.
 
     Raises ModelFault where a reachable state breaks a rule.
@@ -87,7 +87,7 @@ def listed(space: StateSpace, options: BuildSettings, name: str) -> ListedEngine
     )
 
 
-def _diagrams(space: StateSpace, options: BuildSettings) -> Diagrams:
+def _diagrams(space: StateSpace, options: Options) -> Diagrams:
     """What engines share; the matrix is made when somebody asks for it after all."""
     symbolic = space.symbolic
     numbers = choice_counts(space) if symbolic.model.type is ModelType.DTMC else None
@@ -108,5 +108,5 @@ def _diagrams(space: StateSpace, options: BuildSettings) -> Diagrams:
     )
 
 
-def _matrix(space: StateSpace, options: BuildSettings) -> Mtbdd:
+def _matrix(space: StateSpace, options: Options) -> Mtbdd:
     return transitions(space, options).roots[0]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from symcheck.semantics.settings import BuildSettings
+from symcheck.options import Options
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.events.commands import frame, touched_by
 from symcheck.symbolic.matrix.choice_coloring import choice_classes
@@ -35,7 +35,7 @@ __all__ = ["choice_counts", "full_matrix", "participant_matrix", "transitions"]
 
 
 def transitions(
-    space: StateSpace, options: BuildSettings, observer: Callable[[object], None] | None = None
+    space: StateSpace, options: Options, observer: Callable[[object], None] | None = None
 ) -> Transitions:
     """The matrices, rewards and choices of a model, on its reachable states.
 

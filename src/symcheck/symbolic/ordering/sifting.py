@@ -31,8 +31,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from symcheck.errors import MemoryLimitError, TimeLimitError
+from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.settings import BuildSettings
 from symcheck.symbolic import tuning
 from symcheck.symbolic.events.encode_events import encode_events
 from symcheck.symbolic.model import SymbolicModel
@@ -108,9 +108,7 @@ class _Sample:
         return tuple(name[bit] for bit in self.manager.order() if bit in name)
 
 
-def sift(
-    model: BoundModel, options: BuildSettings, limits: SiftLimits | None = None
-) -> SiftedOrder:
+def sift(model: BoundModel, options: Options, limits: SiftLimits | None = None) -> SiftedOrder:
     """Search for a variable order in which the reachable states and the relations of a model have
     few nodes.
 
