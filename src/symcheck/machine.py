@@ -1,4 +1,4 @@
-"""What this process may have of the machine."""
+"""The memory that this process may use."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from collections.abc import Sequence
 __all__ = ["memory"]
 
 _LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
-"""Where a container's limit stands, in the second and the first version of control groups."""
+"""Files with the limit of a container, in the second and first version of control groups."""
 
 
 def memory(limits: Sequence[str] = _LIMITS) -> int:
-    """Bytes of memory that this process may have: the machine's, or what a container leaves of them."""
-    found = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    """Bytes of memory that this process may use: those of the machine, or the limit of its
+    container.
+    """
+    size = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     for name in limits:
         try:
             with open(name, encoding="ascii") as file:
-                found = min(found, int(file.read()))
-        except (OSError, ValueError):  # there is no such file, or it says that there is no limit
+                size = min(size, int(file.read()))
+        except (OSError, ValueError):  # no such file, or no limit in it
             pass
-    return found
+    return size

@@ -19,9 +19,8 @@ a fifth of the nodes that fit. Collecting does not pay below that.
 """
 
 MAX_PARTITIONS = 200_000
-"""Event partitions of a saturation. Models where saturation pays need some thousands; where it does
-not, their number grows with the states.
-"""
+"""Event partitions of a saturation, at most. Their number may grow with the states, and saturation
+then does not pay."""
 
 FIRST_LOOKUPS = {True: 30_000_000, False: 300_000}
 """Cache look-ups of the first turn of `saturate`, forward and backward. Forward, the second mode

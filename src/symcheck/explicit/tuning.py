@@ -40,6 +40,4 @@ affects no result.
 """
 
 MIN_STATES_TO_TRIM = 500_000
-"""States from which on freed memory is returned to the system after the search, which takes some
-milliseconds.
-"""
+"""States from which on freed memory is returned to the system after the search."""

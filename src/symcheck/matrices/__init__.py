@@ -1,1 +1,3 @@
-"""Sparse matrices as compressed rows, and block matrices."""
+"""Sparse matrices: compressed rows, and block matrices made of the repeated blocks of a matrix
+diagram.
+"""

@@ -1,9 +1,14 @@
-"""From matrix diagrams to compressed rows, and to blocks that are multiplied without ever writing
-the matrix out.
+"""From matrix diagrams to compressed rows, and to block matrices that are multiplied without
+writing the rows out.
 
-Both come from the quad-DAG (`symcheck.kernels.diagrams.quad_dag`): distinct sub-matrices are found
-once each and stamped wherever they stand. Rows and columns are the members of two ODDs, over row
-and column bits that alternate in the diagrams.
+Both come from the quad-DAG (`symcheck.kernels.diagrams.quad_dag`), which has each distinct
+sub-matrix once. Compressed rows copy a block to all its occurrences; a block matrix stores it once.
+Rows and columns are the members of two ODDs, over row and column bits that alternate in the
+diagrams.
+
+Source: Parker (2002), Implementation of symbolic model checking for probabilistic systems, chapter
+6 (the hybrid engine: sparse blocks at a fixed depth). Here blocks are shared sub-matrices of any
+size, stored as diagonal runs.
 """
 
 from __future__ import annotations
@@ -25,33 +30,23 @@ from symcheck.kernels.arrays import Floats
 from symcheck.kernels.blocks.block_matrix import Blocks
 from symcheck.kernels.diagrams.quad_dag import Quad
 from symcheck.kernels.graph.components import components
+from symcheck.matrices import tuning
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
 
 __all__ = ["BlockMatrix", "RowLayout", "blocks", "flatten", "quad_dag"]
 
-BUDGET = 60_000
-"""Runs in distinct blocks: about half a megabyte, so that they stay in a core's cache while places
-stream by.
-"""
-
-ALONE, TOGETHER = 1000, 2
-"""How often a sweep repeats a range of rows at most: one that waits for no other, and one that
-takes turns with others.
-"""
-
-THREADED = 2_000_000
-"""Entries from which a product is worth a second thread (starting it takes some 50 µs)."""
-
 
 @dataclass(frozen=True, eq=False)
 class RowLayout:
-    """Which rows there are when each state has a row in some of several matrices (slots).
+    """The rows of several matrices (choice classes) in each of which a state may have a row.
 
-    groups: int64[n+1], rows groups[s] .. groups[s+1] belong to state s, in the order of the slots.
-    present: uint8[slots, ceil(n / 8)], which states have a row in which slot: bit s % 8 of byte s
-    // 8.
+    Attributes:
+        groups: int64[n+1]; rows groups[s] to groups[s+1] - 1 belong to state s, in the order of the
+            classes.
+        present: uint8[classes, ceil(n / 8)]; bit s % 8 of byte s // 8 tells whether state s has a
+            row in the class.
     """
 
     groups: NDArray[np.int64]
@@ -59,12 +54,12 @@ class RowLayout:
 
     @staticmethod
     def of(present: Sequence[NDArray[np.bool_]], n: int) -> RowLayout:
-        """The layout for slots that are present in these states (bool[n] each)."""
+        """The layout for choice classes that are present in these states (bool[n] each)."""
         groups = np.zeros(n + 1, np.int64)
         packed = np.empty((len(present), -(-n // 8)), np.uint8)
-        for number, slot in enumerate(present):
-            groups[1:] += slot
-            packed[number] = np.packbits(slot, bitorder="little")
+        for number, choice_class in enumerate(present):
+            groups[1:] += choice_class
+            packed[number] = np.packbits(choice_class, bitorder="little")
         np.cumsum(groups, out=groups)
         return RowLayout(groups, packed)
 
@@ -83,34 +78,41 @@ class RowLayout:
         """Memory of the arrays, in bytes."""
         return self.groups.nbytes + self.present.nbytes
 
-    def states_of(self, slot: int) -> NDArray[np.bool_]:
-        """Which states have a row in the slot: bool[n]."""
-        return np.unpackbits(self.present[slot], count=self.n, bitorder="little").view(np.bool_)
+    def states_of(self, choice_class: int) -> NDArray[np.bool_]:
+        """The states with a row in a choice class: bool[n]."""
+        return np.unpackbits(self.present[choice_class], count=self.n, bitorder="little").view(
+            np.bool_
+        )
 
     def each(self) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.int64]]]:
-        """Per slot: which states have a row in it (bool[n]), and the numbers of these rows."""
+        """Per choice class, the states with a row in it (bool[n]) and the numbers of these rows."""
         following = self.groups[:-1].copy()
-        for slot in range(len(self.present)):
-            here = self.states_of(slot)
+        for choice_class in range(len(self.present)):
+            here = self.states_of(choice_class)
             yield here, following[here]
             following += here
 
     @property
-    def slots(self) -> NDArray[np.int32]:
-        """The slot of each row: int32[rows]."""
+    def classes(self) -> NDArray[np.int32]:
+        """The choice class of each row: int32[rows]."""
         out = np.empty(self.rows, np.int32)
-        for slot, (_, rows) in enumerate(self.each()):
-            out[rows] = slot
+        for choice_class, (_, rows) in enumerate(self.each()):
+            out[rows] = choice_class
         return out
 
 
 def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence[str]) -> Quad:
-    """The quad-DAG of matrices over the bits `row.rows` and `columns` (alternating from the top of
-    the diagrams down).
+    """The quad-DAG of matrices over the bits `row.rows` and `columns`, which alternate from the top
+    of the diagrams down.
 
-    row: the rows, as states; column: the columns, also as states over *row* bits (they may be other
-    states). Raises OverflowError for 2**31 rows or columns or more, ValueError where a matrix
-    depends on other variables.
+    Args:
+        row: the ODD of the states that are rows.
+        column: the ODD of the states that are columns, over row bits as well.
+        columns: the column bits.
+
+    Raises:
+        OverflowError: 2**31 rows or columns or more.
+        ValueError: a matrix depends on other variables.
     """
     if row.rows != column.rows:
         raise ValueError("rows and columns are over different bits")
@@ -127,16 +129,22 @@ def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence
 def flatten(
     quad: Quad, layout: RowLayout | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], Floats]:
-    """Compressed rows (indptr int64, indices int32 ascending in each row, data float64) of the
-    matrices of a quad-DAG.
+    """The matrices of a quad-DAG as compressed rows.
 
-    One matrix, or several with a layout that groups their rows by state. Raises MemoryLimitError
-    (before anything is allocated) where the machine's memory would not do, OverflowError for more
-    columns than int32 numbers.
+    Args:
+        layout: groups the rows of several matrices by state; None for one matrix.
+
+    Returns:
+        indptr int64[rows+1], indices int32[entries] ascending in each row, data float64[entries].
+
+    Raises:
+        MemoryLimitError: before anything is allocated, if the rows need more than three quarters of
+            the memory.
+        OverflowError: more columns than int32 can number.
     """
     entries = int(quad.entries.sum())
     _require_memory(12 * entries + 24 * quad.rows)
-    stamps = Blocks(quad, BUDGET, ordered=True)
+    stamps = Blocks(quad, tuning.MAX_BLOCK_RUNS, ordered=True)
     indptr = np.zeros((quad.rows if layout is None else layout.rows) + 1, np.int64)
     if layout is None:
         counts = np.zeros(quad.rows, np.int32)
@@ -166,11 +174,12 @@ def _require_memory(size: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
-    """Matrices as blocks: products without compressed rows, in a small part of their memory.
+    """Matrices as blocks: products need no compressed rows, and a small part of their memory.
 
-    shape: rows × columns; with a layout, rows are choices grouped by state. Large products use
-    `threads` threads (None: the processors that there are, at most 4); the result does not depend
-    on their number, digit for digit.
+    Args:
+        layout: groups the rows of several matrices by state; None for one matrix.
+        threads: threads of large products; None: the processors, at most 4. Results do not depend
+            on their number.
     """
 
     stamps: Blocks
@@ -179,7 +188,7 @@ class BlockMatrix:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Numbers of rows and columns; with a layout, rows are choices grouped by state."""
         return (self.stamps.rows if self.layout is None else self.layout.rows), self.stamps.columns
 
     @property
@@ -194,15 +203,15 @@ class BlockMatrix:
 
     @property
     def statistics(self) -> Mapping[str, int]:
-        """Sizes: blocks, runs, places, parts, entries."""
+        """Numbers of blocks, runs, occurrences, ranges of rows and entries."""
         return self.stamps.statistics
 
     @cached_property
     def _shares(self) -> list[tuple[int, int]]:
-        """Ranges of parts with about the same work, one per thread."""
-        count = self.threads or min(4, len(os.sched_getaffinity(0)))
+        """Ranges of row ranges with about the same work, one per thread."""
+        count = self.threads or min(tuning.MAX_THREADS, len(os.sched_getaffinity(0)))
         work = np.cumsum(self.stamps.part_work)
-        if self.threads is None and self.entries < THREADED:
+        if self.threads is None and self.entries < tuning.MIN_THREADED_ENTRIES:
             count = 1
         cuts = (
             np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1 if len(work) else []
@@ -211,7 +220,7 @@ class BlockMatrix:
         return list(pairwise(ends.tolist()))
 
     def _run(self, part: Callable[[int, int], None]) -> None:
-        """Call part(first, last) on all parts, each share on a thread of its own."""
+        """Call part(first, last) on all row ranges, each share on its own thread."""
         if len(self._shares) == 1:
             part(0, -1)
             return
@@ -225,7 +234,7 @@ class BlockMatrix:
                 each.result()
 
     def multiply(self, x: Floats, out: Floats | None = None) -> Floats:
-        """A x, per row: float64[rows]. `out` is overwritten and returned if given. Releases the
+        """The product A x: float64[rows]. `out` is overwritten and returned if given. Releases the
         interpreter lock.
         """
         x = np.ascontiguousarray(x, np.float64)
@@ -243,10 +252,10 @@ class BlockMatrix:
     def optimum(
         self, x: Floats, constant: Floats | None, direction: Direction, out: Floats | None = None
     ) -> Floats:
-        """Per state the least ('min') or greatest ('max') over its rows of constant + A x:
+        """The least or greatest value of constant + A x over the rows of each state:
         float64[states].
 
-        States without a row get +inf ('min') or -inf ('max').
+        A state without rows gets +inf (minimum) or -inf (maximum).
         """
         if self.layout is None:
             product = self.multiply(x, out)
@@ -268,7 +277,7 @@ class BlockMatrix:
 
     @cached_property
     def longest(self) -> int:
-        """Number of entries of the longest row."""
+        """The most entries of a row."""
         counts = np.zeros(self.stamps.rows, np.int32)
         longest = 0
         for slot in range(self.stamps.roots):
@@ -287,16 +296,17 @@ class BlockMatrix:
         upper: bool,
         divisor: Floats | None = None,
     ) -> None:
-        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place, there and
-        back through the rows.
-
-        x: float64[n], lower bounds, or upper bounds (`upper`). constant, divisor: per row, not
-        negative. Values are moved outwards by the relative `slip`, which must cover the rounding of
-        a step.
+        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place, by sweeps
+        in both directions.
 
         Ranges of rows are taken in an order in which they use each other's new values. A range that
-        no other waits for is repeated until it stands still; those that use each other take turns,
-        there and back.
+        depends on no other is repeated until it converges; ranges that depend on each other
+        alternate.
+
+        Args:
+            x: float64[n], lower bounds, or upper bounds if `upper`.
+            constant, divisor: float64[rows], not negative.
+            slip: relative rounding error of a step; bounds are moved outwards by it.
         """
         groups, present = (
             (None, None) if self.layout is None else (self.layout.groups, self.layout.present)
@@ -318,8 +328,8 @@ class BlockMatrix:
 
     @cached_property
     def _schedule(self) -> list[tuple[NDArray[np.int32], int]]:
-        """Groups of row ranges that use each other, users last, and how often a range is repeated
-        in a sweep.
+        """Strong components of the dependencies between row ranges, dependents last, and the sweeps
+        of each.
         """
         uses = self.stamps.uses()
         indptr = np.concatenate(([0], np.cumsum(uses.sum(axis=1)))).astype(np.int64)
@@ -328,13 +338,16 @@ class BlockMatrix:
         for first, last in pairwise(start.tolist()):
             parts = np.sort(order[first:last]).astype(np.int32)
             if len(parts) == 1:
-                schedule.append((parts, ALONE))
+                schedule.append((parts, tuning.SWEEPS_OF_RANGE))
             else:
-                schedule += [(np.ascontiguousarray(parts[::-1]), TOGETHER), (parts, TOGETHER)]
+                schedule += [
+                    (np.ascontiguousarray(parts[::-1]), tuning.SWEEPS_OF_COMPONENT),
+                    (parts, tuning.SWEEPS_OF_COMPONENT),
+                ]
         return schedule
 
     def multiply_transposed(self, x: Floats, out: Floats | None = None) -> Floats:
-        """The product from the left, x A, per column: float64[columns]."""
+        """The product x A from the left: float64[columns]."""
         y = np.empty(self.stamps.columns) if out is None else out
         y[:] = 0
         if self.layout is None:
@@ -348,18 +361,21 @@ class BlockMatrix:
         return y
 
     def row_sums(self) -> Floats:
-        """Sum of each row: float64[rows]."""
+        """The sum of each row: float64[rows]."""
         return self.multiply(np.ones(self.shape[1]))
 
     def diagonal(self) -> Floats:
-        """The diagonal of a square matrix without choices: float64[n]."""
+        """The diagonal of a square matrix of a single class: float64[n]."""
         out = np.zeros(min(self.stamps.rows, self.stamps.columns))
         self.stamps.diagonal(0, out)
         return out
 
 
 def blocks(
-    quad: Quad, layout: RowLayout | None = None, budget: int = BUDGET, threads: int | None = None
+    quad: Quad,
+    layout: RowLayout | None = None,
+    budget: int = tuning.MAX_BLOCK_RUNS,
+    threads: int | None = None,
 ) -> BlockMatrix:
-    """The matrices of a quad-DAG as blocks, with about `budget` runs in all where that is possible."""
+    """The matrices of a quad-DAG as blocks, with about `budget` diagonal runs if possible."""
     return BlockMatrix(Blocks(quad, budget), layout, threads)

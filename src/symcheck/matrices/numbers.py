@@ -37,7 +37,7 @@ def is_exact(values: Numbers) -> bool:
 
 
 def rationals(values: Iterable[Any]) -> Rationals:
-    """Numbers of any kind as rationals; a finite float is taken for the binary fraction that it is."""
+    """Numbers of any kind as rationals; a finite float is the binary fraction that it holds."""
     found = [_rational(v) for v in values]
     out = np.empty(len(found), dtype=object)
     out[:] = found

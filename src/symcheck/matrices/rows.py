@@ -18,12 +18,16 @@ __all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix", "spans", "star
 
 @dataclass(frozen=True, eq=False)
 class SparseMatrix:
-    """Compressed rows. Row r has columns `indices[indptr[r]:indptr[r+1]]` with `data` alike, no
-    column twice.
+    """A sparse matrix in compressed rows: row r has columns `indices[indptr[r]:indptr[r+1]]`, each
+    once, and `data` alike.
 
-    data: float64[entries], or Fractions as objects. `groups` (int64[states+1]) says which rows are
-    the choices of a state: rows groups[s] to groups[s+1]. None means one row per state (DTMC,
-    CTMC). Indices are int32: more than 2**31-1 states raise OverflowError on building.
+    Attributes:
+        indptr: int64[rows+1].
+        indices: int32[entries]; more than 2**31 - 1 states raise OverflowError on building.
+        data: float64[entries], or Fractions as objects.
+        columns: number of columns.
+        groups: int64[states+1]; rows groups[s] to groups[s+1] - 1 are the choices of state s. None:
+            a row per state.
     """
 
     indptr: Int64s
@@ -77,7 +81,7 @@ class SparseMatrix:
     def select(
         self, rows: Int64s | Int32s, place: Int32s, columns: int, groups: Int64s | None = None
     ) -> SparseMatrix:
-        """The chosen rows with only the columns c where place[c] >= 0, renumbered to place[c]."""
+        """The chosen rows, with only the columns c where place[c] >= 0, renumbered to place[c]."""
         indptr, indices, data = sparse.select(
             self.indptr, self.indices, self.handles, np.asarray(rows, np.int64), place
         )
@@ -88,8 +92,8 @@ class SparseMatrix:
         return self.select(rows, np.arange(self.columns, dtype=np.int32), self.columns, groups)
 
     def merge(self, place: Int32s, columns: int) -> SparseMatrix:
-        """The matrix with columns renumbered by `place` (many to one): entries that coincide are
-        added up.
+        """The matrix with columns renumbered by `place` (many to one); entries that coincide are
+        added.
         """
         if not self.exact:
             return SparseMatrix(
@@ -110,8 +114,8 @@ class SparseMatrix:
         )
 
     def among(self, states: Bools, groups: Int64s | None) -> SparseMatrix:
-        """The matrix among chosen states, renumbered in their order; `groups`: where the rows of
-        each begin.
+        """The submatrix of the chosen states, renumbered in order; `groups`: the rows of each of
+        them.
         """
         indptr, indices, data = submatrix.select_states(
             self.indptr, self.indices, self.handles, self.groups, states.view(np.uint8)
@@ -120,7 +124,7 @@ class SparseMatrix:
         return SparseMatrix(indptr, indices, self.from_handles(data), count, groups)
 
     def sums(self, states: Bools, columns: Bools, values: Numbers | None = None) -> Numbers:
-        """Per row of the chosen states: the sum over chosen columns of the entry, or of entry times
+        """Per row of the chosen states, the sum over chosen columns of the entry, or of entry times
         value.
         """
         if not self.exact:
@@ -136,7 +140,9 @@ class SparseMatrix:
 
     @property
     def handles(self) -> Floats:
-        """What a compiled loop moves in place of the entries: doubles themselves, and places of rationals."""
+        """What a compiled loop moves in place of the entries: doubles themselves, and places of
+        rationals.
+        """
         return np.arange(self.entries, dtype=np.float64) if self.exact else self.data
 
     def from_handles(self, handles: Floats) -> Numbers:
@@ -145,9 +151,7 @@ class SparseMatrix:
 
 
 def starts_of(sizes: ArrayLike) -> Int64s:
-    """Where parts of these sizes begin, one after the other, and where the last one ends:
-    int64[n+1].
-    """
+    """Offsets of parts of these sizes, and their total: int64[n+1]."""
     sizes = np.asarray(sizes)
     out = np.zeros(len(sizes) + 1, np.int64)
     np.cumsum(sizes, out=out[1:])
@@ -155,6 +159,8 @@ def starts_of(sizes: ArrayLike) -> Int64s:
 
 
 def spans(starts: Int64s, ends: Int64s) -> Int64s:
-    """The numbers of all half-open ranges, one after the other."""
+    """The members of the half-open ranges starts[i] to ends[i], one range after the other:
+    int64[m].
+    """
     after = starts_of(ends - starts)
     return np.asarray(np.arange(after[-1]) + np.repeat(starts - after[:-1], ends - starts))

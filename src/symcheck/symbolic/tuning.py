@@ -15,8 +15,7 @@ class EncodingLimits:
     """Where one way of translating an expression ends and the next begins.
 
     Attributes:
-        table_bits: row bits up to which an expression is tabulated at once (2**14 values take 0.1
-            ms).
+        table_bits: row bits up to which an expression is tabulated at once.
         wide_table_bits: row bits up to which it is tabulated where it cannot be composed of
             diagrams.
         max_nodes: nodes of a composed diagram above which its expression counts as too large.
@@ -57,7 +56,7 @@ SIFT_TIME_SHARE = 0.25
 """Share of the user's time limit that the search for a variable order may take."""
 
 FORCE_ROUNDS = 100
-"""Rounds of FORCE; it usually converges within 20."""
+"""Most rounds of FORCE; it ends sooner where an order repeats."""
 
 MAX_VALUATIONS = 20_000_000
 """Valuations of an expression that are evaluated at once on the fly: they take 1 GB."""
@@ -80,7 +79,7 @@ diagrams.
 """
 
 STATES_PER_CHUNK = 65_536
-"""States whose rows are enumerated at a time: their bits and values stay in a core's cache."""
+"""States whose rows are enumerated at a time, which bounds the memory needed beside the matrix."""
 
 TARGET_BITS = 10
 """Bits of an assigned variable that one diagram gives when rows are enumerated: it has up to 2**10

@@ -38,7 +38,8 @@ from symcheck.kernels.graph import deterministic_states as kernel
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.rows.submatrix import take_rows
 from symcheck.machine import memory
-from symcheck.matrices.blocks import BUDGET, RowLayout, flatten, quad_dag
+from symcheck.matrices import tuning as matrix_tuning
+from symcheck.matrices.blocks import RowLayout, flatten, quad_dag
 from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Observer
@@ -293,7 +294,9 @@ def _successors(
     if deterministic:
         # Each row has a single 1. Rows are numbered as all states, so that no other array is as long.
         successor = d.manager.sum([root.times_bdd(deterministic) for root in d.roots])
-        Blocks(quad_dag([successor], d.odd, d.odd, d.columns), BUDGET).columns_of(0, representative)
+        Blocks(
+            quad_dag([successor], d.odd, d.odd, d.columns), matrix_tuning.MAX_BLOCK_RUNS
+        ).columns_of(0, representative)
         np.invert(representative, out=representative)  # -1 - successor
     representative[d.odd.to_mask(d.states - deterministic - kept.states - right)] = n + 1
     representative[d.odd.to_mask(right)] = n

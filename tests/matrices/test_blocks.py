@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from symcheck.dd.manager import DiagramManager, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.kernels.blocks.block_matrix import Blocks
-from symcheck.matrices import blocks as quad
+from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 
 K = 4
 N = 2**K
@@ -19,13 +19,13 @@ COLUMNS = [f"c{i}" for i in range(K)]
 
 
 def build(
-    seed: int, slots: int
+    seed: int, classes: int
 ) -> tuple[list[Mtbdd], list[np.ndarray], Odd, Odd, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     m = DiagramManager()
     m.add_variables(name for pair in zip(ROWS, COLUMNS, strict=True) for name in pair)
     rows, columns = rng.random(N) < 0.7, rng.random(N) < 0.6
-    dense = [rng.integers(1, 4, (N, N)) / 7 * (rng.random((N, N)) < 0.3) for _ in range(slots)]
+    dense = [rng.integers(1, 4, (N, N)) / 7 * (rng.random((N, N)) < 0.3) for _ in range(classes)]
     dense[0] += np.eye(N)
     diagrams = [m.table(ROWS + COLUMNS, d.reshape(-1)) for d in dense]
     row, column = Odd(m, m.bdd_table(ROWS, rows), ROWS), Odd(m, m.bdd_table(ROWS, columns), ROWS)
@@ -43,9 +43,9 @@ def to_dense(rows: tuple[np.ndarray, np.ndarray, np.ndarray], columns: int) -> n
 @given(st.integers(0, 2**32 - 1))
 def test_one_matrix(seed: int) -> None:
     diagrams, (dense,), row, column, _, _ = build(seed, 1)
-    dag = quad.quad_dag(diagrams, row, column, COLUMNS)
-    np.testing.assert_array_equal(to_dense(quad.flatten(dag), column.count), dense)
-    matrix = quad.blocks(dag, budget=5)
+    dag = quad_dag(diagrams, row, column, COLUMNS)
+    np.testing.assert_array_equal(to_dense(flatten(dag), column.count), dense)
+    matrix = blocks(dag, budget=5)
     assert matrix.shape == dense.shape
     assert matrix.entries == np.count_nonzero(dense)
     x, z = (
@@ -59,26 +59,26 @@ def test_one_matrix(seed: int) -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
-def test_choices_are_grouped_by_state(seed: int, slots: int) -> None:
-    diagrams, dense, row, column, _, _ = build(seed, slots)
+def test_choices_are_grouped_by_state(seed: int, classes: int) -> None:
+    diagrams, dense, row, column, _, _ = build(seed, classes)
     rng = np.random.default_rng(seed)
     present = [d.any(axis=1) | (rng.random(row.count) < 0.3) for d in dense]
-    layout = quad.RowLayout.of(present, row.count)
-    dag = quad.quad_dag(diagrams, row, column, COLUMNS)
+    layout = RowLayout.of(present, row.count)
+    dag = quad_dag(diagrams, row, column, COLUMNS)
     stacked, owners = [], []
     for s in range(row.count):
-        for slot in range(slots):
-            if present[slot][s]:
-                stacked.append(dense[slot][s])
-                owners.append((s, slot))
+        for choice_class in range(classes):
+            if present[choice_class][s]:
+                stacked.append(dense[choice_class][s])
+                owners.append((s, choice_class))
     expected = np.array(stacked).reshape(len(stacked), column.count)
-    np.testing.assert_array_equal(to_dense(quad.flatten(dag, layout), column.count), expected)
-    assert [slot for _, slot in owners] == layout.slots.tolist()
+    np.testing.assert_array_equal(to_dense(flatten(dag, layout), column.count), expected)
+    assert [choice_class for _, choice_class in owners] == layout.classes.tolist()
     assert np.repeat(np.arange(row.count), np.diff(layout.groups)).tolist() == [
         s for s, _ in owners
     ]
 
-    matrix = quad.blocks(dag, layout)
+    matrix = blocks(dag, layout)
     x, z, b = rng.random(column.count), rng.random(len(owners)), rng.random(len(owners))
     np.testing.assert_allclose(matrix.multiply(x), expected @ x)
     np.testing.assert_allclose(matrix.multiply_transposed(z), z @ expected)
@@ -93,23 +93,25 @@ def test_choices_are_grouped_by_state(seed: int, slots: int) -> None:
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.sampled_from([1, 3, 32768]), st.booleans())
 def test_sweeps_keep_bounds_and_close_in(
-    seed: int, slots: int, range_rows: int, forward: bool
+    seed: int, classes: int, range_rows: int, forward: bool
 ) -> None:
-    """x = opt(A x + b) with rows that sum to less than 1: bounds stay bounds, get tighter, and meet."""
-    diagrams, _, row, _, _, _ = build(seed, slots)
+    """x = opt(A x + b) with rows that sum to less than 1: bounds stay bounds, get tighter, and
+    meet.
+    """
+    diagrams, _, row, _, _, _ = build(seed, classes)
     rng = np.random.default_rng(seed)
     if forward:  # no cycles: one sweep is enough
         diagrams = [
             d * row.manager.table(ROWS + COLUMNS, np.triu(np.ones((N, N)), 1).reshape(-1))
             for d in diagrams
         ]
-    present = [np.ones(row.count, bool)] + [rng.random(row.count) < 0.5 for _ in range(slots - 1)]
+    present = [np.ones(row.count, bool)] + [rng.random(row.count) < 0.5 for _ in range(classes - 1)]
     guards = [row.from_mask(p) for p in present]
     diagrams = [d.times_bdd(g) * (0.9 / N) for d, g in zip(diagrams, guards, strict=True)]
-    dag = quad.quad_dag(diagrams, row, row, COLUMNS)
-    layout = quad.RowLayout.of(present, row.count) if slots > 1 else None
-    matrix = quad.BlockMatrix(Blocks(dag, 5, range_rows=range_rows), layout)
-    full = to_dense(quad.flatten(dag, layout), row.count)
+    dag = quad_dag(diagrams, row, row, COLUMNS)
+    layout = RowLayout.of(present, row.count) if classes > 1 else None
+    matrix = BlockMatrix(Blocks(dag, 5, range_rows=range_rows), layout)
+    full = to_dense(flatten(dag, layout), row.count)
     divisor = rng.random(len(full)) + 0.5 if seed % 2 else None
     b = rng.random(len(full)) * 0.05
     groups = layout.groups[:-1] if layout else np.arange(row.count)
@@ -140,24 +142,24 @@ def test_sweeps_keep_bounds_and_close_in(
 
 def test_threads_do_not_change_a_digit() -> None:
     diagrams, _, row, column, _, _ = build(5, 3)
-    dag = quad.quad_dag(diagrams, row, column, COLUMNS)
-    layout = quad.RowLayout.of([np.ones(row.count, bool)] * 3, row.count)
+    dag = quad_dag(diagrams, row, column, COLUMNS)
+    layout = RowLayout.of([np.ones(row.count, bool)] * 3, row.count)
     stamps = Blocks(dag, 5, range_rows=2)
     x = np.random.default_rng(1).random(column.count)
-    one, many = (quad.BlockMatrix(stamps, layout, threads) for threads in (1, 3))
+    one, many = (BlockMatrix(stamps, layout, threads) for threads in (1, 3))
     assert one.multiply(x).tobytes() == many.multiply(x).tobytes()
     assert one.optimum(x, None, "max").tobytes() == many.optimum(x, None, "max").tobytes()
 
 
 def test_entries_outside_of_the_layout_are_refused() -> None:
     diagrams, _, row, column, _, _ = build(1, 1)
-    layout = quad.RowLayout.of([np.zeros(row.count, bool)], row.count)
+    layout = RowLayout.of([np.zeros(row.count, bool)], row.count)
     with pytest.raises(ValueError, match="leaves out"):
-        quad.flatten(quad.quad_dag(diagrams, row, column, COLUMNS), layout)
+        flatten(quad_dag(diagrams, row, column, COLUMNS), layout)
 
 
 def test_bits_must_alternate() -> None:
     diagrams, _, row, column, _, _ = build(1, 1)
     row.manager.reorder(ROWS + COLUMNS)
     with pytest.raises(ValueError, match="alternate"):
-        quad.quad_dag(diagrams, row, column, COLUMNS)
+        quad_dag(diagrams, row, column, COLUMNS)
