@@ -1,33 +1,28 @@
-"""Path formulas, read: the simple ones brought to next or until over sets of states, the others left to automata.
-
-Dualities used: G a = !(F !a), a R b = !(!a U !b), a W b = !((a & !b) U (!a & !b)), each with its bound carried over.
-"""
+"""Path formulas over sets of states: next and until with their bounds, and formulas of linear time for automata."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import assert_never
 
-from symcheck.check.time_bounds import Count, Window, counts, window
 from symcheck.engines.base import Engine, StateSet
-from symcheck.syntax.ast import (
-    Binary,
-    Conditional,
-    Eventually,
-    Expression,
-    Globally,
-    Next,
-    PathFormula,
-    Release,
-    RewardBound,
-    RewardBounds,
-    TimeBound,
-    Unary,
-    Until,
-    WeakUntil,
+from symcheck.errors import NO_SPAN, Span
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.path_normal_form import (
+    Connected,
+    Extent,
+    Negated,
+    NextState,
+    NormalForm,
+    StateFormula,
+    UntilReached,
+    normal_form,
+    state_formulas,
 )
-from symcheck.syntax.operators import UnaryOperator
-from symcheck.syntax.traversal import children
+from symcheck.semantics.time_bounds import Count, Window
+from symcheck.syntax.ast import Binary, Expression, PathFormula, Unary
+from symcheck.syntax.operators import UnaryOperator, connect
 
 __all__ = [
     "NextPath",
@@ -37,7 +32,6 @@ __all__ = [
     "StatesOf",
     "TemporalPath",
     "UntilPath",
-    "is_state_formula",
     "negated",
     "resolve",
     "temporal",
@@ -75,11 +69,12 @@ class UntilPath:
 
 @dataclass(frozen=True, slots=True)
 class TemporalPath:
-    """Any other formula of linear time, as it was written, and the states of its largest state formulas."""
+    """Any other formula of linear time, and the sets of its state formulas."""
 
-    formula: PathFormula
-    letters: tuple[tuple[Expression, StateSet], ...] = ()
+    form: NormalForm
+    sets: tuple[tuple[Expression, StateSet], ...] = ()
     negative: bool = False
+    span: Span = NO_SPAN
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,64 +95,60 @@ def negated(path: Path) -> Path:
     return replace(path, negative=not path.negative)
 
 
-def is_state_formula(path: PathFormula) -> bool:
-    """Whether no temporal operator stands outside of the state operators."""
-    match path:
-        case Next() | Eventually() | Globally() | Until() | WeakUntil() | Release():
-            return False
-        case Unary(UnaryOperator.NOT, operand):
-            return is_state_formula(operand)
-        case Binary(operator, left, right) if operator.is_logical:
-            return is_state_formula(left) and is_state_formula(right)
-        case Conditional(condition, then, otherwise):
-            return all(is_state_formula(p) for p in (condition, then, otherwise))
-        case _:
-            return True
-
-
-def temporal(path: PathFormula, states_of: StatesOf) -> TemporalPath:
-    """A path formula of any form, with the states of its largest state formulas."""
-    letters: dict[Expression, StateSet] = {}
-    todo = [path]
-    while todo:
-        part = todo.pop()
-        if not is_state_formula(part):
-            bounds = TimeBound | RewardBound | RewardBounds
-            todo.extend(p for p in children(part) if not isinstance(p, bounds))  # type: ignore[misc]
-        elif part not in letters:
-            letters[part] = states_of(part)  # type: ignore[index,arg-type]
-    return TemporalPath(path, tuple(letters.items()))
+def temporal(path: PathFormula, states_of: StatesOf, model: BoundModel) -> TemporalPath:
+    """A path formula of any form as a formula of linear time, with the sets of its state formulas."""
+    return _temporal(normal_form(path, model), _once(states_of), path.span)
 
 
 def resolve(path: PathFormula, states_of: StatesOf, engine: Engine) -> Path:
-    """Read a path formula, asking `states_of` for the states of its state formulas."""
-    if is_state_formula(path):
-        return StatePath(states_of(path))  # type: ignore[arg-type]
-    parts = [getattr(path, name) for name in ("operand", "left", "right") if hasattr(path, name)]
-    if isinstance(path, Unary):
-        return negated(resolve(path.operand, states_of, engine))
-    if isinstance(path, Binary | Conditional) or not all(is_state_formula(p) for p in parts):
-        return temporal(path, states_of)
-    bound = getattr(path, "bound", None)
-    if isinstance(bound, RewardBound | RewardBounds):
-        inner = resolve(replace(path, bound=None), states_of, engine)  # type: ignore[arg-type]
-        assert isinstance(inner, NextPath | UntilPath)
-        return RewardPath(
-            replace(inner, negative=False), counts(bound, engine.model), inner.negative
-        )
-    sets = [states_of(p) for p in parts]
-    match path:
-        case Next(_, bound):
-            return NextPath(sets[0], window(bound))
-        case Eventually(_, bound):
-            return UntilPath(engine.all, sets[0], window(bound))
-        case Globally(_, bound):
-            return UntilPath(engine.all, ~sets[0], window(bound), negative=True)
-        case Until(_, _, bound):
-            return UntilPath(sets[0], sets[1], window(bound))
-        case WeakUntil(_, _, bound):
-            return UntilPath(sets[0] - sets[1], ~(sets[0] | sets[1]), window(bound), negative=True)
-        case Release(_, _, bound):
-            return UntilPath(~sets[0], ~sets[1], window(bound), negative=True)
+    """A path formula over sets of states, asking `states_of` for the states of its state formulas."""
+    return _over_sets(normal_form(path, engine.model), _once(states_of), path.span)
+
+
+def _over_sets(form: NormalForm, states_of: StatesOf, span: Span) -> Path:
+    match form:
+        case StateFormula(formula):
+            return StatePath(states_of(formula))
+        case Negated(operand):
+            return negated(_over_sets(operand, states_of, span))
+        case NextState(StateFormula(target), extent):
+            return _within(NextPath(states_of(target)), extent)
+        case UntilReached(StateFormula(left), StateFormula(right), extent):
+            return _within(UntilPath(states_of(left), states_of(right)), extent)
+        case Connected() | NextState() | UntilReached():
+            return _temporal(form, states_of, span)
         case _:
-            raise AssertionError(f"not a path formula: {type(path).__name__}")
+            assert_never(form)
+
+
+def _within(path: NextPath | UntilPath, extent: Extent) -> Path:
+    if isinstance(extent, Window):
+        return replace(path, window=extent)
+    return RewardPath(path, extent)
+
+
+def _temporal(form: NormalForm, states_of: StatesOf, span: Span) -> TemporalPath:
+    formulas = dict.fromkeys(state_formulas(form))
+    return TemporalPath(form, tuple((f, states_of(f)) for f in formulas), span=span)
+
+
+def _once(states_of: StatesOf) -> StatesOf:
+    """`states_of`, asked once for each formula of the text: what the normal form adds are operations on sets."""
+    known: dict[Expression, StateSet] = {}
+
+    def find(formula: Expression) -> StateSet:
+        if formula not in known:
+            match formula:
+                case Unary(UnaryOperator.NOT, operand):
+                    known[formula] = ~find(operand)
+                case Binary(operator, left, right) if operator.is_logical and _is_added(formula):
+                    known[formula] = connect(operator, find(left), find(right))
+                case _:
+                    known[formula] = states_of(formula)
+        return known[formula]
+
+    return find
+
+
+def _is_added(formula: Expression) -> bool:
+    return formula.span is NO_SPAN

@@ -5,11 +5,11 @@ from __future__ import annotations
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import measures
 from symcheck.check.path_formulas import StatesOf, UntilPath, resolve, temporal
-from symcheck.check.time_bounds import bound_value, window
 from symcheck.direction import Direction
 from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.rewards import Reward, operator_reward
+from symcheck.semantics.time_bounds import bound_value, window
 from symcheck.syntax.ast import (
     CumulativeReward,
     Eventually,
@@ -75,7 +75,9 @@ def _until_shown(
     from symcheck.check.omega_regular.ltl import co_safe_reward
 
     _refuse_fairness(context)
-    return co_safe_reward(context, reward, temporal(path, states_of), direction)
+    return co_safe_reward(
+        context, reward, temporal(path, states_of, context.engine.model), direction
+    )
 
 
 def _refuse_fairness(context: Context) -> None:

@@ -1,49 +1,46 @@
 """What is asked of sampled paths: each question looks at the states that paths enter, and says
 which paths are decided.
 
-A path is in a state from `time` to `leave` (in discrete time one step). Dualities are those of
-`symcheck.check.path_formulas`: G a = !(F !a), a R b = !(!a U !b), a W b = !((a & !b) U (!a & !b)).
+A path is in a state from `time` to `leave` (in discrete time one step).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, assert_never
 
 import numpy as np
 
-from symcheck.check.time_bounds import Window, bound_value, window
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Floats, Int32s
 from symcheck.numerics.graph import backward_reachable
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.path_normal_form import (
+    Connected,
+    Negated,
+    NextState,
+    NormalForm,
+    StateFormula,
+    UntilReached,
+    normal_form,
+    only_window,
+)
+from symcheck.semantics.time_bounds import Window, bound_value, window
 from symcheck.simulate import tuning
 from symcheck.simulate.lazy_chain import LazyChain
-from symcheck.simulate.state_predicates import conjunction, negation
 from symcheck.syntax.ast import (
     CumulativeReward,
     Eventually,
     Expression,
-    Globally,
     InstantaneousReward,
-    Literal,
     ModelType,
-    Next,
     PathFormula,
-    Release,
     RewardQuery,
     SteadyStateReward,
     TotalReward,
-    Type,
-    Unary,
-    Until,
-    WeakUntil,
 )
-from symcheck.syntax.traversal import nodes
 
 __all__ = ["Decision", "Goal", "Paths", "Question", "path_question", "reward_question"]
-
-_TRUE = Literal(True, Type.BOOL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,54 +252,32 @@ class _Reach:
 # --------------------------------------------------------------------------------- reading formulas
 
 
-def path_question(path: PathFormula, model: BoundModel, *, negative: bool = False) -> Question:
-    """What a path formula asks. Raises UnsupportedError for formulas with several temporal
-    operators, InputError for bounds.
+def path_question(path: PathFormula, model: BoundModel) -> Question:
+    """What a path formula asks of a path.
+
+    Raises UnsupportedError for formulas with several temporal operators, InputError for bounds.
     """
-    if isinstance(path, Unary) and path.operator == "!" and _temporal(path):
-        return path_question(path.operand, model, negative=not negative)
-    if not _temporal(path):
-        return _Now(path, negative)  # type: ignore[arg-type]
-    parts = [getattr(path, name) for name in ("operand", "left", "right") if hasattr(path, name)]
-    if not isinstance(path, Next | Eventually | Globally | Until | WeakUntil | Release) or any(
-        map(_temporal, parts)
-    ):
-        raise UnsupportedError(
-            "-sim does not answer path formulas with several temporal operators (general LTL); it "
-            "answers X, F, G, U, W and R "
-            "over state formulas, with bounds or without; without -sim the formula is checked "
-            "numerically"
-        )
-    times = _times(window(path.bound), model)
-    match path:
-        case Next(operand):
-            return _Next(operand, *times, negative)  # type: ignore[arg-type]
-        case Eventually(operand):
-            return _Until(_TRUE, operand, *times, negative)  # type: ignore[arg-type]
-        case Globally(operand):
-            return _Until(_TRUE, negation(operand), *times, not negative)  # type: ignore[arg-type]
-        case Until(left, right):
-            return _Until(left, right, *times, negative)  # type: ignore[arg-type]
-        case WeakUntil(left, right):
-            not_right = negation(right)  # type: ignore[arg-type]
-            neither = conjunction(negation(left), not_right)  # type: ignore[arg-type]
-            return _Until(conjunction(left, not_right), neither, *times, not negative)  # type: ignore[arg-type]
-        case Release(left, right):
-            return _Until(negation(left), negation(right), *times, not negative)  # type: ignore[arg-type]
+    return _question(normal_form(path, model), model, negative=False)
 
 
-def _temporal(path: PathFormula) -> bool:
-    """Whether a temporal operator stands outside of the state operators."""
-    return any(
-        isinstance(n, Next | Eventually | Globally | Until | WeakUntil | Release)
-        for n in _outside(path)
-    )
-
-
-def _outside(path: PathFormula) -> list[object]:
-    from symcheck.check.path_formulas import is_state_formula
-
-    return [] if is_state_formula(path) else list(nodes(path))
+def _question(form: NormalForm, model: BoundModel, *, negative: bool) -> Question:
+    match form:
+        case StateFormula(formula):
+            return _Now(formula, negative)
+        case Negated(operand):
+            return _question(operand, model, negative=not negative)
+        case NextState(StateFormula(target), extent):
+            return _Next(target, *_times(only_window(extent), model), negative)
+        case UntilReached(StateFormula(left), StateFormula(right), extent):
+            return _Until(left, right, *_times(only_window(extent), model), negative)
+        case Connected() | NextState() | UntilReached():
+            raise UnsupportedError(
+                "-sim does not answer path formulas with several temporal operators (general LTL); "
+                "it answers X, F, G, U, W and R over state formulas, with bounds or without; "
+                "without -sim the formula is checked numerically"
+            )
+        case _:
+            assert_never(form)
 
 
 def _times(times: Window, model: BoundModel) -> tuple[float, float | None]:
@@ -325,8 +300,10 @@ def reward_question(query: RewardQuery, model: BoundModel) -> Question:
         case InstantaneousReward(time):
             value = bound_value(time)
             return _Instantaneous(_times(Window(value, value, span=time.span), model)[0])
-        case Eventually(operand, None) if not _temporal(operand):
-            return _Reach(operand)  # type: ignore[arg-type]
+        case Eventually(operand, None) if isinstance(
+            target := normal_form(operand, model), StateFormula
+        ):
+            return _Reach(target.formula)
         case SteadyStateReward() | TotalReward():
             raise UnsupportedError(
                 "-sim does not estimate R [ "

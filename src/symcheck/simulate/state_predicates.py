@@ -29,7 +29,7 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Operator, UnaryOperator, connect
 from symcheck.syntax.traversal import nodes
 
-__all__ = ["StatePredicate", "compile_predicate", "conjunction", "negation"]
+__all__ = ["StatePredicate", "compile_predicate"]
 
 _OPERATORS = (
     ProbabilityOperator,
@@ -43,16 +43,6 @@ _OPERATORS = (
 
 StatePredicate = Callable[[Rows, Bools], Bools]
 """Packed states (uint64[n, words]) and which of them are deadlocks (bool[n]) to bool[n]."""
-
-
-def negation(formula: Expression) -> Expression:
-    """The formula `!formula`."""
-    return Unary(UnaryOperator.NOT, formula)
-
-
-def conjunction(left: Expression, right: Expression) -> Expression:
-    """The formula `left & right`."""
-    return Binary(Operator.AND, left, right)
 
 
 def compile_predicate(

@@ -7,10 +7,10 @@ from fractions import Fraction
 from typing import Protocol
 
 from symcheck.check.context import Context
-from symcheck.check.time_bounds import Count, Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.semantics.rewards import Reward
+from symcheck.semantics.time_bounds import Count, Window
 
 __all__ = ["Measures"]
 

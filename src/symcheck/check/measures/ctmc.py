@@ -18,12 +18,12 @@ from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.measures.reward_bounded_until import reward_bounded_next, reward_bounded_until
 from symcheck.check.measures.total_reward import total_reward
 from symcheck.check.result import SolverRun
-from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.semantics.rewards import Reward
+from symcheck.semantics.time_bounds import Window
 
 __all__ = [
     "bounded_complement",

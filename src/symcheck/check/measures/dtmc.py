@@ -8,9 +8,9 @@ from symcheck.check.measures.long_run import steady_probability, steady_reward
 from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.measures.reward_bounded_until import reward_bounded_next, reward_bounded_until
 from symcheck.check.measures.total_reward import total_reward
-from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
+from symcheck.semantics.time_bounds import Window
 
 __all__ = [
     "bounded_until",

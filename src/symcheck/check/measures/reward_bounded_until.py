@@ -20,7 +20,6 @@ from symcheck.check.context import Context
 from symcheck.check.measures.reward_scaling import Limits, main_first, scaled
 from symcheck.check.measures.step_bounded import best, per_row
 from symcheck.check.result import SolverRun
-from symcheck.check.time_bounds import Count
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.engines.capabilities import HasBlocks
@@ -29,6 +28,7 @@ from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundReward
 from symcheck.semantics.rewards import Reward, Steps, reward_items
+from symcheck.semantics.time_bounds import Count
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
 from symcheck.syntax.operators import Operator
 

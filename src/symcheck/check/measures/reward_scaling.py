@@ -10,11 +10,11 @@ from math import ceil, floor, gcd, isfinite, isinf
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.time_bounds import Count, Window
 from symcheck.engines.base import System
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s
+from symcheck.semantics.time_bounds import Count, Window
 
 __all__ = ["Limits", "common_step", "in_steps", "main_first", "scaled"]
 

@@ -13,12 +13,12 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.result import SolverRun
-from symcheck.check.time_bounds import Window
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import Step
 from symcheck.semantics.rewards import Reward
+from symcheck.semantics.time_bounds import Window
 
 __all__ = [
     "Until",

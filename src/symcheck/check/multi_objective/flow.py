@@ -15,7 +15,6 @@ from symcheck.check.measures.step_bounded import per_row
 from symcheck.check.omega_regular.ltl import linear_product
 from symcheck.check.path_formulas import StatesOf, TemporalPath, temporal
 from symcheck.check.reward_queries import reward_of
-from symcheck.check.time_bounds import window
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.product import Product
 from symcheck.errors import UnsupportedError
@@ -24,6 +23,7 @@ from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.multi_objective import linear_program as numerics
 from symcheck.semantics.rewards import Reward
+from symcheck.semantics.time_bounds import window
 from symcheck.syntax.ast import CumulativeReward, ProbabilityOperator, RewardOperator
 
 __all__ = ["Objective", "flow_of"]
@@ -85,9 +85,9 @@ def flow_of(
         if not isinstance(o.formula, ProbabilityOperator):
             accepted.append(None)
             continue
-        path = temporal(o.formula.path, states_of)
-        lifted = tuple((e, chain.lift(s)) for e, s in path.letters)
-        path = TemporalPath(path.formula, lifted, negative=o.sign < 0)
+        path = temporal(o.formula.path, states_of, context.engine.model)
+        lifted = tuple((e, chain.lift(s)) for e, s in path.sets)
+        path = TemporalPath(path.form, lifted, negative=o.sign < 0)
         product, pairs = linear_product(replace(context, engine=chain.engine), path)
         accepted = [_lifted(product, a) for a in accepted]
         accepted.append([[avoid, *visits] for avoid, visits in pairs])

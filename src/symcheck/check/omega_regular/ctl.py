@@ -23,9 +23,9 @@ from symcheck.check.path_formulas import (
     UntilPath,
     negated,
 )
-from symcheck.check.time_bounds import Steps, Window
 from symcheck.engines.base import Graph, StateSet
 from symcheck.errors import UnsupportedError
+from symcheck.semantics.time_bounds import Steps, Window
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["exists", "forall", "witness"]

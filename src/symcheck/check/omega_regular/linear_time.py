@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import assert_never
 
 from symcheck.automata.formula import LtlFormula
 from symcheck.automata.ltl import LtlFactory
-from symcheck.check.time_bounds import Steps, window
 from symcheck.errors import UnsupportedError
-from symcheck.syntax.ast import (
-    Binary,
-    Conditional,
-    Eventually,
-    Expression,
-    Globally,
-    Next,
-    PathBound,
-    PathFormula,
-    Release,
-    Unary,
-    Until,
-    WeakUntil,
+from symcheck.semantics.path_normal_form import (
+    Connected,
+    Extent,
+    Negated,
+    NextState,
+    NormalForm,
+    StateFormula,
+    UntilReached,
+    only_window,
 )
-from symcheck.syntax.operators import UnaryOperator, connect
+from symcheck.semantics.time_bounds import Steps
+from symcheck.syntax.ast import Expression
+from symcheck.syntax.operators import connect
 
 __all__ = ["read"]
 
@@ -31,22 +29,27 @@ _STEPS = 2000
 
 
 def read(
-    factory: LtlFactory, path: PathFormula, atoms: Mapping[Expression, LtlFormula], *, timed: bool
+    factory: LtlFactory,
+    form: NormalForm,
+    atoms: Mapping[Expression, LtlFormula],
+    *,
+    timed: bool,
 ) -> LtlFormula:
-    """The path formula, given what its largest state formulas are.
+    """The LTL formula of a normal form, given the formulas of its state formulas.
 
-    Raises UnsupportedError for bounds in continuous time (`timed`) and very large ones, InputError for wrong ones.
+    Raises UnsupportedError for bounds on rewards, for bounds in continuous time (`timed`) and for
+    very large ones; InputError for bounds on steps that are not whole.
     """
 
-    def inner(part: PathFormula) -> LtlFormula:
+    def inner(part: NormalForm) -> LtlFormula:
         return read(factory, part, atoms, timed=timed)
 
-    if path in atoms:
-        return atoms[path]  # type: ignore[index]
-    match path:
-        case Unary(UnaryOperator.NOT, operand):
+    match form:
+        case StateFormula(formula):
+            return atoms[formula]
+        case Negated(operand):
             return factory.negation(inner(operand))
-        case Binary(operator, left, right) if operator.is_logical:
+        case Connected(operator, left, right):
             return connect(
                 operator,
                 inner(left),
@@ -55,36 +58,18 @@ def read(
                 disjunction=lambda a, b: factory.disjunction((a, b)),
                 negation=factory.negation,
             )
-        case Conditional(condition, then, otherwise):
-            return _choice(factory, inner(condition), inner(then), inner(otherwise))
-        case Next(operand, bound):
-            steps = _steps(bound, timed=timed)
+        case NextState(operand, extent):
+            steps = _steps(extent, timed=timed)
             possible = steps.lower <= 1 and (steps.upper is None or steps.upper >= 1)
             return factory.next(inner(operand)) if possible else factory.false
-        case Eventually(operand, bound):
-            return _until(factory, factory.true, inner(operand), _steps(bound, timed=timed))
-        case Globally(operand, bound):
-            return _release(factory, factory.false, inner(operand), _steps(bound, timed=timed))
-        case Until(left, right, bound):
-            return _until(factory, inner(left), inner(right), _steps(bound, timed=timed))
-        case Release(left, right, bound):
-            return _release(factory, inner(left), inner(right), _steps(bound, timed=timed))
-        case WeakUntil(left, right, bound):
-            either = factory.disjunction((inner(left), inner(right)))
-            return _release(factory, inner(right), either, _steps(bound, timed=timed))
+        case UntilReached(left, right, extent):
+            return _until(factory, inner(left), inner(right), _steps(extent, timed=timed))
         case _:
-            raise AssertionError(f"not a path formula: {type(path).__name__}")
+            assert_never(form)
 
 
-def _choice(
-    factory: LtlFactory, condition: LtlFormula, then: LtlFormula, otherwise: LtlFormula
-) -> LtlFormula:
-    yes = factory.conjunction((condition, then))
-    return factory.disjunction((yes, factory.conjunction((factory.negation(condition), otherwise))))
-
-
-def _steps(bound: PathBound | None, *, timed: bool) -> Steps:
-    times = window(bound)
+def _steps(extent: Extent, *, timed: bool) -> Steps:
+    times = only_window(extent)
     if timed and not times.trivial:
         raise UnsupportedError(
             "bounds on time in a path formula with nested or combined temporal operators are not supported in a ctmc; "
@@ -104,7 +89,3 @@ def _until(factory: LtlFactory, left: LtlFormula, right: LtlFormula, steps: Step
     for _ in range(steps.lower):
         result = factory.conjunction((left, factory.next(result)))
     return result
-
-
-def _release(factory: LtlFactory, left: LtlFormula, right: LtlFormula, steps: Steps) -> LtlFormula:
-    return factory.negation(_until(factory, factory.negation(left), factory.negation(right), steps))

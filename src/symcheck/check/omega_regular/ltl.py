@@ -98,7 +98,7 @@ def co_safe_reward(
     A run shows it with the state whose letter ends a prefix all of whose continuations satisfy the formula, as the
     derivatives tell; X true needs one step. Raises InputError for formulas with (after negations are pushed inwards) G, W or R.
     """
-    factory = LtlFactory(step=len(path.letters))
+    factory = LtlFactory(step=len(path.sets))
     alphabet, formula = _read(context, factory, path)
     formula = factory.negation(formula) if path.negative else formula
     if not formula.co_safe:
@@ -106,13 +106,13 @@ def co_safe_reward(
         raise InputError(
             Diagnostic(
                 message,
-                path.formula.span,
+                path.span,
                 "co-safe",
                 "G, W and R (and !F, !U) are not for rewards; F, U, X are",
             )
         )
     alphabet = replace(
-        alphabet, letters=tuple(v | 1 << len(path.letters) for v in alphabet.letters), own=True
+        alphabet, letters=tuple(v | 1 << len(path.sets) for v in alphabet.letters), own=True
     )
     automaton = alphabet.automaton(context, factory, formula)
     product: Product = context.engine.product(alphabet.sets, automaton)
@@ -156,10 +156,10 @@ def _read(
     everything = context.engine.all
     atoms: dict[Expression, LtlFormula] = {}
     sets: list[StateSet] = []
-    for expression, states in path.letters:
+    for expression, states in path.sets:
         atoms[expression] = _atom(factory, sets, states, everything)
     timed = context.engine.model.type is ModelType.CTMC
-    formula = read(factory, path.formula, atoms, timed=timed)
+    formula = read(factory, path.form, atoms, timed=timed)
     blocks = [(0, everything)]
     for i, states in enumerate(sets):
         split = [

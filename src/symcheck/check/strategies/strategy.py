@@ -144,7 +144,9 @@ def _probability(
                 "strategies are not supported for bounds on rewards, and for formulas of states"
             )
         case _:
-            return _remembering(context, temporal(formula.path, states_of), direction)
+            return _remembering(
+                context, temporal(formula.path, states_of, context.engine.model), direction
+            )
     return chooser.strategy(direction)
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, floor, isfinite
 
-from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span, UnsupportedError
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, bounded_reward
-from symcheck.syntax.ast import Expression, PathBound, RewardBound, RewardBounds, TimeBound
+from symcheck.syntax.ast import Expression, RewardBound, RewardBounds, TimeBound
 
 __all__ = ["Count", "Steps", "Window", "bound_value", "counts", "window"]
 
@@ -76,19 +76,9 @@ def bound_value(expression: Expression) -> Fraction:
     return Fraction(value)
 
 
-def window(bound: PathBound | None) -> Window:
-    """The times that a bound allows.
-
-    Raises InputError where a bound is negative or no time is left, and UnsupportedError for a bound on a reward.
-    """
-    if bound is None:
-        return Window()
-    if not isinstance(bound, TimeBound):
-        raise UnsupportedError(
-            "a bound on a reward is supported for X, F, G, U, W and R over state formulas, checked numerically; not within formulas "
-            "with several temporal operators, in A and E, or by simulation"
-        )
-    return _extent(bound)
+def window(bound: TimeBound | None) -> Window:
+    """The times that a bound allows. Raises InputError where it is negative or no time is left."""
+    return Window() if bound is None else _extent(bound)
 
 
 def counts(bound: RewardBound | RewardBounds, model: BoundModel) -> tuple[Count, ...]:
