@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from numerics.oracle import Row, System, problem_of
 from symcheck.kernels.solve import component_bounds
-from symcheck.numerics.linear.extrapolation import accelerated
+from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.problem import LinearProblem
 
 HALF, QUARTER = Fraction(1, 2), Fraction(1, 4)
@@ -58,7 +58,7 @@ def test_the_width_of_numbers_changes_no_digit(direction: str | None, system: Sy
     assert narrow.optimistic(1e-6, True, 500) == wide.optimistic(1e-6, True, 500)
     assert np.array_equal(narrow.x, wide.x)
     assert np.array_equal(narrow.choice, wide.choice)
-    (one, _), (other, _) = (accelerated(b, 1e-6, True) for b in (narrow, wide))
+    (one, _), (other, _) = (solve_extrapolated(b, 1e-6, True) for b in (narrow, wide))
     assert (one is None) == (other is None)
     if one is not None and other is not None:
         assert np.array_equal(one.lower, other.lower)

@@ -12,7 +12,7 @@ import pytest
 import symcheck
 from symcheck import teach, view
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.linear.problem import Step
+from symcheck.numerics.linear.problem import Progress
 from symcheck.options import Options
 from symcheck.symbolic.build import construct
 from symcheck.symbolic.model import Iteration
@@ -42,14 +42,14 @@ def test_search() -> None:
 
 def test_bounds() -> None:
     steps = [
-        Step("interval", i, 0.0, 2, np.array([0.0, i / 10]), np.array([1.0, 1 - i / 10]))
+        Progress("interval", i, 0.0, 2, np.array([0.0, i / 10]), np.array([1.0, 1 - i / 10]))
         for i in range(1, 4)
     ]
     axes = view.plot_bounds(steps, 1, truth=0.4)
     lines = {line.get_label(): line for line in axes.lines}
     np.testing.assert_allclose(lines["lower bound"].get_ydata(), [0.1, 0.2, 0.3])
     np.testing.assert_allclose(lines["upper bound"].get_ydata(), [0.9, 0.8, 0.7])
-    estimates = view.plot_bounds([Step("power", 1, 0.0, 1, np.array([0.5]))])
+    estimates = view.plot_bounds([Progress("power", 1, 0.0, 1, np.array([0.5]))])
     assert [line.get_label() for line in estimates.lines] == ["iterate"]
 
 

@@ -19,9 +19,15 @@ from symcheck.engines.base import OwnSet, SolvedValues, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
-from symcheck.numerics.linear.masked_problem import Embedded
+from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Operator, Solution
+from symcheck.numerics.linear.problem import (
+    LinearProblem,
+    Observer,
+    Operator,
+    Solution,
+    SweepOperator,
+)
 from symcheck.numerics.settings import Settings
 from symcheck.semantics.rewards import Reward
 
@@ -53,25 +59,21 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
         )
 
 
-class SweepOperator(Operator, Protocol):
-    """A matrix that can be multiplied, and that tightens bounds in place."""
-
-    @property
-    def longest(self) -> int:
-        """A bound on the number of entries of a row."""
-        ...
+class DivisibleOperator(SweepOperator, Protocol):
+    """An operator whose sweeps divide the products by a factor per row."""
 
     def sweep(
         self,
         x: Numbers,
         constant: Numbers,
         direction: Direction | None,
-        slip: float,
+        rounding_error: float,
+        /,
         *,
         upper: bool,
         divisor: Numbers | None = None,
     ) -> None:
-        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place."""
+        """Improve bounds on the solution of x = opt(A x / divisor + constant), in place."""
         ...
 
 
@@ -79,7 +81,7 @@ class SweepOperator(Operator, Protocol):
 class DividedOperator:
     """An operator whose rows are divided by a factor each, float64[rows]."""
 
-    operator: SweepOperator
+    operator: DivisibleOperator
     divisor: Numbers = field(repr=False)
 
     @property
@@ -229,9 +231,9 @@ class LinearSystem:
             constant, None, upper, leave, direction, probability, operator, self.groups
         )
 
-    def embedded_operator(self) -> Operator:
-        """`operator` of one-step probabilities, also in a CTMC (only asked for where there are no rows)."""
-        return self.operator
+    def embedded_operator(self) -> SweepOperator:
+        """`operator` of one-step probabilities, also in a CTMC; only for engines without rows."""
+        raise AssertionError("an engine with rows is asked for its matrix")
 
     def _end_components_matter(self, probability: bool) -> bool:
         """Whether upper bounds would not decrease in an end component, which can be removed from rows only."""
@@ -422,7 +424,7 @@ class Lifts(Protocol):
 
 def solved_values(
     system: Lifts,
-    problem: LinearProblem | Embedded,
+    problem: LinearProblem | MaskedProblem,
     known: Sequence[tuple[OwnSet, float]],
     settings: Settings,
     observer: Observer | None,

@@ -1,4 +1,4 @@
-"""What the numerical methods need to be told; the options of a check fit this protocol."""
+"""The settings of the numerical methods; the options of a check satisfy this protocol."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Protocol
 __all__ = ["ROUNDING", "Accuracy", "Settings"]
 
 ROUNDING = 1e-12
-"""Relative error that is allowed for in a value that is 'exact up to rounding', wherever something is concluded from it."""
+"""Assumed relative error of a value that is exact up to rounding, whenever it is compared."""
 
 
 class Settings(Protocol):
-    """Width wanted (relative, or absolute), whether it must be proved, the method ('auto' or a name), and a limit."""
+    """Accuracy, method and limits of a numerical solution."""
 
     @property
     def method(self) -> str:
@@ -21,7 +21,7 @@ class Settings(Protocol):
 
     @property
     def epsilon(self) -> float:
-        """The width wanted."""
+        """The requested width of the bounds."""
         ...
 
     @property
@@ -31,12 +31,12 @@ class Settings(Protocol):
 
     @property
     def certify(self) -> bool:
-        """Whether it must be proved."""
+        """Whether the bounds must be proved."""
         ...
 
     @property
     def max_iterations(self) -> int:
-        """A limit on sweeps, products or policies."""
+        """The largest number of sweeps, products or policies."""
         ...
 
 

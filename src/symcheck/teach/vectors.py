@@ -12,7 +12,7 @@ from symcheck.numerics.linear.methods import solve_linear
 
 if TYPE_CHECKING:
     from symcheck.engines.base import Engine, StateSet
-    from symcheck.numerics.linear.problem import LinearProblem, Solution, Step
+    from symcheck.numerics.linear.problem import LinearProblem, Progress, Solution
     from symcheck.options import Options
 
 __all__ = ["UntilTrace", "until_trace"]
@@ -35,7 +35,7 @@ class UntilTrace:
     unknown: StateSet
     problem: LinearProblem | None = field(repr=False)
     solution: Solution | None = field(repr=False)
-    steps: tuple[Step, ...] = field(repr=False)
+    steps: tuple[Progress, ...] = field(repr=False)
 
 
 def until_trace(
@@ -64,9 +64,9 @@ def until_trace(
     if not unknown:
         return UntilTrace(zero, one, unknown, None, None, ())
     problem = engine.system(unknown, direction).reachability(one).problem()
-    steps: list[Step] = []
+    steps: list[Progress] = []
 
-    def watch(step: Step) -> None:
+    def watch(step: Progress) -> None:
         lower, upper = (None if v is None else np.array(v) for v in (step.lower, step.upper))
         steps.append(replace(step, lower=lower, upper=upper))
 

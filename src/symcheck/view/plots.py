@@ -34,7 +34,7 @@ class Counted(Protocol):
 
 
 class Bounded(Protocol):
-    """An iteration of a numerical method (`symcheck.numerics.linear.problem.Step`)."""
+    """An iteration of a numerical method (`symcheck.numerics.linear.problem.Progress`)."""
 
     @property
     def iteration(self) -> int: ...

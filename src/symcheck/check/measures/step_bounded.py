@@ -16,7 +16,7 @@ from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.matrices.numbers import Numbers
-from symcheck.numerics.linear.problem import Step
+from symcheck.numerics.linear.problem import Progress
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
@@ -234,7 +234,7 @@ def _lift(
 
 def _observe(context: Context, system: System, taken: int) -> None:
     if context.observer is not None:
-        context.observer(Step("step by step", taken, 0.0, system.n))
+        context.observer(Progress("step by step", taken, 0.0, system.n))
 
 
 def _note(context: Context, unknowns: int, steps: int) -> None:

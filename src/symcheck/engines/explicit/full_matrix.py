@@ -10,7 +10,7 @@ from symcheck.engines.base import OwnSet, SolvedValues
 from symcheck.engines.linear_system import ExpectedReward, Query, per_row, solved_values
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, SparseMatrix
-from symcheck.numerics.linear.masked_problem import Embedded
+from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
 from symcheck.semantics.rewards import Reward
@@ -63,7 +63,7 @@ class FullMatrix:
         if isinstance(query, ExpectedReward):
             states, rows = self.engine.rewards(query.reward)
             constant, outside = per_row(matrix.groups, states) + rows, []
-        problem = Embedded(
+        problem = MaskedProblem(
             matrix,
             self.unknown,
             outside,

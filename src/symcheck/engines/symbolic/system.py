@@ -14,9 +14,9 @@ from symcheck.dd.odd import Odd
 from symcheck.direction import Direction
 from symcheck.engines.linear_system import (
     DividedOperator,
+    DivisibleOperator,
     LinearSystem,
     Preprocessing,
-    SweepOperator,
 )
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
@@ -30,7 +30,7 @@ from symcheck.engines.symbolic.sets import (
 from symcheck.kernels.diagrams.quad_dag import Quad
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
-from symcheck.numerics.linear.problem import Operator
+from symcheck.numerics.linear.problem import SweepOperator
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
@@ -155,10 +155,10 @@ class SymbolicSystem(LinearSystem):
         """The matrix in the engine's own form."""
         return self.engine.operator(self)
 
-    def embedded_operator(self) -> Operator:
+    def embedded_operator(self) -> SweepOperator:
         """`operator` of one-step probabilities, also in a CTMC."""
         rates = self.exit_rates
-        operator: SweepOperator = self.operator
+        operator: DivisibleOperator = self.operator
         return operator if rates is None else DividedOperator(operator, rates)
 
     @property

@@ -1,8 +1,11 @@
-"""A component's values by policies that are evaluated by extrapolated sweeps; then guesses around them are proved to be bounds.
+"""Components by policy iteration whose evaluation is accelerated by extrapolation (Anderson 1965).
 
-For x = opt(A x + b) with a solution that is unique (everything leaves almost surely, as far as it is finite), L <= opt(A L + b)
-proves L to be a lower bound, and U >= opt(A U + b) an upper one. A good approximation, made a little smaller and a little
-greater, fulfils this after a few sweeps. Sources: Howard (1960); Anderson (1965); Hartmanns & Kaminski (2020) for the proof.
+Guessed bounds around the solution are then proved. Let x = opt(A x + b) have a unique solution
+(everything leaves almost surely, as far as it is finite). Then L <= opt(A L + b) proves that L is a
+lower bound, and U >= opt(A U + b) that U is an upper one. A good approximation, made a little smaller
+and a little larger, satisfies this after a few sweeps.
+
+Sources: Howard (1960); Anderson (1965); Hartmanns & Kaminski (2020) for the proof.
 """
 
 from __future__ import annotations
@@ -14,30 +17,35 @@ import numpy as np
 from symcheck.kernels.solve.extrapolation import Candidate
 from symcheck.kernels.solve.sweeps import Block
 from symcheck.matrices.rows import Floats
-from symcheck.numerics.linear.problem import Observer, Step
-from symcheck.numerics.linear.subsystem import Bounds, LocalSystem, proper
+from symcheck.numerics import tuning
+from symcheck.numerics.linear.problem import Observer, Progress
+from symcheck.numerics.linear.subsystem import Bounds, LocalSystem, make_proper
 
-__all__ = ["accelerated"]
-
-FIRST = 16  # sweeps before the first policy
-STEPS = 40  # combinations per policy
-GAIN = 0.03  # of the change that is left of it after a policy's evaluation
-ROUNDS = 150  # policies, or slices of a chain's evaluation
-PATIENCE = 25  # rounds without progress
-FLOOR = 2e-15  # changes that are rounding
+__all__ = ["solve_extrapolated"]
 
 
-def accelerated(
+def solve_extrapolated(
     block: Block,
     goal: float,
     relative: bool,
     probability: bool = False,
     observer: Observer | None = None,
 ) -> tuple[Bounds | None, int]:
-    """Proved bounds that are `goal` apart (None where that fails), and the number of sweeps; `policy` counts a state's rows."""
+    """Extrapolated sweeps over a block.
+
+    Args:
+        block: the equations of a component.
+        goal: the requested width, relative to the values if `relative`.
+        relative: whether the width is relative.
+        probability: whether the values are probabilities.
+        observer: receives the progress.
+
+    Returns:
+        Proved bounds, or None, and the number of sweeps.
+    """
     local = LocalSystem.of(block)
-    spread = _spread(local.low, local.high, relative)
-    if not _fits(local) or not spread < goal:
+    constants_width = _constants_width(local.low, local.high, relative)
+    if not _applies(local) or not constants_width < goal:
         return None, 0
     candidate = Candidate(
         block.row_ptr,
@@ -49,55 +57,58 @@ def accelerated(
         local.mode,
         relative,
     )
-    tolerance = max((1e-3 if relative else 1e-6) * (goal - spread), FLOOR)
+    tolerance = max((1e-3 if relative else 1e-6) * (goal - constants_width), tuning.SMALLEST_CHANGE)
     for change in _changes(candidate, local, not probability):
         if observer is not None:
-            observer(Step("accelerated sweeps", candidate.sweeps, change, local.n))
+            observer(Progress("extrapolated sweeps", candidate.sweeps, change, local.n))
         if change <= tolerance:
             if local.mode != 0:
-                candidate.rest()  # the next improvement forgets them anyway
-            found = _prove(candidate, goal, spread, relative)
-            if found is not None or tolerance <= FLOOR:
-                return found, candidate.sweeps
-            tolerance = max(tolerance * 1e-2, FLOOR)
+                candidate.rest()  # free the differences, which the next improvement discards anyway
+            bounds = _prove(candidate, goal, constants_width, relative)
+            if bounds is not None or tolerance <= tuning.SMALLEST_CHANGE:
+                return bounds, candidate.sweeps
+            tolerance = max(tolerance * 1e-2, tuning.SMALLEST_CHANGE)
     return None, candidate.sweeps
 
 
 def _changes(candidate: Candidate, local: LocalSystem, reward: bool) -> Iterator[float]:
-    """Improve and evaluate policies: the change that a sweep over all rows still makes, per policy."""
+    """Improve and evaluate policies; yield the change by a sweep over all rows, per policy."""
     best, stalled = np.inf, 0
-    change, changed = candidate.improve(FIRST)
-    for _ in range(ROUNDS):
+    change, changed = candidate.improve(tuning.SWEEPS_BEFORE_FIRST_POLICY)
+    for _ in range(tuning.EXTRAPOLATION_ROUNDS):
         if local.mode != 0:
             change, more = candidate.improve()
             changed += more
         yield change
         best, stalled = (change, 0) if change < 0.5 * best else (best, stalled + 1)
-        # Only for the least reward may a policy stay for ever, while its values are too low to show that.
-        if changed and reward and local.mode == 1 and not _mend(candidate, local):
+        # Only for minimal rewards may a policy stay forever while its values are too low to show it.
+        if changed and reward and local.mode == 1 and not _make_proper(candidate, local):
             return
         changed = 0
-        last = candidate.evaluate(max(GAIN * min(change, 1.0), FLOOR), STEPS)
-        if stalled > PATIENCE or not np.isfinite(last):
+        last = candidate.evaluate(
+            max(tuning.EVALUATION_ACCURACY * min(change, 1.0), tuning.SMALLEST_CHANGE),
+            tuning.EXTRAPOLATION_STEPS,
+        )
+        if stalled > tuning.EXTRAPOLATION_PATIENCE or not np.isfinite(last):
             return
         change = last
 
 
-def _mend(candidate: Candidate, local: LocalSystem) -> bool:
-    """Make the policy leave almost surely; False where none does."""
+def _make_proper(candidate: Candidate, local: LocalSystem) -> bool:
+    """Make the policy leave almost surely; False if no policy does."""
     assert local.matrix.groups is not None
     first = local.matrix.groups[:-1]
     policy = first + np.asarray(candidate.choice)
-    mended = proper(local, policy)
-    if mended is None:
+    repaired = make_proper(local, policy)
+    if repaired is None:
         return False
-    if mended is not policy:
-        candidate.take((mended - first).astype(np.int32))
+    if repaired is not policy:
+        candidate.take((repaired - first).astype(np.int32))
     return True
 
 
-def _fits(local: LocalSystem) -> bool:
-    """Whether every state has a row, and constants are finite and not negative (with min, rows that lead to infinity do no harm)."""
+def _applies(local: LocalSystem) -> bool:
+    """Whether every state has a row, and constants are non-negative and (unless for min) finite."""
     groups = local.groups
     if groups is not None and bool(np.any(np.diff(groups) == 0)):
         return False
@@ -106,31 +117,35 @@ def _fits(local: LocalSystem) -> bool:
     return local.mode == 1 or bool(np.isfinite(local.high).all())
 
 
-def _spread(low: Floats, high: Floats, relative: bool) -> float:
-    """How far the constants' bounds are apart, where they are finite."""
+def _constants_width(low: Floats, high: Floats, relative: bool) -> float:
+    """The largest width of the bounds on the constants, among the finite ones."""
     apart = (high > low) & np.isfinite(high)
     width = high[apart] - low[apart]
     return float(np.max(width / high[apart] if relative else width, initial=0.0))
 
 
-def _prove(candidate: Candidate, goal: float, spread: float, relative: bool) -> Bounds | None:
-    """Bounds around the candidate, as near as the constants allow and the goal asks; None where no proof is found."""
-    # No solution is negative; a candidate may be, and rounding outwards is for numbers that are not. NaN proves nothing.
+def _prove(
+    candidate: Candidate, goal: float, constants_width: float, relative: bool
+) -> Bounds | None:
+    """Proved bounds around the candidate with a width of at most `goal`, or None."""
+    # Solutions are non-negative, and outward rounding assumes it. NaN proves nothing.
     x = np.maximum(np.asarray(candidate.x), 0.0)
     if not np.isfinite(x).all():
         return None
     policy = np.full(candidate.n if candidate.mode else 0, -1, dtype=np.int32)
-    away = 0.5 * spread + 0.4 * (goal - spread)
+    margin = 0.5 * constants_width + 0.4 * (goal - constants_width)
     rounds = 30 + candidate.sweeps // 8
-    upper = x * (1.0 + away) if relative else x + away
-    lower = x * (1.0 - away) if relative else np.maximum(x - away, 0.0)
+    upper = x * (1.0 + margin) if relative else x + margin
+    lower = x * (1.0 - margin) if relative else np.maximum(x - margin, 0.0)
     del x
     if not (
         candidate.bound(upper, True, rounds, policy)
         and candidate.bound(lower, False, rounds, policy)
     ):
         return None
-    width = (upper - lower) / np.maximum(upper, 1e-300) if relative else upper - lower
+    width = (
+        (upper - lower) / np.maximum(upper, tuning.SMALLEST_DIVISOR) if relative else upper - lower
+    )
     if not (float(width.max()) <= goal and bool(np.all(lower <= upper))):
         return None
     return Bounds(lower, upper, policy if candidate.mode else None)

@@ -1,6 +1,6 @@
-"""A linear problem over some states of a matrix that has rows for all: these stay where they are, and nothing is copied.
+"""Linear problems over some states of a full matrix, whose rows are used in place.
 
-Where most states are unknown, the rows of the unknowns alone, and what leaves them, would take as much memory as the matrix.
+If most states are unknown, a submatrix would take as much memory as the matrix itself.
 """
 
 from __future__ import annotations
@@ -18,16 +18,20 @@ from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
 
-__all__ = ["Embedded"]
+__all__ = ["MaskedProblem"]
 
 
 @dataclass(frozen=True, eq=False)
-class Embedded:
-    """x_s = opt over the rows r of s of (constant[r] + sum over t of A[r, t] x_t) at the unknowns; elsewhere x is known.
+class MaskedProblem:
+    """x_s = opt over the rows r of s of (constant[r] + sum over t of A[r, t] x_t), where s is unknown.
 
-    matrix: rows of all states, which sum to 1; with `rates` (no choices), the equations are divided by the sum of their row.
-    unknown: bool[states]. known: sets of states (bool[states]) and the value there; it is 0 where neither says anything.
-    constant: per row of the matrix, None where it is 0. Other fields, and what must hold of the unknowns: see LinearProblem.
+    matrix: the rows of all states; each sums to 1, or with `rates` (no choices) the equations are
+      divided by the sum of the row.
+    unknown: bool[states].
+    known: pairs of a set of states (bool[states]) and the value there; other states have value 0.
+    constant: float64[rows of the matrix]; None is 0.
+
+    LinearProblem describes the other fields and the assumptions.
     """
 
     matrix: SparseMatrix = field(repr=False)
@@ -40,23 +44,23 @@ class Embedded:
 
     @cached_property
     def n(self) -> int:
-        """Number of unknowns."""
+        """Number of unknown states."""
         return int(np.count_nonzero(self.unknown))
 
     @property
     def mode(self) -> int:
-        """0 without choices, 1 for min, 2 for max (as the kernels say it)."""
+        """The kernels' code for the direction: 0 without choices, 1 for min, 2 for max."""
         if self.matrix.groups is None:
             return 0
         return 2 if self.direction == Direction.MAX else 1
 
     @property
     def signed(self) -> bool:
-        """True where some constant is negative."""
+        """Whether some constant is negative."""
         return self.constant is not None and bool(self.constant.min(initial=0.0) < 0.0)
 
-    def start(self) -> Floats:
-        """Lower and upper values of all states, float64[states, 2]: those that are known, 0 at the unknowns."""
+    def initial_values(self) -> Floats:
+        """Lower and upper values, float64[states, 2]: the known ones, and 0 at unknown states."""
         x = np.zeros((self.matrix.states, 2))
         for states, value in self.known:
             x[states] = value
@@ -64,16 +68,16 @@ class Embedded:
         return x
 
     def collapsible(self) -> bool:
-        """Whether there are end components that must be made single states, for which the rows must be copied."""
+        """Whether end components must be collapsed, for which the rows must be copied."""
         if self.matrix.groups is None or self.probability != (self.direction == Direction.MAX):
             return False
         usable = None if self.constant is None else self.constant == 0.0
         return graph.maximal_end_components(self.matrix, self.unknown, usable).count > 0
 
-    def alone(self) -> LinearProblem:
-        """The equations of the unknowns by themselves."""
+    def extract(self) -> LinearProblem:
+        """The equations of the unknown states as a problem with a matrix of its own."""
         m, chosen = self.matrix, self.unknown.view(np.uint8)
-        values = self.start()[:, 0].copy()
+        values = self.initial_values()[:, 0].copy()
         outside = (~self.unknown).view(np.uint8)
         constant = kernel.sum_columns(
             m.indptr, m.indices, m.data, m.groups, chosen, outside, values

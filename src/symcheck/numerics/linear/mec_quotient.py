@@ -1,7 +1,9 @@
-"""End components made into single states, so that the equations of an MDP have one solution.
+"""Quotients of MDPs by end components, on which the equations have a unique solution.
 
-For the greatest probability, all states of an end component have the same value: that of the best way out. For the least
-reward, the same holds for end components without reward, where a strategy could otherwise wait for ever, for free.
+For maximal probabilities, all states of an end component have the same value: that of the best row
+that leaves it. For minimal rewards, the same holds for end components without reward, in which a
+strategy could otherwise stay forever at no cost.
+
 Sources: Haddad & Monmege (2018); Baier, Klein, Leuschner, Parker & Wunderlich (2017).
 """
 
@@ -12,38 +14,44 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Solution
 
-__all__ = ["Collapsed", "collapse"]
+__all__ = ["MecQuotient", "collapse"]
 
 
 @dataclass(frozen=True, eq=False)
-class Collapsed:
-    """A problem whose end components are single states: `place` (int32[n]) gives a state's place, `kept` the rows kept."""
+class MecQuotient:
+    """A problem whose end components are single states.
+
+    original: the problem with all states. index: the quotient state of each state, int32[n].
+    kept: the original row of each row, int64[rows]. inner_rows: bool[original rows], the rows that
+    stay inside an end component. components: the number of end components.
+    """
 
     problem: LinearProblem
     original: LinearProblem
-    place: Int32s
+    index: Int32s
     kept: Int64s
-    inside: Bools
+    inner_rows: Bools
     components: int
 
     def expand(self, solution: Solution) -> Solution:
-        """The solution of the original problem, with a strategy that walks to the best way out."""
+        """The solution of the original problem, with a strategy that moves to the best exit."""
         strategy = None if solution.strategy is None else self._strategy(solution.strategy)
-        note = f"{solution.explanation}; {self.components} end component{'s' * (self.components != 1)} collapsed"
+        plural = "s" if self.components != 1 else ""
+        note = f"{solution.explanation}; {self.components} end component{plural} collapsed"
         return replace(
             solution,
-            lower=solution.lower[self.place],
-            upper=solution.upper[self.place],
+            lower=solution.lower[self.index],
+            upper=solution.upper[self.index],
             strategy=strategy,
             explanation=note,
         )
 
     def _strategy(self, chosen: Int64s) -> Int64s:
-        """Rows of the original states: the chosen one at its owner, and inside rows towards it elsewhere."""
+        """Original rows: the chosen one at its state, and inner rows towards that state elsewhere."""
         matrix = self.original.rows
         assert matrix.groups is not None
         n = matrix.states
@@ -54,8 +62,8 @@ class Collapsed:
         used = best[best >= 0]
         rows[owner[used]] = used
         exits[owner[used]] = True
-        # Inside an end component, walk towards its exit with the inside rows only.
-        inner = _only_rows(matrix, self.inside)
+        # Inside an end component, move towards the exit by inner rows only.
+        inner = _only_rows(matrix, self.inner_rows)
         _, towards = graph.prob1e_strategy(inner.matrix, np.ones(n, dtype=np.bool_), exits)
         walk = (~exits) & (towards >= 0)
         rows[walk] = inner.rows[towards[walk]]
@@ -64,19 +72,21 @@ class Collapsed:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
+    """A matrix and the original row of each of its rows."""
+
     matrix: SparseMatrix
     rows: Int64s
 
 
 def _only_rows(matrix: SparseMatrix, keep: Bools) -> _Rows:
-    """The same states with the rows of `keep` only."""
+    """The matrix with the rows of `keep` only."""
     assert matrix.groups is not None
     rows = np.flatnonzero(keep).astype(np.int64)
     return _Rows(matrix.choose(rows, starts_of(keep)[matrix.groups]), rows)
 
 
-def collapse(problem: LinearProblem) -> Collapsed | None:
-    """The quotient, or None where there is nothing to collapse (or no need to)."""
+def collapse(problem: LinearProblem) -> MecQuotient | None:
+    """The quotient by the end components; None if there are none, or they do no harm."""
     matrix = problem.rows
     needed = matrix.groups is not None and problem.probability == (
         problem.direction == Direction.MAX
@@ -91,8 +101,8 @@ def collapse(problem: LinearProblem) -> Collapsed | None:
     return None if parts.count == 0 else _quotient(problem, parts, source.owner)
 
 
-def _quotient(problem: LinearProblem, parts: graph.EndComponents, owner: Int32s) -> Collapsed:
-    """States by first member; rows that stay inside a component are dropped."""
+def _quotient(problem: LinearProblem, parts: graph.EndComponents, owner: Int32s) -> MecQuotient:
+    """The quotient, with states in the order of their first members and without inner rows."""
     matrix = problem.rows
     n = matrix.states
     first = np.arange(n)
@@ -101,23 +111,18 @@ def _quotient(problem: LinearProblem, parts: graph.EndComponents, owner: Int32s)
     np.minimum.at(leader, parts.of[inside], np.flatnonzero(inside))
     first[inside] = leader[parts.of[inside]]
     leads = first == np.arange(n)
-    place = (np.cumsum(leads) - 1)[first].astype(np.int32)
+    index = (np.cumsum(leads) - 1)[first].astype(np.int32)
     count = int(leads.sum())
     rows = np.flatnonzero(~parts.rows)
-    # Rows sorted by the state that they now belong to; the order of rows within a state stays.
-    rows = rows[np.argsort(place[owner[rows]], kind="stable")].astype(np.int64)
-    groups = starts_of(np.bincount(place[owner[rows]], minlength=count))
+    # Rows are sorted by quotient state; rows of the same state keep their order.
+    rows = rows[np.argsort(index[owner[rows]], kind="stable")].astype(np.int64)
+    groups = starts_of(np.bincount(index[owner[rows]], minlength=count))
     smaller = LinearProblem(
         constant=problem.constant[rows],
         upper=None if problem.upper is None else problem.upper[rows],
         exit=problem.leaving[rows],
-        matrix=matrix.choose(rows, groups).merge(place, count),
+        matrix=matrix.choose(rows, groups).merge(index, count),
         direction=problem.direction,
         probability=problem.probability,
     )
-    return Collapsed(smaller, problem, place, rows, parts.rows, parts.count)
-
-
-def unit(values: Floats) -> Floats:
-    """Probabilities cut to [0, 1]."""
-    return np.clip(values, 0.0, 1.0)
+    return MecQuotient(smaller, problem, index, rows, parts.rows, parts.count)

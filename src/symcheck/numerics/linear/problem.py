@@ -1,11 +1,11 @@
-"""Linear problems x = A x + b over the states whose value is not known in advance, and their solutions."""
+"""Linear problems x = opt(A x + b) over the states with unknown values, and their solutions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -13,19 +13,19 @@ from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.numbers import Numbers, is_exact, sum_segments
-from symcheck.matrices.rows import Int64s, SparseMatrix
+from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.numerics import tuning
 
-__all__ = ["LinearProblem", "Observer", "Operator", "Solution", "Step"]
-
-_SLICE = 65536  # states
+__all__ = ["LinearProblem", "Observer", "Operator", "Progress", "Solution", "SweepOperator"]
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """What an observer is told: where a method is. `width`: what is left between the bounds, or the last change.
+class Progress:
+    """The progress of an iterative method, as an observer receives it.
 
-    lower, upper: the iterates, where the method has them at hand (`upper` only where it is a bound); end components are
-    single states then. They belong to the method: look, do not write.
+    width: the distance of the bounds, or the last change of an estimate.
+    lower, upper: the iterates, if the method has them (`upper` only if it is a bound); an end
+      component is a single state there. They belong to the method and must not be written to.
     """
 
     method: str
@@ -36,33 +36,63 @@ class Step:
     upper: Numbers | None = field(default=None, compare=False, repr=False)
 
 
-Observer = Callable[[Step], None]
+Observer = Callable[[Progress], None]
 
 
 class Operator(Protocol):
-    """A matrix that can only be multiplied: x (a value per state) → A x (a value per row)."""
+    """A matrix without rows, which multiplies vectors (float64[n], a value per state)."""
 
-    def multiply(self, x: Numbers, /) -> Numbers:
-        """A x."""
+    def multiply(self, x: Floats, /) -> Floats:
+        """A x, a value per row."""
+        ...
+
+
+class SweepOperator(Operator, Protocol):
+    """An operator that also improves bounds in place."""
+
+    @property
+    def longest(self) -> int:
+        """The largest number of entries of a row, or more; it bounds the rounding of sums."""
+        ...
+
+    def sweep(
+        self,
+        x: Floats,
+        constant: Floats,
+        direction: Direction | None,
+        rounding_error: float,
+        /,
+        *,
+        upper: bool,
+    ) -> None:
+        """Improve lower (or upper) bounds on the solution of x = opt(A x + constant).
+
+        Values are moved outwards by the relative rounding error.
+        """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class LinearProblem:
-    """x_s = opt over the rows r of s of (constant[r] + sum over t of A[r, t] x_t), least non-negative solution.
+    """x_s = opt over the rows r of s of (constant[r] + sum over t of A[r, t] x_t).
 
-    Numbers are float64, or all of them rationals (see `symcheck.matrices.numbers`).
-    matrix: probabilities among the n unknowns; its groups are the choices (None: one row per state). Either it or
-    `operator` (with `groups`) must be given; methods that need rows need `matrix`.
-    constant: b, per row; `upper` is its upper bound where it is not known exactly (None: equal to `constant`).
-    exit: per row, the probability of leaving the unknowns, to wherever (target or not). Give it: 1 minus the row's sum,
-      which replaces it, loses the digits of small probabilities and takes less than about 1e-15 for 0.
-    direction: None (no choices), 'min' or 'max'.
-    probability: True for reachability probabilities (0 <= x <= 1); False for rewards.
+    The least non-negative solution is wanted. Numbers are float64, or all of them rationals (see
+    `symcheck.matrices.numbers`).
 
-    What must have been removed by graph analysis before: states with value 0 or 1 (probabilities), states with infinite
-    value (rewards: 'max': unless all strategies leave almost surely; 'min': unless some strategy does). End components
-    are dealt with here. Negative rewards are allowed where all strategies leave almost surely.
+    constant: b, per row; `upper` is an upper bound of b if b is not known exactly (None: b is).
+    matrix: probabilities among the n unknown states, whose groups are the choices (None: one row
+      per state). Either it or `operator` (with `groups`) must be given; methods that need rows need
+      `matrix`.
+    exit: per row, the probability of leaving the unknown states, to the target or not. It should be
+      given: the default, 1 minus the sum of the row, loses the digits of small probabilities and
+      takes values below about 1e-15 for 0.
+    direction: minimise or maximise over the choices; None without choices.
+    probability: True for reachability probabilities (0 <= x <= 1), False for rewards.
+
+    Graph analysis must have removed states of value 0 or 1 (probabilities) and of infinite value
+    (rewards: for 'max' unless all strategies leave almost surely, for 'min' unless some does). End
+    components are dealt with by the methods. Negative rewards are allowed if all strategies leave
+    almost surely.
     """
 
     constant: Numbers
@@ -71,12 +101,16 @@ class LinearProblem:
     exit: Numbers | None = None
     direction: Direction | None = None
     probability: bool = True
-    operator: Operator | None = None
+    operator: SweepOperator | None = None
     groups: Int64s | None = None
 
     @property
     def rows(self) -> SparseMatrix:
-        """The matrix; NumericalError if there is only an operator."""
+        """The matrix.
+
+        Raises:
+            NumericalError: there is only an operator.
+        """
         if self.matrix is None:
             raise NumericalError(
                 "this method needs the rows of the matrix, and the engine gives only products"
@@ -85,21 +119,21 @@ class LinearProblem:
 
     @property
     def n(self) -> int:
-        """Number of unknowns."""
+        """Number of unknown states."""
         if self.matrix is not None:
             return self.matrix.states
         return len(self.constant) if self.groups is None else len(self.groups) - 1
 
     @property
     def mode(self) -> int:
-        """0 without choices, 1 for min, 2 for max (as the kernels say it)."""
+        """The kernels' code for the direction: 0 without choices, 1 for min, 2 for max."""
         if self.choices is None:
             return 0
         return 2 if self.direction == Direction.MAX else 1
 
     @property
     def choices(self) -> Int64s | None:
-        """Row groups, None where rows are states."""
+        """Row groups; None if rows are states."""
         return self.matrix.groups if self.matrix is not None else self.groups
 
     @property
@@ -114,19 +148,19 @@ class LinearProblem:
 
     @property
     def signed(self) -> bool:
-        """True where some constant is negative."""
+        """Whether some constant is negative."""
         return bool(len(self.constant)) and bool(self.constant.min() < 0.0)
 
     @cached_property
     def leaving(self) -> Numbers:
-        """`exit`, or what stands for it: float64[rows]."""
+        """`exit`, or its default, per row."""
         if self.exit is not None:
             out = np.asarray(self.exit)
         elif self.exact:
             out = 1 - sum_segments(self.rows.data, self.rows.indptr)
         elif self.matrix is not None:
             out = 1.0 - sparse.row_sums(self.matrix.indptr, self.matrix.data)
-            noise = (np.diff(self.matrix.indptr) + 2) * 2.0**-52
+            noise = (np.diff(self.matrix.indptr) + 2) * 2.0 * tuning.UNIT_ROUNDOFF
             out[out <= noise] = 0.0
         else:
             out = np.zeros(len(self.constant))
@@ -146,11 +180,13 @@ class LinearProblem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Bounds on the solution, float64[n] each (the same rationals twice where the problem has rationals).
+    """Bounds on the solution, float64[n] each (or the same rationals twice).
 
-    exact: they differ, from each other and from the truth, by rounding only: by less than ROUNDING. certified: proved to be
-    bounds; else both are the same estimate. strategy: a row per state (-1: any) that attains `lower` ('max') or `upper`
-    ('min'). explanation: a line on how it was found.
+    exact: the bounds differ from each other and from the solution by rounding only, relatively by
+      less than ROUNDING.
+    certified: the bounds are proved; otherwise both are the same estimate.
+    strategy: a row per state (-1: any) that attains `lower` ('max') or `upper` ('min').
+    explanation: one line on how the solution was found.
     """
 
     lower: Numbers
@@ -160,40 +196,45 @@ class Solution:
     certified: bool = True
     iterations: int = 0
     explanation: str = ""
-    statistics: Mapping[str, Any] = field(default_factory=dict)
+    statistics: Mapping[str, int | float] = field(default_factory=dict)
     strategy: Int64s | None = None
 
     @property
     def middle(self) -> Numbers:
-        """The point between the bounds."""
+        """The midpoint of the bounds."""
         if is_exact(self.lower):
             return self.lower
         out = np.empty(len(self.lower))
         with np.errstate(invalid="ignore"):
-            for part in self._parts():
+            for part in self._slices():
                 low, high = self.lower[part], self.upper[part]
                 out[part] = np.where(low == high, low, 0.5 * (low + high))
         return out
 
     def width(self, relative: bool = True) -> float:
-        """The greatest width, relative to the upper bound unless that is below 1e-300 (0 for no states)."""
+        """The largest width, relative to the larger absolute bound; 0 without states."""
         if is_exact(self.lower):
             return 0.0
         return max(
-            (_width(self.lower[part], self.upper[part], relative) for part in self._parts()),
+            (_width(self.lower[part], self.upper[part], relative) for part in self._slices()),
             default=0.0,
         )
 
-    def _parts(self) -> Iterator[slice]:
-        """Slices that stay in a cache, where whole arrays of intermediate results would take the memory of several vectors."""
-        return (slice(begin, begin + _SLICE) for begin in range(0, len(self.lower), _SLICE))
+    def _slices(self) -> Iterator[slice]:
+        """Slices of the states: temporary arrays of a slice are small and stay in the cache."""
+        return (
+            slice(begin, begin + tuning.STATES_PER_SLICE)
+            for begin in range(0, len(self.lower), tuning.STATES_PER_SLICE)
+        )
 
 
 def _width(lower: Numbers, upper: Numbers, relative: bool) -> float:
     with np.errstate(invalid="ignore"):
         width = np.where(lower == upper, 0.0, upper - lower)
         if relative:
-            width = width / np.maximum(np.maximum(np.abs(lower), np.abs(upper)), 1e-300)
-    # Without an upper bound, the width has no number relative to it.
+            width = width / np.maximum(
+                np.maximum(np.abs(lower), np.abs(upper)), tuning.SMALLEST_DIVISOR
+            )
+    # An infinite upper bound has no relative width.
     width[np.isnan(width)] = np.inf
     return float(width.max())

@@ -1,8 +1,9 @@
-"""A component's equations as a problem of their own: direct solution and policy iteration, with certified bounds.
+"""The equations of a component as a problem of their own: direct solution, BiCGStab, policy iteration.
 
-The certificate: for x = opt(A x + b) let x' be any approximation and w > 0 any vector with A w < w (along all rows that
-could matter). Then x' ± h w are bounds as soon as the residual of x' is at most h (w - A w), row by row, roundings counted.
-With w about (I - A)^-1 x this is relative accuracy: w/x is the expected number of steps to the target, given that it is reached.
+All bounds are certified. Let x = opt(A x + b), let x' be any approximation, and let w > 0 be any
+vector with A w < w (along all rows that could matter). Then x' ± h w are bounds if the residual of
+x' is at most h (w - A w) in every row, rounding included. With w about (I - A)^-1 x the bounds are
+relative: w/x is the expected number of steps to the target, under the condition that it is reached.
 """
 
 from __future__ import annotations
@@ -13,28 +14,33 @@ from functools import cached_property
 
 import numpy as np
 
-from symcheck.kernels.chains import gauss_seidel
 from symcheck.kernels.chains.gth_elimination import Elimination
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.certificates import certify
 from symcheck.kernels.solve.component_bounds import System
 from symcheck.kernels.solve.sweeps import Block
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
-from symcheck.numerics import graph
-from symcheck.numerics.linear.krylov import bicgstab
+from symcheck.numerics import graph, tuning
+from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, scaled
 from symcheck.numerics.linear.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy, Settings
 
-__all__ = ["Bounds", "LocalSystem", "policy_iteration", "proper", "solve_direct", "solve_krylov"]
-
-SWEEPS = 3  # Gauss-Seidel sweeps, to and fro, in a preconditioner
-PATIENCE = 25  # steps within which the residual must have become a tenth
-WEIGHT = 0.3  # what the weight of a certificate may be off by
+__all__ = [
+    "Bounds",
+    "LocalSystem",
+    "make_proper",
+    "policy_iteration",
+    "solve_direct",
+    "solve_krylov",
+]
 
 
 @dataclass
 class Bounds:
-    """Certified bounds, and the policy that attains one of them: int32[n], a row per state, counted among the state's."""
+    """Certified bounds, float64[n] each.
+
+    policy: int32[n], the row of each state, counted from its first, that attains one of them.
+    """
 
     lower: Floats
     upper: Floats
@@ -44,9 +50,10 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class LocalSystem:
-    """x = opt(b + A x) of a block: self-loops divided out, b between `low` and `high`. The arrays are the block's own.
+    """x = opt(b + A x) of a block, with self-loops divided out and b between `low` and `high`.
 
-    mode: as the kernels say it; the block's, unless choices are to be kept where every state has only one.
+    The arrays are those of the block. mode: the kernels' code for the direction; it differs from
+    the block's if choices are kept although every state has only one.
     """
 
     block: Block
@@ -93,17 +100,17 @@ class LocalSystem:
 
     @cached_property
     def exit(self) -> Floats:
-        """The mass that leaves, per row."""
+        """The probability of leaving, per row."""
         return self.block.leaving()
 
     @property
     def groups(self) -> Int32s | Int64s | None:
-        """Where the rows of each state begin; None without choices."""
+        """The first row of each state; None without choices."""
         return self.block.group if self.mode else None
 
     @cached_property
     def matrix(self) -> SparseMatrix:
-        """A, with the starts that other kernels expect: a copy of these where the block's are shorter numbers."""
+        """A, with 64-bit row starts (the block's may have 32 bits)."""
         block = self.block
         starts, groups = block.row_ptr.astype(np.int64, copy=False), self.groups
         entries = np.asarray(block.idx)[: block.entries], np.asarray(block.val)[: block.entries]
@@ -115,7 +122,7 @@ class LocalSystem:
         )
 
     def chain(self, policy: Int64s) -> tuple[SparseMatrix, Floats]:
-        """The chain that a policy (rows of the block) leaves: its rows, and what leaves them."""
+        """The chain of a policy (rows of the block): its matrix, and the probabilities of leaving."""
         everywhere = np.arange(self.n, dtype=np.int32)
         part = sparse.select(
             self.matrix.indptr, self.matrix.indices, self.matrix.data, policy, everywhere
@@ -123,7 +130,7 @@ class LocalSystem:
         return SparseMatrix(*part, self.n), self.exit[policy]
 
     def problem(self, policy: Int64s, constant: Floats, probability: bool = False) -> LinearProblem:
-        """The chain of a policy as a problem of its own, with these constants."""
+        """The chain of a policy as a problem, with the given constants per row of the block."""
         matrix, leave = self.chain(policy)
         return LinearProblem(
             constant=constant[policy], matrix=matrix, exit=leave, probability=probability
@@ -136,7 +143,10 @@ class LocalSystem:
         return out + constant
 
     def certify(self, x: Floats, weight: Floats, policy: Int64s | None) -> tuple[float, float]:
-        """Factors (low, high) such that x - low·weight and x + high·weight are proved bounds; infinity where not."""
+        """Factors (low, high) such that x - low·weight and x + high·weight are proved bounds.
+
+        A factor is infinite if nothing is proved.
+        """
         rows = np.zeros(1, dtype=np.int64) if policy is None else policy
         m = self.matrix
         return certify(
@@ -144,25 +154,29 @@ class LocalSystem:
         )
 
 
-def _scale(x: Floats) -> Floats:
-    """|x|, without zeros."""
+def _absolute_scale(x: Floats) -> Floats:
+    """|x|, with zeros replaced by tiny numbers."""
     out = np.abs(x)
     out[out == 0.0] = max(float(out.max(initial=0.0)) * 1e-30, 1e-300)
     return out
 
 
-def _around(x: Floats, weight: Floats, below: float, above: float) -> Bounds | None:
-    """The bounds x - below·weight and x + above·weight, rounded outwards; None where a factor is infinite."""
+def _bounds_around(x: Floats, weight: Floats, below: float, above: float) -> Bounds | None:
+    """X - below·weight and x + above·weight, rounded outwards; None if a factor is infinite."""
     if not (np.isfinite(below) and np.isfinite(above)):
         return None
-    slip = np.abs(x) * 2.0**-51
-    return Bounds(x - below * weight * (1 + 1e-15) - slip, x + above * weight * (1 + 1e-15) + slip)
+    rounding_error = np.abs(x) * 4.0 * tuning.UNIT_ROUNDOFF
+    return Bounds(
+        x - below * weight * (1 + 1e-15) - rounding_error,
+        x + above * weight * (1 + 1e-15) + rounding_error,
+    )
 
 
 def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
-    """Sparse elimination without subtraction.
+    """Sparse elimination without subtraction (Grassmann, Taksar & Heyman 1985).
 
-    None where it needs more than `limit` operations, some state never leaves, or doubles are too small or too large for it.
+    None if it needs more than `limit` operations, some state never leaves, or an intermediate value
+    is too small or too large for a double.
     """
     m = local.matrix
     factors = Elimination(m.indptr, m.indices, m.data, local.exit, limit)
@@ -172,49 +186,49 @@ def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
     upper = factors.solve(local.high)
     if factors.lost:
         return None
-    upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + 1e-307, 0.0)
+    upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + tuning.SMALLEST_INCREMENT, 0.0)
     return Bounds(lower, upper)
 
 
-def solve_krylov(local: LocalSystem, goal: float, scale: Floats) -> Bounds | None:
-    """BiCGStab over Gauss-Seidel sweeps, for a block without choices: bounds that are `goal` apart, relative to them, or None.
+def solve_krylov(local: LocalSystem, goal: float) -> Bounds | None:
+    """BiCGStab for a block without choices: bounds of relative width `goal`, or None.
 
-    scale: positive, about as large as the solution, to within some orders of magnitude.
-    The weight of the certificate solves (I - A) w = x, roughly. Constants known between bounds only are solved from both sides.
+    The weight of the certificate approximates (I - A)^-1 x. Constants that are known only between
+    bounds are solved from both sides.
     """
-    solver = _Krylov(local)
-    x = solver.solve(local.low, scale, goal)
+    solver = _BiCGStab(local)
+    x = solver.solve(local.low, None, goal)
     if x is None or x.min() <= 0.0:
         return None
-    weight = solver.solve(x, x, WEIGHT)
+    weight = solver.solve(x, x, tuning.WEIGHT_RESIDUAL)
     if weight is None:
         return None
-    # An error of h x in the residual is one of at most h weight / (1 - WEIGHT) in the solution.
+    # A residual of h x is an error of at most h weight / (1 - WEIGHT_RESIDUAL) of the solution.
     share = 0.1 * goal / max(float((weight / x).max()), 1.0)
     sides = []
     for right in (local.low, local.high):
-        rest = right - solver.times(x)
-        if np.any(np.abs(rest) > share * x):
-            change = solver.solve(rest, x, share)
+        residual = right - solver.times(x)
+        if np.any(np.abs(residual) > share * x):
+            change = solver.solve(residual, x, share)
             if change is None or np.any(x + change <= 0.0):
                 return None
             x = x + change
         sides.append(x)
-    below = _around(sides[0], weight, *local.certify(sides[0], weight, None))
+    below = _bounds_around(sides[0], weight, *local.certify(sides[0], weight, None))
     above = (
         below
         if sides[1] is sides[0]
-        else _around(sides[1], weight, *local.certify(sides[1], weight, None))
+        else _bounds_around(sides[1], weight, *local.certify(sides[1], weight, None))
     )
     if below is None or above is None:
         return None
-    found = Bounds(np.maximum(below.lower, 0.0), above.upper, None, solver.steps)
-    return found if np.all(found.upper - found.lower <= goal * found.upper) else None
+    bounds = Bounds(np.maximum(below.lower, 0.0), above.upper, None, solver.steps)
+    return bounds if np.all(bounds.upper - bounds.lower <= goal * bounds.upper) else None
 
 
 @dataclass
-class _Krylov:
-    """(I - A)^-1, approximately; `steps` counts those made."""
+class _BiCGStab:
+    """Approximate solutions of (I - A) x = b; `steps` counts the steps of all of them."""
 
     local: LocalSystem
     steps: int = 0
@@ -222,26 +236,25 @@ class _Krylov:
     def times(self, v: Floats) -> Floats:
         """(I - A) v."""
         m, out = self.local.matrix, np.empty(self.local.n)
-        gauss_seidel.less_product(m.indptr, m.indices, m.data, v, out)
-        return out
+        sparse.multiply(m.indptr, m.indices, m.data, v, out)
+        return np.subtract(v, out, out=out)
 
-    def precondition(self, v: Floats) -> Floats:
-        """About (I - A)^-1 v."""
-        m, out = self.local.matrix, np.empty(self.local.n)
-        gauss_seidel.symmetric_sweeps(m.indptr, m.indices, m.data, v, out, SWEEPS)
-        return out
+    def solve(self, right: Floats, scale: Floats | None, goal: float) -> Floats | None:
+        """A solution with a residual of at most about goal · scale; None if it does not converge.
 
-    def solve(self, right: Floats, scale: Floats, goal: float) -> Floats | None:
-        """(I - A)^-1 right up to a residual of goal · scale everywhere; None where that is not reached soon."""
-        best, last = np.inf, 0
-        for count, (x, rest) in enumerate(bicgstab(self.times, self.precondition, right, scale)):
+        scale: float64[n], positive; values count relative to it. None: 1 everywhere.
+        """
+        matrix = self.local.matrix if scale is None else scaled(self.local.matrix, scale)
+        split = SplitMatrix.of(matrix, np.ones(self.local.n))
+        least, last = np.inf, 0
+        for x, residual in split.solve(right if scale is None else right / scale):
             self.steps += 1
-            size = float(np.max(np.abs(rest) / scale))
-            if size <= goal:
-                return x
-            if size < 0.1 * best:
-                best, last = size, count
-            if not np.isfinite(size) or count - last > PATIENCE:
+            if residual <= 0.5 * goal:
+                solution = split.solve_upper(x)
+                return solution if scale is None else solution * scale
+            if residual < 0.1 * least:
+                least, last = residual, split.steps
+            if not np.isfinite(residual) or split.steps - last > tuning.BICGSTAB_PATIENCE:
                 break
         return None
 
@@ -250,90 +263,105 @@ Evaluate = Callable[[LinearProblem, Settings], Solution]
 
 
 def policy_iteration(
-    local: LocalSystem, goal: float, evaluate: Evaluate, rounds: int = 500
+    local: LocalSystem, goal: float, evaluate: Evaluate, rounds: int = tuning.POLICY_ROUNDS
 ) -> Bounds | None:
-    """Howard's policy iteration, each policy's chain solved by `evaluate`; the result is certified against all rows.
+    """Howard's policy iteration; the result is certified against all rows.
 
-    None where no proof is found. Every policy on the way leaves almost surely, so that its equations have one solution.
+    Every policy evaluated leaves almost surely, so its equations have a unique solution.
+
+    Args:
+        local: the equations.
+        goal: the requested width.
+        evaluate: solves the chain of a policy.
+        rounds: the largest number of policies.
+
+    Returns:
+        Bounds and the policy; None if no proof is found.
     """
     assert local.matrix.groups is not None
     if np.any(np.diff(local.matrix.groups) == 0):
         return None
     first = local.matrix.groups[:-1]
-    policy = proper(local, first + np.maximum(local.block.choice, 0))
+    policy = make_proper(local, first + np.maximum(local.block.choice, 0))
     if policy is None:
         return None
-    fine = Accuracy(epsilon=min(goal * 0.1, 1e-9))
+    accurate = Accuracy(epsilon=min(goal * 0.1, 1e-9))
     middle = 0.5 * (local.low + local.high)
     count = 0
     while count < rounds:
         count += 1
-        x = evaluate(local.problem(policy, middle), fine).middle
+        x = evaluate(local.problem(policy, middle), accurate).middle
         if not np.all(np.isfinite(x)):
             return None
         rows = local.rows_of(x, middle)
-        better = _improve(local, policy, rows, local.mode)
+        better = _improve_policy(local, policy, rows, local.mode)
         if better is None:
             break
         policy = better
-    own = evaluate(replace(local.problem(policy, local.low), upper=local.high[policy]), fine)
-    if _clearly_best(local, policy, own):
-        return Bounds(own.lower, own.upper, (policy - first).astype(np.int32), count)
-    # A bound relative to each value, or, where values cancel, relative to the greatest.
-    for scale in (_scale(x), np.full(local.n, max(float(np.max(np.abs(x), initial=0.0)), 1e-300))):
+    values = evaluate(replace(local.problem(policy, local.low), upper=local.high[policy]), accurate)
+    if _proves_optimality(local, policy, values):
+        return Bounds(values.lower, values.upper, (policy - first).astype(np.int32), count)
+    # Bounds relative to each value, or to the largest value if values cancel.
+    for scale in (
+        _absolute_scale(x),
+        np.full(local.n, max(float(np.max(np.abs(x), initial=0.0)), 1e-300)),
+    ):
         weights = _weights(local, policy, x, rows, scale, evaluate)
-        found = None if weights is None else _around(x, weights, *local.certify(x, weights, policy))
-        if found is not None:
-            return replace(found, policy=(policy - first).astype(np.int32), iterations=count)
+        if weights is None:
+            continue
+        bounds = _bounds_around(x, weights, *local.certify(x, weights, policy))
+        if bounds is not None:
+            return replace(bounds, policy=(policy - first).astype(np.int32), iterations=count)
     return None
 
 
-def _clearly_best(local: LocalSystem, policy: Int64s, own: Solution) -> bool:
-    """Whether the bounds on the policy's values prove that no other row is better anywhere: then they are optimal."""
+def _proves_optimality(local: LocalSystem, policy: Int64s, values: Solution) -> bool:
+    """Whether the bounds on a policy's values prove that no other row is better in any state."""
     groups = local.matrix.groups
     assert groups is not None
-    slip = (int(np.max(np.diff(local.matrix.indptr), initial=0)) + 8) * 2.0**-53
+    longest = int(np.max(np.diff(local.matrix.indptr), initial=0))
+    rounding_error = (longest + 8) * tuning.UNIT_ROUNDOFF
     if local.mode == 2:
-        rows = local.rows_of(own.upper, local.high)
-        worse = rows + np.abs(rows) * slip <= np.repeat(own.lower, np.diff(groups))
+        rows = local.rows_of(values.upper, local.high)
+        worse = rows + np.abs(rows) * rounding_error <= np.repeat(values.lower, np.diff(groups))
     else:
-        rows = local.rows_of(own.lower, local.low)
-        worse = rows - np.abs(rows) * slip >= np.repeat(own.upper, np.diff(groups))
+        rows = local.rows_of(values.lower, local.low)
+        worse = rows - np.abs(rows) * rounding_error >= np.repeat(values.upper, np.diff(groups))
     worse[policy] = True
     return bool(worse.all())
 
 
-def proper(local: LocalSystem, policy: Int64s) -> Int64s | None:
-    """The policy, mended where it does not leave almost surely; None where no policy does."""
+def make_proper(local: LocalSystem, policy: Int64s) -> Int64s | None:
+    """The policy, changed where it does not leave almost surely; None if no policy leaves."""
     groups = local.matrix.groups
     assert groups is not None
-    leaves = _leaves(local, policy)
-    if leaves.all():
+    leaving = _leaves(local, policy)
+    if leaving.all():
         return policy
-    # Every policy row towards a state that has a row out; take those rows out where they are.
+    # Choose rows that leave where there are some, and elsewhere rows towards such states.
     owner = np.repeat(np.arange(local.n), np.diff(groups))
-    out = np.flatnonzero(local.exit > 0.0)
-    door = np.zeros(local.n, dtype=np.bool_)
-    door[owner[out]] = True
-    sure, rows = graph.prob1e_strategy(local.matrix, np.ones(local.n, dtype=np.bool_), door)
+    exit_rows = np.flatnonzero(local.exit > 0.0)
+    can_exit = np.zeros(local.n, dtype=np.bool_)
+    can_exit[owner[exit_rows]] = True
+    sure, rows = graph.prob1e_strategy(local.matrix, np.ones(local.n, dtype=np.bool_), can_exit)
     if not sure.all():
         return None
-    mended = np.where(rows >= 0, rows, 0)
-    mended[owner[out]] = out
-    mended = np.where(leaves, policy, mended)
-    return mended if _leaves(local, mended).all() else np.where(door, mended, rows)
+    repaired = np.where(rows >= 0, rows, 0)
+    repaired[owner[exit_rows]] = exit_rows
+    repaired = np.where(leaving, policy, repaired)
+    return repaired if _leaves(local, repaired).all() else np.where(can_exit, repaired, rows)
 
 
 def _leaves(local: LocalSystem, policy: Int64s) -> Bools:
-    """From where the chain of a policy may leave."""
+    """The states from which the chain of a policy can leave."""
     matrix, leave = local.chain(policy)
     return graph.backward_reachable(matrix, leave > 0.0)
 
 
-def _improve(
+def _improve_policy(
     local: LocalSystem, policy: Int64s, rows: Floats, mode: int, allowed: Bools | None = None
 ) -> Int64s | None:
-    """The best row wherever it is clearly better than the policy's; None where it is nowhere so."""
+    """The policy with clearly better rows where there are some; None if there are none."""
     groups = local.matrix.groups
     assert groups is not None
     sign = 1.0 if mode == 2 else -1.0
@@ -354,19 +382,22 @@ def _improve(
 def _weights(
     local: LocalSystem, policy: Int64s, x: Floats, rows: Floats, scale: Floats, evaluate: Evaluate
 ) -> Floats | None:
-    """Weights w with A_r w + scale at most about w, along the rows that are as good as the policy's: the greatest such reward."""
+    """Weights w with A w + scale about w or less, along all rows that are as good as the policy's.
+
+    They are the maximal expected rewards `scale` per step over these rows.
+    """
     groups = local.matrix.groups
     assert groups is not None
     ties = np.abs(rows - np.repeat(x, np.diff(groups))) <= 1e-7 * np.repeat(scale, np.diff(groups))
     ties[policy] = True
     constant = np.repeat(scale, np.diff(groups))
-    rough = Accuracy(epsilon=1e-3)
-    for _ in range(100):
-        found = evaluate(local.problem(policy, constant, probability=False), rough)
-        weight = found.upper
+    approximate = Accuracy(epsilon=1e-3)
+    for _ in range(tuning.WEIGHT_ROUNDS):
+        rewards = evaluate(local.problem(policy, constant, probability=False), approximate)
+        weight = rewards.upper
         if not np.all(np.isfinite(weight)):
             return None
-        better = _improve(local, policy, local.rows_of(weight, constant), 2, ties)
+        better = _improve_policy(local, policy, local.rows_of(weight, constant), 2, ties)
         if better is None:
             break
         policy = better

@@ -22,7 +22,7 @@ from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics import graph
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Step
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy, Settings
 
@@ -154,7 +154,7 @@ def _gain(part: _Part, settings: Settings, observer: Observer | None) -> Gain:
         following = part.best(part.rows(h))
         low, high = _narrowed(part, h, following, low, high)
         if observer is not None:
-            observer(Step("value iteration", count, high - low, n))
+            observer(Progress("value iteration", count, high - low, n))
         if _near(low, high, part.slip(h), settings):
             return Gain(low, high, count)
         if count % _PATIENCE == 0 and n <= _SOLVED:

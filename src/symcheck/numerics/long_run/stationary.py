@@ -21,8 +21,8 @@ from symcheck.kernels.chains.gth_elimination import Elimination
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics.linear import rational
-from symcheck.numerics.linear.preconditioned_bicgstab import Split
-from symcheck.numerics.linear.problem import Observer, Step
+from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
+from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.settings import Settings
 
 __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
@@ -109,7 +109,7 @@ def _estimate(
         total = float(pi.sum())
         pi /= total
         if observer is not None:
-            observer(Step("gauss-seidel", count, change / total, rates.states))
+            observer(Progress("gauss-seidel", count, change / total, rates.states))
         if change <= settings.epsilon * 0.01 * total:
             break
     return pi, count
@@ -150,7 +150,7 @@ def _weighted(known: Stationary, rewards: Floats) -> Average:
     return Average(low - slip, high + slip, True, 1, known.explanation)
 
 
-def _bordered(rates: SparseMatrix, leave: Floats) -> Split:
+def _bordered(rates: SparseMatrix, leave: Floats) -> SplitMatrix:
     """The Poisson equation g - (Q h)(s) = r(s), divided by the rates of leaving, with g = row·h.
 
     As constants do not matter to Q h, the row may be any that does not annul them. About the stationary distribution, as far as
@@ -163,7 +163,7 @@ def _bordered(rates: SparseMatrix, leave: Floats) -> Split:
         gauss_seidel.push_sweep(rates.indptr, rates.indices, rates.data, leave, mass, time)
     time *= SHIFT * float(np.einsum("i,i->", time, leave)) / float(time.sum()) ** 2
     slow = 1.0 / leave
-    return Split.of(rates, slow).shifted(slow, time)
+    return SplitMatrix.of(rates, slow).with_rank_one(slow, time)
 
 
 def _poisson_equation(
@@ -200,12 +200,12 @@ def _poisson_equation(
             max(abs(best[0]), abs(best[1])) if settings.relative else 1.0
         )
         if (ahead and rest <= NEARER * seen) or (made - since) % PATIENCE == PATIENCE - 1:
-            low, high = look(split.above(x))
+            low, high = look(split.solve_upper(x))
             seen, ratio = rest, (high - low) / rest if rest > 0.0 else 0.0
             if math.isfinite(high - low):
                 best = max(low, best[0]), min(high, best[1])
         if observer is not None:
-            observer(Step("bicgstab", made, best[1] - best[0], rates.states))
+            observer(Progress("bicgstab", made, best[1] - best[0], rates.states))
         if (
             _near(best, settings)
             or made - since >= GIVE_UP
@@ -215,7 +215,7 @@ def _poisson_equation(
             break
     note = f"{rates.states} states: BiCGStab between the triangles of the Poisson equation, {made} steps"
     return Average(
-        *best, True, made, note + ("" if _near(best, settings) else ", not as near as wanted")
+        *best, True, made, note + ("" if _near(best, settings) else ", accuracy not reached")
     )
 
 

@@ -21,7 +21,7 @@ from symcheck.kernels.solve.reward_epochs import Levels
 from symcheck.matrices.numbers import Numbers, numbers
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics import graph
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Step
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.reward_bounds.epoch_system import Epochs, Layer, layer_of
 from symcheck.numerics.reward_bounds.rational_epochs import rational_epochs
 from symcheck.numerics.settings import ROUNDING, Settings
@@ -155,7 +155,7 @@ class _Run:
             same = same + equal if equal == following - level else equal
             level = following
             if self.observer is not None:
-                self.observer(Step("budget by budget", level, 0.0, len(layer.state)))
+                self.observer(Progress("budget by budget", level, 0.0, len(layer.state)))
             if same > slots and level - first > 2 * slots:
                 break  # as many levels as matter are alike, and so are all that follow
         self.levels += level - first

@@ -21,8 +21,8 @@ from symcheck.kernels.chains import ssor_eisenstat
 from symcheck.kernels.chains.gth_elimination import Elimination
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
-from symcheck.numerics.linear.preconditioned_bicgstab import Split, relative_solution
-from symcheck.numerics.linear.problem import Observer, Step
+from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, relative_solution
+from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.settings import Settings
 
 __all__ = ["Implicit", "excess", "implicit_values", "importance"]
@@ -106,7 +106,7 @@ def implicit_values(
         least = float(values[interest].min())
         widths.append(2.0 * error)
         if observer is not None:
-            observer(Step("implicit", space.steps, widths[-1], len(start)))
+            observer(Progress("implicit", space.steps, widths[-1], len(start)))
         goal = settings.epsilon * (least if settings.relative else 1.0)
         if widths[-1] <= goal:
             return Implicit(values, error, size, space.steps)
@@ -177,7 +177,7 @@ class _System:
     longest: int
     factors: Elimination | None
     diagonal: Floats
-    split: Split | None
+    split: SplitMatrix | None
 
     @staticmethod
     def of(
@@ -187,7 +187,7 @@ class _System:
         factors = (
             _factors(rates, single / (1.0 + single * diagonal)) if rates.states <= DIRECT else None
         )
-        split = None if factors is not None else Split.of(rates, diagonal)
+        split = None if factors is not None else SplitMatrix.of(rates, diagonal)
         longest = int(np.max(np.diff(rates.indptr), initial=0))
         poles = (single,) if split is None else poles
         return _System(
@@ -281,7 +281,7 @@ class _Space:
         for x, rest in split.solve(right):
             self.steps += 1
             if rest <= goal:
-                return split.above(x)
+                return split.solve_upper(x)
             if split.steps > STEPS:
                 break
         return None

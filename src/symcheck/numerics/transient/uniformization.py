@@ -22,12 +22,11 @@ from symcheck.errors import NumericalError
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
-from symcheck.numerics.linear.problem import Observer, Operator, Step
+from symcheck.numerics.linear.problem import Observer, Progress, SweepOperator
 from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.rational_krylov import excess, implicit_values, importance
 from symcheck.numerics.transient.state_space_truncation import truncate
-from symcheck.numerics.transient.two_phase import value_from
 from symcheck.numerics.transient.uniformized_chain import ROUND, Chain, Visits, uniformise
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
@@ -49,7 +48,6 @@ WIDE: tuple[float, ...] = (
 )  # in terms of weights, where what is fast goes on all the time
 SELDOM = 0.01  # of the states, where gain comes from
 LAYER = 200.0  # steps of uniformisation before that
-EARLY = 4000.0  # steps until the early time from which on fewer states are kept
 HASTE = (20.0, 5.0)  # of the rounds of cutting off
 
 
@@ -88,7 +86,7 @@ class Transient:
 
 
 def transient_values(
-    rates: SparseMatrix | Operator,
+    rates: SparseMatrix | SweepOperator,
     exit_rates: Floats,
     time: float,
     settings: Settings,
@@ -127,7 +125,7 @@ def transient_values(
 
 def _part(
     chain: Chain,
-    rates: SparseMatrix | Operator,
+    rates: SparseMatrix | SweepOperator,
     exit_rates: Floats,
     start: Floats,
     time: float,
@@ -291,7 +289,7 @@ def _sum(
         size = float(y.sum()) if mass else most * growth
         above = total * (1.0 + error) + ahead * size * (1.0 + error)
         if observer is not None:
-            observer(Step("uniformisation", k, high - low, len(start)))
+            observer(Progress("uniformisation", k, high - low, len(start)))
         if k >= len(weights) or _near(pick(below), pick(above), settings):
             return _result(below, above, k, len(weights), "")
         if low <= high < np.inf and _promising(low, high, ahead, pick(total), pick(y), settings):
@@ -374,8 +372,6 @@ def _truncated(
             chain, matrix, exit_rates[kept], gain[kept], time, True, settings, at, observer, weights
         )
     if found is None:
-        found = _two_parts(matrix, exit_rates[kept], time, gain[kept], at, settings, observer)
-    if found is None:
         found = _sum(
             chain,
             gain[kept] / chain.q,
@@ -396,51 +392,6 @@ def _truncated(
     note = f"{len(kept)} of {rates.states} states matter: {found.explanation}"
     return Transient(
         lower, upper, found.iterations, note, found.statistics | {"kept": len(kept), "loss": loss}
-    )
-
-
-def _two_parts(
-    rates: SparseMatrix,
-    exit_rates: Floats,
-    time: float,
-    gain: Floats,
-    at: Int64s,
-    settings: Settings,
-    observer: Observer | None,
-) -> Transient | None:
-    """As `transient_values` for a gain and one state of interest, by way of where the chain is early on; None where it does not pay."""
-    chain = uniformise(rates, exit_rates)
-    early = EARLY / chain.q
-    if len(at) != 1 or 50.0 * early > time:
-        return None
-    fine = Accuracy(epsilon=1e-300)
-    start = np.zeros(rates.states)
-    start[at] = 1.0
-    soon = _sum(chain, gain / chain.q, early, True, fine, None, observer)
-    there = _sum(
-        uniformise(rates, exit_rates, transposed=True),
-        start,
-        early,
-        False,
-        fine,
-        None,
-        observer,
-        mass=True,
-    )
-    assert soon is not None
-    assert there is not None
-    late = value_from(
-        rates, exit_rates, time - early, gain, (there.lower, there.upper), settings, observer
-    )
-    if late is None:
-        return None
-    lower, upper = soon.lower, soon.upper.copy()
-    lower[at] += late.lower
-    upper[at] = (upper[at] + late.upper) * (1.0 + 4 * ROUND)
-    steps = soon.iterations + there.iterations + late.steps
-    note = f"uniformisation, {steps} of {math.ceil(chain.q * time)} steps, for {late.kept} states from time {early:.3g} on"
-    return Transient(
-        lower * (1.0 - 4 * ROUND), upper, steps, note, {"steps": steps, "kept_later": late.kept}
     )
 
 

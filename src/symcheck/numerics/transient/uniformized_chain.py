@@ -9,7 +9,7 @@ import numpy as np
 from symcheck.kernels.chains import uniformization
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
-from symcheck.numerics.linear.problem import Operator
+from symcheck.numerics.linear.problem import SweepOperator
 
 __all__ = ["ROUND", "Chain", "Visits", "uniformise"]
 
@@ -23,7 +23,7 @@ class Chain:
     q: float
     diagonal: Floats
     matrix: SparseMatrix | None
-    operator: Operator | None
+    operator: SweepOperator | None
     longest: int
 
     @property
@@ -113,7 +113,7 @@ class Visits:
 
 
 def uniformise(
-    rates: SparseMatrix | Operator, exit_rates: Floats, transposed: bool = False
+    rates: SparseMatrix | SweepOperator, exit_rates: Floats, transposed: bool = False
 ) -> Chain:
     """The chain of a CTMC at its fastest rate; `transposed` for distributions (rows are needed then)."""
     q = float(np.max(exit_rates, initial=0.0)) or 1.0

@@ -1,67 +1,55 @@
-"""Policy iteration on the whole system (Howard 1960), each policy's chain solved component by component.
+"""Policy iteration on the whole system; the chain of each policy is solved component by component.
 
-Right where values converge slowly, and the only certified method for negative rewards with choices.
+It suits values that converge slowly, and it is the only certified method for negative rewards with
+choices. Source: Howard (1960), Dynamic programming and Markov processes.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.numerics.linear.mec_quotient import collapse, unit
+from symcheck.numerics.linear.mec_quotient import collapse
+from symcheck.numerics.linear.methods.method import Solver
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.linear.subsystem import LocalSystem, policy_iteration
 from symcheck.numerics.settings import Settings
 
-__all__ = ["Solver", "solve"]
-
-
-class Solver(Protocol):
-    """A method that solves problems without choices."""
-
-    def __call__(
-        self, problem: LinearProblem, settings: Settings, observer: Observer | None = None, /
-    ) -> Solution:
-        """Bounds of the solution."""
-        ...
+__all__ = ["solve"]
 
 
 def solve(
     problem: LinearProblem, settings: Settings, observer: Observer | None = None, *, chains: Solver
 ) -> Solution:
-    """Certified bounds; `chains` solves problems without choices. Raises NumericalError where no proof is found.
+    """Certified bounds.
 
-    There is none where some strategy may never leave, and collect rewards for ever.
+    Args:
+        problem: any problem with rows.
+        settings: accuracy and limits.
+        observer: receives the progress.
+        chains: solves problems without choices.
+
+    Raises:
+        NumericalError: no proof was found. There is none if some policy may never leave the
+            unknown states and collects rewards forever.
     """
     if problem.mode == 0:
         return chains(problem, settings, observer)
-    smaller = collapse(problem)
-    if smaller is not None:
-        return smaller.expand(solve(smaller.problem, settings, observer, chains=chains))
+    quotient = collapse(problem)
+    if quotient is not None:
+        return quotient.expand(solve(quotient.problem, settings, observer, chains=chains))
     local = LocalSystem.whole(problem)
-    found = policy_iteration(local, settings.epsilon, chains)
-    if found is None:
+    result = policy_iteration(local, settings.epsilon, chains)
+    if result is None:
         raise NumericalError(
-            "policy iteration found no certificate: some strategy may collect rewards for ever"
+            "policy iteration found no certificate: some strategy may collect rewards forever"
         )
-    assert found.policy is not None
-    lower, upper = (
-        (unit(found.lower), unit(found.upper))
-        if problem.probability
-        else (found.lower, found.upper)
-    )
-    note = f"{problem.n} states: policy iteration, {found.iterations} policies"
+    assert result.policy is not None
+    lower, upper = result.lower, result.upper
+    if problem.probability:
+        lower, upper = np.clip(lower, 0.0, 1.0), np.clip(upper, 0.0, 1.0)
+    note = f"{problem.n} states: policy iteration, {result.iterations} policies"
     width = float(np.max(upper - lower, initial=0.0))
-    return Solution(
-        lower,
-        upper,
-        "policy",
-        False,
-        True,
-        found.iterations,
-        note,
-        {"width": width},
-        local.block.chosen(found.policy),
-    )
+    rows = local.block.chosen(result.policy)
+    statistics = {"width": width}
+    return Solution(lower, upper, "policy", False, True, result.iterations, note, statistics, rows)

@@ -17,7 +17,7 @@ from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import doubles
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics import graph
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution, Step
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.rational import (
     Number,
     Row,
@@ -75,7 +75,7 @@ def _policy_iteration(
             [rows[r] for r in policy], [constant[r] for r in policy], problem.rows.choose(policy)
         )
         if observer is not None:
-            observer(Step("policy iteration", rounds, 0.0, problem.n))
+            observer(Progress("policy iteration", rounds, 0.0, problem.n))
         changed = False
         for s, best in enumerate(x):
             for r in range(starts[s], starts[s + 1]):

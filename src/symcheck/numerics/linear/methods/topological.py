@@ -1,10 +1,13 @@
-"""The default: strong components in reverse topological order, each by the cheapest means that certify it.
+"""The default method: strong components in reverse topological order.
 
-A state that is a component of its own takes one pass over its rows. A component without choices is eliminated without
-subtraction, if that takes no more than some sweeps would, or solved by BiCGStab, with a proof. Others are swept from both
-sides (interval iteration for probabilities, optimistic value iteration for rewards) as long as that converges, and handed
-to a longer elimination or to policy iteration where it does not.
-Sources: Dai, Mausam, Weld & Goldsmith (2011); Baier, Klein, Leuschner, Parker & Wunderlich (2017).
+Each component is solved by the cheapest means that prove the requested accuracy. A single state
+takes one pass over its rows. A component without choices is eliminated without subtraction if that
+costs no more than some sweeps, or solved by BiCGStab. Other components are solved by extrapolated
+sweeps or swept from both sides (interval iteration for probabilities, optimistic value iteration for
+rewards), and where this converges slowly by a longer elimination or by policy iteration.
+
+Sources: Dai, Mausam, Weld & Goldsmith (2011) for the order; Baier, Klein, Leuschner, Parker &
+Wunderlich (2017) for interval iteration within it.
 """
 
 from __future__ import annotations
@@ -19,12 +22,13 @@ from symcheck.kernels.solve.certificates import levels
 from symcheck.kernels.solve.component_bounds import System
 from symcheck.kernels.solve.sweeps import Block
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
-from symcheck.numerics import graph
-from symcheck.numerics.linear.extrapolation import accelerated
-from symcheck.numerics.linear.masked_problem import Embedded
+from symcheck.numerics import graph, tuning
+from symcheck.numerics.linear.extrapolation import solve_extrapolated
+from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import policy
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution, Step
+from symcheck.numerics.linear.methods.method import Method
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.subsystem import (
     Bounds,
     LocalSystem,
@@ -34,56 +38,60 @@ from symcheck.numerics.linear.subsystem import (
 )
 from symcheck.numerics.settings import Settings
 
-__all__ = ["solve", "solve_embedded"]
-
-SMALL = 64  # states without choices that are eliminated in a full matrix
-SPARSE = 250_000  # states beyond which elimination is not tried at length
-OPERATIONS = 4_000_000_000  # of a sparse elimination, before it is given up
-MANY = 5_000_000  # entries beyond which it is not tried at all
-LARGE = 20_000  # states from which on sweeping pays even where it is slow
-SLICE = 32  # sweeps between looks at the rate
-TINY = 1e-290  # below, bounds that are rounded outwards come apart
-CHEAP = 20_000_000  # entries that sweeps go over in some hundredths of a second
+__all__ = ["METHOD", "solve", "solve_masked"]
 
 
 class _TooSlow(Exception):
     """A chain is not solved by quick means."""
 
 
+_COUNTERS = ("single", "eliminated", "swept", "sweeps", "largest_eliminated", "largest_swept")
+
+
 @dataclass(eq=False)
-class _Run:
-    """The arrays of a solution in the making. point: whether constants are known exactly."""
+class TopologicalRun:
+    """The state of a solution.
+
+    known_exactly: whether the constants are. values: lower and upper values, float64[states, 2].
+    quick: whether slow means raise _TooSlow. counters: those of the kernel (see `_COUNTERS`).
+    methods: the largest component that each method solved. unfinished: components without the
+    requested accuracy.
+    """
 
     system: System
     probability: bool
-    point: bool
-    x: Floats
+    known_exactly: bool
+    values: Floats
     strategy: Int64s
     settings: Settings
     observer: Observer | None
-    counters: Int64s = field(default_factory=lambda: np.zeros(6, dtype=np.int64))
-    notes: dict[str, int] = field(default_factory=dict)
     quick: bool = False
-    failed: int = 0
+    counters: Int64s = field(default_factory=lambda: np.zeros(len(_COUNTERS), dtype=np.int64))
+    methods: dict[str, int] = field(default_factory=dict)
+    unfinished: int = 0
     iterations: int = 0
+
+    def note(self, method: str, states: int) -> None:
+        """Record that a method solved a component."""
+        self.methods[method] = max(self.methods.get(method, 0), states)
 
 
 def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
-    """Bounds that are certified; as near as asked unless the explanation says otherwise."""
+    """Certified bounds, as close as requested unless the explanation says otherwise."""
     if problem.signed:
         return _signed(problem, settings, observer)
-    smaller = collapse(problem)
-    if smaller is not None:
-        return smaller.expand(solve(smaller.problem, settings, observer))
-    return _solve(problem, settings, observer)
+    quotient = collapse(problem)
+    if quotient is not None:
+        return quotient.expand(solve(quotient.problem, settings, observer))
+    return _solve_rows(problem, settings, observer)
 
 
-def solve_embedded(
-    problem: Embedded, settings: Settings, observer: Observer | None = None
+def solve_masked(
+    problem: MaskedProblem, settings: Settings, observer: Observer | None = None
 ) -> Solution:
-    """The like for a problem whose rows stay among those of other states. No strategy comes of it."""
+    """As `solve`, for a problem whose rows stay among those of other states; without a strategy."""
     if problem.signed or problem.collapsible():
-        return solve(problem.alone(), settings, observer)
+        return solve(problem.extract(), settings, observer)
     m, constant = problem.matrix, problem.constant
     unknown = problem.unknown.view(np.uint8)
     system = System(
@@ -98,14 +106,16 @@ def solve_embedded(
         unknown,
         problem.rates,
     )
-    nobody = np.empty(0, dtype=np.int64)
-    run = _Run(system, problem.probability, True, problem.start(), nobody, settings, observer)
-    return _found(run, graph.Incidence(m), problem.unknown, problem.n)
+    no_strategy = np.empty(0, dtype=np.int64)
+    values = problem.initial_values()
+    run = TopologicalRun(system, problem.probability, True, values, no_strategy, settings, observer)
+    return _solve_components(run, graph.Incidence(m), problem.unknown, problem.n)
 
 
-def _solve(
+def _solve_rows(
     problem: LinearProblem, settings: Settings, observer: Observer | None, quick: bool = False
 ) -> Solution:
+    """Solve a problem with non-negative constants, whose end components are collapsed."""
     m = problem.rows
     system = System(
         m.indptr,
@@ -117,236 +127,244 @@ def _solve(
         problem.leaving,
         problem.mode,
     )
-    point = problem.upper is None or bool(np.array_equal(problem.constant, problem.upper))
+    known_exactly = problem.upper is None or bool(np.array_equal(problem.constant, problem.upper))
     strategy = np.full(problem.n if problem.mode else 0, -1, dtype=np.int64)
-    run = _Run(
-        system, problem.probability, point, np.zeros((problem.n, 2)), strategy, settings, observer
+    values = np.zeros((problem.n, 2))
+    run = TopologicalRun(
+        system, problem.probability, known_exactly, values, strategy, settings, observer, quick
     )
-    run.quick = quick
-    return _found(run, graph.Incidence(m), None, problem.n)
+    return _solve_components(run, graph.Incidence(m), None, problem.n)
 
 
-def _found(run: _Run, source: graph.Incidence, unknown: Bools | None, n: int) -> Solution:
-    """Solve the equations of the unknowns (None: all states), component by component unless there are no cycles."""
+def _solve_components(
+    run: TopologicalRun, source: graph.Incidence, unknown: Bools | None, n: int
+) -> Solution:
+    """Solve the equations of the unknown states (None: all); in one pass if there are no cycles."""
     indices = source.matrix.indices
-    shape = sparse.triangular_order(
-        source.edges, indices, None if unknown is None else unknown.view(np.uint8)
-    )
+    mask = None if unknown is None else unknown.view(np.uint8)
+    shape = sparse.triangular_order(source.edges, indices, mask)
     if shape != 0:
-        run.system.sweep_acyclic(run.x, run.strategy, shape > 0)
-        return _finish(run, f"{n} states, acyclic: one pass", True, unknown)
+        run.system.sweep_acyclic(run.values, run.strategy, shape > 0)
+        return _solution(run, f"{n} states, acyclic: one pass", True, unknown)
     parts = graph.sccs(source, unknown)
-    # A component may use up its share of the width: what its successors brought in is part of what it is left with.
-    deep = levels(
-        source.edges,
-        indices,
-        parts.of,
-        parts.order,
-        parts.start,
-        SMALL if run.system.mode == 0 else 1,
-    )
-    components, order, start = (
-        f"{parts.count} SCCs, largest {parts.largest} states",
-        parts.order,
-        parts.start,
-    )
-    del parts, source  # what is solved now may need the memory
-    _components(run, order, start, deep)
-    explanation = _explain(run, components)
-    del order, start, deep
-    exact = run.counters[2] == 0 and set(run.notes) <= {"elimination"} and not run.failed
-    return _finish(run, explanation, exact, unknown)
+    # Each component may use its share of the width, since the bounds of its successors add to it.
+    small = tuning.SMALL_COMPONENT_STATES if run.system.mode == 0 else 1
+    depths = levels(source.edges, indices, parts.of, parts.order, parts.start, small)
+    summary = f"{parts.count} SCCs, largest {parts.largest} states"
+    order, start = parts.order, parts.start
+    del parts, source  # their memory may be needed for the solution
+    _solve_in_order(run, order, start, depths)
+    exact = run.counters[2] == 0 and set(run.methods) <= {"elimination"} and not run.unfinished
+    return _solution(run, _explain(run, summary), exact, unknown)
 
 
-def _components(run: _Run, order: Int32s, start: Int64s, deep: Int32s) -> None:
-    """Solve all components (see graph.Components); the kernel stops at each that needs more than its cheap means."""
-    np.maximum(deep, 1, out=deep)
-    share = run.settings.epsilon * 0.9 / int(deep.max(initial=1))
+def _solve_in_order(run: TopologicalRun, order: Int32s, start: Int64s, depths: Int32s) -> None:
+    """Solve all components (see graph.Components); the kernel returns those that are hard for it."""
+    np.maximum(depths, 1, out=depths)
+    share = run.settings.epsilon * 0.9 / int(depths.max(initial=1))
     component = 0
     while True:
         component = run.system.advance(
-            order, start, component, run.x, run.strategy, deep, share, run.settings.relative,
-            run.probability, SMALL, run.counters,
-        )  # fmt: skip
+            order,
+            start,
+            component,
+            run.values,
+            run.strategy,
+            depths,
+            share,
+            run.settings.relative,
+            run.probability,
+            tuning.SMALL_COMPONENT_STATES,
+            run.counters,
+        )
         if component >= len(start) - 1:
             return
-        _hard(run, order[start[component] : start[component + 1]], float(deep[component]) * share)
+        states = order[start[component] : start[component + 1]]
+        _solve_large_scc(run, states, float(depths[component]) * share)
         component += 1
 
 
-def _hard(run: _Run, states: Int32s, goal: float) -> None:
-    """A component that is large or converges slowly: sweep a little, and decide by the rate what comes next."""
-    block = run.system.block(states, run.x)
+def _solve_large_scc(run: TopologicalRun, states: Int32s, goal: float) -> None:
+    """Solve a component that is large or converges slowly, by the first method that succeeds."""
+    block = run.system.block(states, run.values)
     if not block.open_:
-        _closed(block)
-    elif not _directly(run, block, goal):
+        _solve_closed(block)
+    elif not _try_cheap_methods(run, block, goal):
         if run.quick:
             raise _TooSlow
-        done = _accelerate(run, block, goal)
-        if not done:
-            done, ahead = _sweep(run, block, goal, True)
-        if not done and block.n <= SPARSE:
-            limit = int(min(OPERATIONS, max(10 * CHEAP, 0.5 * ahead * block.entries)))
-            done = (
-                _again(run, block, goal)
-                or _eliminate(run, block, goal, limit)
-                or _improve(run, block, goal)
-            )
-        if not done:
-            loose = block.mode != 0 and _loosely(run, block, goal)
-            done = not loose and _sweep(run, block, goal, False)[0]
-            run.failed += not done
-    run.system.store(block, run.x, run.strategy)
+        if not _try_iterative_methods(run, block, goal):
+            relaxed = block.mode != 0 and _relax_tolerance(run, block, goal)
+            done = not relaxed and _sweep(run, block, goal, give_up=False)[0]
+            run.unfinished += not done
+    run.system.store(block, run.values, run.strategy)
 
 
-def _accelerate(run: _Run, block: Block, goal: float) -> bool:
-    """Policies, evaluated by extrapolated sweeps, and a proof."""
-    answer, sweeps = accelerated(block, goal, run.settings.relative, run.probability, run.observer)
-    run.iterations += sweeps
-    return answer is not None and _accept(run, block, goal, answer, "accelerated sweeps")
-
-
-def _loosely(run: _Run, block: Block, goal: float) -> bool:
-    """Bounds further apart than wanted, where rounding forbids to prove nearer ones: sweeps would go on for ever."""
-    return any(_accelerate(run, block, goal * factor) for factor in (10.0, 100.0, 1000.0, 10_000.0))
-
-
-def _closed(block: Block) -> None:
-    """Nothing leaves: the value is 0, or infinite where a reward is met again and again."""
+def _solve_closed(block: Block) -> None:
+    """Nothing leaves: the value is 0, or infinite if a reward is collected again and again."""
     block.x[:] = np.inf if np.any(np.asarray(block.bh)[: block.rows] > 0.0) else 0.0
 
 
-def _sweep(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
-    """Sweep; if `eager`, give up where that looks expensive. Returns whether the goal was reached, and sweeps still ahead."""
-    done, ahead = (_probabilities if run.probability else _rewards)(run, block, goal, eager)
+def _try_cheap_methods(run: TopologicalRun, block: Block, goal: float) -> bool:
+    """An elimination that costs no more than some sweeps, and BiCGStab."""
+    if block.n <= tuning.LARGE_COMPONENT_STATES:
+        limit = tuning.EARLY_OPERATIONS_PER_ENTRY * block.entries
+        return _eliminate(run, block, goal, limit) or _try_krylov(run, block, goal)
+    limit = tuning.EARLY_OPERATIONS_PER_ENTRY_LARGE * block.entries
+    return _try_krylov(run, block, goal) or _eliminate(run, block, goal, limit)
+
+
+def _try_iterative_methods(run: TopologicalRun, block: Block, goal: float) -> bool:
+    """Extrapolated sweeps, plain sweeps while they converge, a long elimination, and policies."""
+    if _extrapolate(run, block, goal):
+        return True
+    done, sweeps_left = _sweep(run, block, goal, give_up=True)
+    if done or block.n > tuning.ELIMINATION_STATES:
+        return done
+    expected = max(10 * tuning.CHEAP_ENTRIES, 0.5 * sweeps_left * block.entries)
+    limit = int(min(tuning.ELIMINATION_OPERATIONS, expected))
+    return _eliminate(run, block, goal, limit) or _iterate_policies(run, block, goal)
+
+
+def _extrapolate(run: TopologicalRun, block: Block, goal: float) -> bool:
+    """Extrapolated sweeps with a proof."""
+    bounds, sweeps = solve_extrapolated(
+        block, goal, run.settings.relative, run.probability, run.observer
+    )
+    run.iterations += sweeps
+    return bounds is not None and _accept(run, block, goal, bounds, "extrapolated sweeps")
+
+
+def _relax_tolerance(run: TopologicalRun, block: Block, goal: float) -> bool:
+    """Prove wider bounds where rounding prevents the proof of closer ones and sweeps never end."""
+    return any(_extrapolate(run, block, goal * factor) for factor in tuning.RELAXED_TOLERANCES)
+
+
+def _sweep(run: TopologicalRun, block: Block, goal: float, *, give_up: bool) -> tuple[bool, float]:
+    """Interval iteration or optimistic value iteration.
+
+    give_up: stop if convergence looks expensive.
+
+    Returns:
+        Whether the goal was reached, and the expected number of remaining sweeps.
+    """
+    sweep, name = (
+        (_interval_iteration, "interval iteration")
+        if run.probability
+        else (_optimistic_iteration, "optimistic value iteration")
+    )
+    done, sweeps_left = sweep(run, block, goal, give_up)
     if done:
-        _note(
-            run, "interval iteration" if run.probability else "optimistic value iteration", block.n
-        )
-    return done, ahead
+        run.note(name, block.n)
+    return done, sweeps_left
 
 
-def _probabilities(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
-    """Interval iteration, in slices that show the rate and keep the observer informed."""
-    used, slow, before, ahead = 0, 0, 1.0, math.inf
+def _interval_iteration(
+    run: TopologicalRun, block: Block, goal: float, give_up: bool
+) -> tuple[bool, float]:
+    """Interval iteration, in slices that show the rate of convergence."""
+    used, slow_slices, last_width, sweeps_left = 0, 0, 1.0, math.inf
+    size = tuning.SWEEPS_PER_SLICE
     while used < run.settings.max_iterations:
-        done, sweeps, width = block.interval(goal, run.settings.relative, SLICE)
+        done, sweeps, width = block.interval(goal, run.settings.relative, size)
         used += sweeps
         run.iterations += sweeps
         if run.observer is not None:
-            run.observer(Step("interval iteration", run.iterations, width, block.n))
+            run.observer(Progress("interval iteration", run.iterations, width, block.n))
         if done:
             return True, 0.0
-        if used > SLICE:
-            ahead = (
-                sweeps * math.log(goal / width) / math.log(width / before)
-                if width < before
-                else math.inf
-            )
-            slow = slow + 1 if ahead * block.entries > CHEAP else 0
-            tried = used * block.entries > CHEAP // 20
-            if (eager and tried and slow >= 3) or (width >= before and used > 100 * SLICE):
+        if used > size:
+            sweeps_left = math.inf
+            if width < last_width:
+                sweeps_left = sweeps * math.log(goal / width) / math.log(width / last_width)
+            expensive = sweeps_left * block.entries > tuning.CHEAP_ENTRIES
+            slow_slices = slow_slices + 1 if expensive else 0
+            enough = used * block.entries > tuning.CHEAP_ENTRIES // 20
+            if (give_up and enough and slow_slices >= 3) or (
+                width >= last_width and used > 100 * size
+            ):
                 break
-        before = width
-    return False, ahead
+        last_width = width
+    return False, sweeps_left
 
 
-def _rewards(run: _Run, block: Block, goal: float, eager: bool) -> tuple[bool, float]:
+def _optimistic_iteration(
+    run: TopologicalRun, block: Block, goal: float, give_up: bool
+) -> tuple[bool, float]:
     """Optimistic value iteration."""
-    most = run.settings.max_iterations
-    # Elimination of a large block fills in: sweep for seconds before that is tried.
-    worth = CHEAP if block.n < LARGE else 100 * CHEAP
-    budget = min(most, max(200, worth // (block.entries + block.n + 1))) if eager else most
-    done, sweeps, width = block.optimistic(goal, run.settings.relative, budget, eager)
+    budget = run.settings.max_iterations
+    if give_up:
+        # A large block fills in when it is eliminated, so more sweeps are worth their time.
+        large = block.n >= tuning.LARGE_COMPONENT_STATES
+        entries = 100 * tuning.CHEAP_ENTRIES if large else tuning.CHEAP_ENTRIES
+        budget = min(budget, max(200, entries // (block.entries + block.n + 1)))
+    done, sweeps, width = block.optimistic(goal, run.settings.relative, budget, give_up)
     run.iterations += sweeps
     if run.observer is not None:
-        run.observer(Step("optimistic value iteration", run.iterations, width, block.n))
+        run.observer(Progress("optimistic value iteration", run.iterations, width, block.n))
     if not done:
         block.x[:, 1] = np.inf
     return done, math.inf
 
 
-def _eliminate(run: _Run, block: Block, goal: float, limit: int) -> bool:
-    """Elimination, for blocks without choices, within a number of operations."""
-    # The lists that elimination works on take several times the memory of the rows.
-    fits = block.mode == 0 and block.entries <= MANY
-    answer = solve_direct(LocalSystem.of(block), limit) if fits else None
-    return answer is not None and _accept(run, block, goal, answer, "elimination")
+def _eliminate(run: TopologicalRun, block: Block, goal: float, limit: int) -> bool:
+    """Elimination of a block without choices, within a number of operations."""
+    if block.mode != 0 or block.entries > tuning.ELIMINATION_ENTRIES:
+        return False
+    bounds = solve_direct(LocalSystem.of(block), limit)
+    return bounds is not None and _accept(run, block, goal, bounds, "elimination")
 
 
-def _directly(run: _Run, block: Block, goal: float) -> bool:
-    """An elimination that costs no more than some sweeps, or BiCGStab; large blocks fill in, and try that last."""
-    if block.n <= LARGE:
-        return _eliminate(run, block, goal, 200 * block.entries) or _krylov(
-            run, block, goal, np.ones(block.n)
-        )
-    return _krylov(run, block, goal, np.ones(block.n)) or _eliminate(
-        run, block, goal, 20 * block.entries
-    )
-
-
-def _krylov(run: _Run, block: Block, goal: float, scale: Floats) -> bool:
-    """BiCGStab, for blocks without choices, with a proof: sweeps that converge slowly are good at preconditioning it."""
+def _try_krylov(run: TopologicalRun, block: Block, goal: float) -> bool:
+    """BiCGStab with a proof, for a block without choices."""
     if block.mode != 0:
         return False
-    answer = solve_krylov(LocalSystem.of(block), goal, scale)
-    if answer is None:
+    bounds = solve_krylov(LocalSystem.of(block), goal)
+    if bounds is None:
         return False
-    run.iterations += answer.iterations
-    return _accept(run, block, goal, answer, "BiCGStab")
+    run.iterations += bounds.iterations
+    return _accept(run, block, goal, bounds, "BiCGStab")
 
 
-def _again(run: _Run, block: Block, goal: float) -> bool:
-    """BiCGStab once more, where sweeps have shown how large the values are, if these are of different orders of magnitude."""
-    lower = block.x[:, 0]
-    if not lower.min(initial=np.inf) > 0.0 or lower.min() > 1e-3 * lower.max():
-        return False
-    return _krylov(run, block, goal, lower.copy())
-
-
-def _improve(run: _Run, block: Block, goal: float) -> bool:
-    """Policy iteration, for blocks with choices, as long as the policies' chains are solved by quick means."""
+def _iterate_policies(run: TopologicalRun, block: Block, goal: float) -> bool:
+    """Policy iteration of a block with choices, if the chains of the policies are solved quickly."""
     if block.mode == 0:
         return False
     try:
-        answer = policy_iteration(LocalSystem.of(block), goal, _quickly)
+        bounds = policy_iteration(LocalSystem.of(block), goal, _solve_quickly)
     except _TooSlow:
         return False
-    return answer is not None and _accept(run, block, goal, answer, "policy iteration")
+    return bounds is not None and _accept(run, block, goal, bounds, "policy iteration")
 
 
-def _quickly(problem: LinearProblem, settings: Settings) -> Solution:
+def _solve_quickly(problem: LinearProblem, settings: Settings) -> Solution:
+    """Solve the chain of a policy; raises _TooSlow if quick means do not suffice."""
     if problem.signed:
         return _signed(problem, settings, None)
-    return _solve(problem, settings, None, quick=True)
+    return _solve_rows(problem, settings, None, quick=True)
 
 
-def _accept(run: _Run, block: Block, goal: float, answer: Bounds, name: str) -> bool:
-    """Take over bounds (where they are nearer, for probabilities); whether they are near enough."""
+def _accept(run: TopologicalRun, block: Block, goal: float, bounds: Bounds, name: str) -> bool:
+    """Store proved bounds (for probabilities, where they are closer); whether they are close enough."""
     x = block.x
     if run.probability:
-        x[:, 0] = np.maximum(x[:, 0], answer.lower)
-        x[:, 1] = np.minimum(x[:, 1], answer.upper)
+        x[:, 0] = np.maximum(x[:, 0], bounds.lower)
+        x[:, 1] = np.minimum(x[:, 1], bounds.upper)
     else:
-        x[:, 0] = answer.lower
-        x[:, 1] = answer.upper
-    if answer.policy is not None:
-        block.choice[:] = answer.policy
+        x[:, 0] = bounds.lower
+        x[:, 1] = bounds.upper
+    if bounds.policy is not None:
+        block.choice[:] = bounds.policy
     width = x[:, 1] - x[:, 0]
     if run.settings.relative:
-        width = width / np.maximum(np.abs(x[:, 1]), 1e-300)
+        width = width / np.maximum(np.abs(x[:, 1]), tuning.SMALLEST_DIVISOR)
     if float(width.max()) > goal:
         return False
-    _note(run, name, block.n)
+    run.note(name, block.n)
     return True
 
 
-def _note(run: _Run, name: str, states: int) -> None:
-    run.notes[name] = max(run.notes.get(name, 0), states)
-
-
 def _signed(problem: LinearProblem, settings: Settings, observer: Observer | None) -> Solution:
-    """Negative constants: without choices the solution is a difference of two; with choices, policy iteration decides."""
+    """Negative constants: a difference of two solutions without choices, else policy iteration."""
     if problem.mode != 0:
         return policy.solve(problem, settings, observer, chains=solve)
     parts = [
@@ -362,7 +380,7 @@ def _signed(problem: LinearProblem, settings: Settings, observer: Observer | Non
     ]
     plus, minus = parts
     lower, upper = plus.lower - minus.upper, plus.upper - minus.lower
-    note = f"gains and losses apart: {plus.explanation}"
+    note = f"positive and negative rewards separately: {plus.explanation}"
     return Solution(
         lower,
         upper,
@@ -374,39 +392,57 @@ def _signed(problem: LinearProblem, settings: Settings, observer: Observer | Non
     )
 
 
-def _finish(run: _Run, explanation: str, exact: bool, unknown: Bools | None) -> Solution:
+def _solution(
+    run: TopologicalRun, explanation: str, exact: bool, unknown: Bools | None
+) -> Solution:
+    """The solution of a finished run."""
     lower, upper = (
-        run.x[:, side].copy() if unknown is None else run.x[unknown, side] for side in (0, 1)
+        run.values[:, side].copy() if unknown is None else run.values[unknown, side]
+        for side in (0, 1)
     )
     if run.probability:
         for bound in (lower, upper):
             np.clip(bound, 0.0, 1.0, out=bound)
-    exact = exact and run.point and not _below_doubles(lower, upper)
-    names = ("single", "eliminated", "swept", "sweeps", "largest_eliminated", "largest_swept")
-    statistics = {name: int(c) for name, c in zip(names, run.counters, strict=True)} | {
-        "unfinished": run.failed
-    }
+    exact = exact and run.known_exactly and not _underflows(lower, upper)
+    statistics = {name: int(c) for name, c in zip(_COUNTERS, run.counters, strict=True)}
+    statistics["unfinished"] = run.unfinished
     return Solution(
-        lower, upper, "topological", exact, True, int(run.counters[3]) + run.iterations, explanation, statistics,
+        lower,
+        upper,
+        "topological",
+        exact,
+        True,
+        statistics["sweeps"] + run.iterations,
+        explanation,
+        statistics,
         run.strategy if len(run.strategy) else None,
-    )  # fmt: skip
+    )
 
 
-def _below_doubles(lower: Floats, upper: Floats) -> bool:
-    """Whether some value is so small that the bounds are apart, though no step of the solution was inexact by itself."""
-    small = np.flatnonzero(lower < TINY)
+def _underflows(lower: Floats, upper: Floats) -> bool:
+    """Whether bounds of tiny values differ by underflow, although every step was exact."""
+    small = np.flatnonzero(lower < tuning.UNDERFLOW_RISK)
     return bool(np.any(upper[small] - lower[small] > 1e-9 * upper[small]))
 
 
-def _explain(run: _Run, components: str) -> str:
-    """For people: how many components, the largest, and what was done."""
+def _explain(run: TopologicalRun, summary: str) -> str:
+    """One line for users: the components, and how they were solved."""
     single, eliminated, swept, _, largest_eliminated, largest_swept = (int(c) for c in run.counters)
     done = [f"{single} single"] if single else []
     if eliminated:
         done.append(f"{eliminated} eliminated (up to {largest_eliminated} states)")
     if swept:
         done.append(f"{swept} swept (up to {largest_swept} states)")
-    done += [f"{name} (up to {states} states)" for name, states in run.notes.items()]
-    if run.failed:
-        done.append(f"{run.failed} did not reach the accuracy wanted")
-    return f"{components}: topological, " + ", ".join(done)
+    done += [f"{name} (up to {states} states)" for name, states in run.methods.items()]
+    if run.unfinished:
+        done.append(f"{run.unfinished} without the requested accuracy")
+    return f"{summary}: topological, " + ", ".join(done)
+
+
+METHOD = Method(
+    "topological",
+    solve,
+    "rows",
+    True,
+    "strong components in order, each by the cheapest certified means",
+)

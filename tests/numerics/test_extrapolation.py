@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from numerics.oracle import Row, System, brute_force, problem_of, solve_chain
 from symcheck.kernels.solve import component_bounds
-from symcheck.numerics.linear.extrapolation import accelerated
+from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.linear.subsystem import Bounds
 
@@ -60,7 +60,7 @@ def test_bounds_hold_and_policies_attain_them(
 ) -> None:
     exact = brute_force(system, direction, proper_only=False)
     block = block_of(problem_of(system, direction, probability=False))
-    found, _ = accelerated(block, 1e-6, relative)
+    found, _ = solve_extrapolated(block, 1e-6, relative)
     if not isinstance(found, Bounds):
         assert (
             min(exact) == 0
@@ -104,7 +104,9 @@ tempting = st.tuples(leaking(), st.lists(st.one_of(leaking(), staying()), max_si
 @given(system=st.lists(tempting, min_size=4, max_size=4))
 def test_the_least_cost_where_some_policies_never_leave(relative: bool, system: System) -> None:
     exact = brute_force(system, "min", proper_only=True)
-    found, _ = accelerated(block_of(problem_of(system, "min", probability=False)), 1e-6, relative)
+    found, _ = solve_extrapolated(
+        block_of(problem_of(system, "min", probability=False)), 1e-6, relative
+    )
     if found is None:
         assert min(exact) == 0
         return
@@ -120,7 +122,7 @@ def test_rows_that_lead_to_infinity_do_no_harm_to_the_least_cost() -> None:
     ]
     problem = problem_of(system, "min", probability=False)
     problem.constant[0] = np.inf
-    found, _ = accelerated(block_of(problem), 1e-6, relative=True)
+    found, _ = solve_extrapolated(block_of(problem), 1e-6, relative=True)
     assert found is not None
     assert found.lower[0] <= 2.0 <= found.upper[0]
     assert found.lower[1] <= 2.0 <= found.upper[1]
@@ -139,7 +141,9 @@ def test_policies_that_stay_for_ever_and_seem_cheap(relative: bool) -> None:
         [({0: Fraction(1)}, Fraction(0), Fraction(0))],
         [({0: Fraction(1)}, Fraction(1), Fraction(0))],
     ]
-    found, _ = accelerated(block_of(problem_of(system, "min", probability=False)), 1e-6, relative)
+    found, _ = solve_extrapolated(
+        block_of(problem_of(system, "min", probability=False)), 1e-6, relative
+    )
     assert isinstance(found, Bounds)
     for low, value, high in zip(found.lower, (64, 64, 64, 65), found.upper, strict=True):
         assert low <= value <= high
@@ -165,7 +169,7 @@ def walk(n: int, reward: bool) -> LinearProblem:
 
 def test_a_long_walk_takes_few_sweeps() -> None:
     n = 600
-    found, sweeps = accelerated(block_of(walk(n, reward=True)), 1e-6, relative=True)
+    found, sweeps = solve_extrapolated(block_of(walk(n, reward=True)), 1e-6, relative=True)
     assert found is not None
     place = np.arange(1.0, n)
     exact = place * (n - place)  # expected steps; waiting never helps
@@ -178,7 +182,7 @@ def test_a_chain_is_a_policy() -> None:
     block = block_of(
         problem_of([[r[0]] for r in _rows_of(walk(50, reward=True))], None, probability=False)
     )
-    found, _ = accelerated(block, 1e-9, relative=True)
+    found, _ = solve_extrapolated(block, 1e-9, relative=True)
     assert found is not None
     assert found.policy is None
     assert np.all(np.abs(found.upper[:49] - np.arange(1.0, 50) * np.arange(49.0, 0, -1)) <= 1e-6)
@@ -207,7 +211,7 @@ def test_infinite_constants_are_left_to_others() -> None:
             problem.constant, problem.matrix, exit=problem.exit, direction="max", probability=False
         )
     )
-    assert accelerated(block, 1e-6, relative=True) == (None, 0)
+    assert solve_extrapolated(block, 1e-6, relative=True) == (None, 0)
 
 
 def test_rounding_decides_how_near_proved_bounds_can_be() -> None:
@@ -220,10 +224,12 @@ def test_rounding_decides_how_near_proved_bounds_can_be() -> None:
     exact = solve_chain([choices[0] for choices in rows])
     assert exact is not None
     assert (
-        accelerated(block_of(problem_of(rows, "max", probability=False)), 1e-9, relative=True)[0]
+        solve_extrapolated(
+            block_of(problem_of(rows, "max", probability=False)), 1e-9, relative=True
+        )[0]
         is None
     )
-    found, _ = accelerated(
+    found, _ = solve_extrapolated(
         block_of(problem_of(rows, "max", probability=False)), 1e-3, relative=True
     )
     assert found is not None

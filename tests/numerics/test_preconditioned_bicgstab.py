@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from symcheck.matrices.rows import Floats, SparseMatrix
-from symcheck.numerics.linear.preconditioned_bicgstab import ANGLE, Split, _steady
+from symcheck.numerics import tuning
+from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, _stabilising_step
 
 
 def chain(n: int, seed: int, values: int | None) -> tuple[Floats, SparseMatrix, Floats]:
@@ -27,45 +28,45 @@ def chain(n: int, seed: int, values: int | None) -> tuple[Floats, SparseMatrix, 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_it_solves_what_elimination_solves(values: int | None, bits: int, seed: int) -> None:
     dense, matrix, scale = chain(120, seed, values)
-    split = Split.of(matrix, scale)
+    split = SplitMatrix.of(matrix, scale)
     assert split.low[2].dtype.itemsize * 8 == bits
     right = np.random.default_rng(seed).normal(size=120)
-    x = next(split.above(x) for x, rest in split.solve(right) if rest <= 1e-12)
+    x = next(split.solve_upper(x) for x, rest in split.solve(right) if rest <= 1e-12)
     assert np.allclose(x, np.linalg.solve(dense, right), rtol=1e-9, atol=1e-12)
     assert 0 < split.steps < 60
 
 
 def test_more_values_than_codes_are_kept_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("symcheck.numerics.linear.preconditioned_bicgstab.MANY", 100)
+    monkeypatch.setattr(tuning, "SHORT_CODES", 100)
     dense, matrix, scale = chain(120, 3, None)
-    split = Split.of(matrix, scale)
+    split = SplitMatrix.of(matrix, scale)
     assert split.low[2].dtype == np.float64
     right = np.ones(120)
-    x = next(split.above(x) for x, rest in split.solve(right) if rest <= 1e-12)
+    x = next(split.solve_upper(x) for x, rest in split.solve(right) if rest <= 1e-12)
     assert np.allclose(dense @ x, right)
 
 
 def test_the_triangles_are_inverted() -> None:
     dense, matrix, scale = chain(60, 4, 5)
-    split, v = Split.of(matrix, scale), np.linspace(1.0, 2.0, 60)
-    assert np.allclose(np.tril(dense) @ split.below(v), v)
-    assert np.allclose(np.triu(dense) @ split.above(v), v)
+    split, v = SplitMatrix.of(matrix, scale), np.linspace(1.0, 2.0, 60)
+    assert np.allclose(np.tril(dense) @ split.solve_lower(v), v)
+    assert np.allclose(np.triu(dense) @ split.solve_upper(v), v)
 
 
 def test_a_column_times_a_row_may_be_added() -> None:
     dense, matrix, scale = chain(60, 5, 5)
     column, row = np.linspace(0.1, 0.2, 60), np.linspace(0.0, 0.1, 60)
-    split = Split.of(matrix, scale).shifted(column, row)
+    split = SplitMatrix.of(matrix, scale).with_rank_one(column, row)
     right = np.ones(60)
-    x = next(split.above(x) for x, rest in split.solve(right) if rest <= 1e-12)
+    x = next(split.solve_upper(x) for x, rest in split.solve(right) if rest <= 1e-12)
     assert np.allclose((dense + np.outer(column, row)) @ x, right)
 
 
 def test_the_residual_that_is_told_is_the_true_one() -> None:
     dense, matrix, scale = chain(90, 6, 5)
-    split, right = Split.of(matrix, scale), np.ones(90)
+    split, right = SplitMatrix.of(matrix, scale), np.ones(90)
     for x, rest in split.solve(right):
-        left = np.linalg.solve(np.tril(dense), right - dense @ split.above(x))
+        left = np.linalg.solve(np.tril(dense), right - dense @ split.solve_upper(x))
         assert rest == pytest.approx(np.max(np.abs(left)), abs=1e-13)
         if rest < 1e-9:
             return
@@ -75,13 +76,13 @@ def test_the_residual_that_is_told_is_the_true_one() -> None:
 def test_it_goes_on_from_the_true_residual_until_nothing_is_left_to_gain() -> None:
     """More steps than a run of the method is good for lose nothing of what was found."""
     dense, matrix, scale = chain(40, 7, 5)
-    split, right = Split.of(matrix, scale), np.ones(40)
+    split, right = SplitMatrix.of(matrix, scale), np.ones(40)
     x = next(x for x, _ in split.solve(right) if split.steps >= 80)
-    assert np.allclose(dense @ split.above(x), right, atol=1e-13)
+    assert np.allclose(dense @ split.solve_upper(x), right, atol=1e-13)
 
 
 def test_steps_are_not_shorter_than_the_angle_allows() -> None:
-    assert _steady(0.9, 1.0, 1.0) == 0.9
-    assert _steady(-0.01, 1.0, 1.0) == pytest.approx(-ANGLE)
-    assert _steady(0.02, 4.0, 1.0) == pytest.approx(ANGLE / 2.0)
-    assert _steady(1.0, 0.0, 1.0) == 0.0
+    assert _stabilising_step(0.9, 1.0, 1.0) == 0.9
+    assert _stabilising_step(-0.01, 1.0, 1.0) == pytest.approx(-tuning.MIN_COSINE)
+    assert _stabilising_step(0.02, 4.0, 1.0) == pytest.approx(tuning.MIN_COSINE / 2.0)
+    assert _stabilising_step(1.0, 0.0, 1.0) == 0.0

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from numerics.oracle import System, brute_force, solve_chain
 from symcheck.matrices.rows import Bools, SparseMatrix
-from symcheck.numerics.linear.masked_problem import Embedded
+from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import Solution
 from symcheck.numerics.settings import Accuracy
@@ -79,7 +79,7 @@ def holds(found: Solution, exact: list[Fraction]) -> None:
 @given(rows=models)
 def test_probabilities(direction: str | None, rows: list[list[Parts]]) -> None:
     rows = rows if direction else [choices[:1] for choices in rows]
-    problem = Embedded(
+    problem = MaskedProblem(
         matrix_of(rows, direction is not None), only(0, 1, 2), [(only(GOAL), 1.0)], None, direction
     )
     system = oracle_of(rows, gains=False)
@@ -90,7 +90,7 @@ def test_probabilities(direction: str | None, rows: list[list[Parts]]) -> None:
     )
     assert exact is not None
     holds(solve_linear(problem, Accuracy()), exact)
-    holds(solve_linear(problem.alone(), Accuracy()), exact)
+    holds(solve_linear(problem.extract(), Accuracy()), exact)
 
 
 @pytest.mark.parametrize("direction", [None, "min", "max"])
@@ -99,7 +99,7 @@ def test_probabilities(direction: str | None, rows: list[list[Parts]]) -> None:
 def test_rewards(direction: str | None, rows: list[list[Parts]]) -> None:
     rows = rows if direction else [choices[:1] for choices in rows]
     gains = np.array([(sum(r[:2]) + 1) / 32 for choices in rows for r in choices] + [7.0, np.inf])
-    problem = Embedded(
+    problem = MaskedProblem(
         matrix_of(rows, direction is not None),
         only(0, 1, 2),
         (),
@@ -115,25 +115,25 @@ def test_rewards(direction: str | None, rows: list[list[Parts]]) -> None:
     )
     assert exact is not None
     holds(solve_linear(problem, Accuracy()), exact)
-    holds(solve_linear(problem.alone(), Accuracy()), exact)
+    holds(solve_linear(problem.extract(), Accuracy()), exact)
 
 
 @settings(max_examples=60, deadline=None)
 @given(rows=models, scale=st.integers(1, 100))
 def test_rates_count_as_shares_of_their_row(rows: list[list[Parts]], scale: int) -> None:
     rows = [choices[:1] for choices in rows]
-    problem = Embedded(
+    problem = MaskedProblem(
         matrix_of(rows, False, scale), only(0, 1, 2), [(only(GOAL), 1.0)], rates=True
     )
     exact = solve_chain([c[0] for c in oracle_of(rows, gains=False)])
     assert exact is not None
     holds(solve_linear(problem, Accuracy()), exact)
-    holds(solve_linear(problem.alone(), Accuracy()), exact)
+    holds(solve_linear(problem.extract(), Accuracy()), exact)
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "power", "interval"])
 def test_other_methods_get_rows_of_their_own(method: str) -> None:
-    problem = Embedded(
+    problem = MaskedProblem(
         matrix_of([[[8, 8, 0, 8, 8]], [[0, 0, 16, 8, 8]], [[16, 0, 0, 0, 16]]], False),
         only(0, 1, 2),
         [(only(GOAL), 1.0)],
@@ -147,7 +147,7 @@ def test_end_components_are_collapsed() -> None:
     stay, leave = [0, 32, 0, 0, 0], [0, 0, 0, 8, 24]
     rows = [[stay], [[32, 0, 0, 0, 0], leave], [[0, 0, 0, 16, 16]]]
     for direction, value, ends in (("max", 0.25, True), ("min", 0.0, False)):
-        problem = Embedded(
+        problem = MaskedProblem(
             matrix_of(rows, True), only(0, 1, 2), [(only(GOAL), 1.0)], None, direction
         )
         assert problem.collapsible() is ends
@@ -158,7 +158,7 @@ def test_end_components_are_collapsed() -> None:
 def test_edges_out_of_the_unknowns_make_no_cycle() -> None:
     rows = [[[0, 8, 8, 8, 8]], [[0, 0, 16, 8, 8]], [[0, 0, 16, 8, 8]]]
     found = solve_linear(
-        Embedded(matrix_of(rows, False), only(0, 1, 2), [(only(GOAL), 1.0)]), Accuracy()
+        MaskedProblem(matrix_of(rows, False), only(0, 1, 2), [(only(GOAL), 1.0)]), Accuracy()
     )
     assert "acyclic" in found.explanation
     rows[0] = [[0, 16, 16, 0, 0]]
@@ -170,7 +170,9 @@ def test_edges_out_of_the_unknowns_make_no_cycle() -> None:
     )
     assert (
         "acyclic"
-        in solve_linear(Embedded(back, only(1, 2), [(only(GOAL), 1.0)]), Accuracy()).explanation
+        in solve_linear(
+            MaskedProblem(back, only(1, 2), [(only(GOAL), 1.0)]), Accuracy()
+        ).explanation
     )
 
 
@@ -188,7 +190,7 @@ def test_a_long_walk_between_two_known_ends(direction: str | None, rates: bool) 
     data[[0, -1]] = 1.0
     groups = None if direction is None else np.arange(n + 2, dtype=np.int64)
     unknown = np.isin(np.arange(n + 1), inner)
-    problem = Embedded(
+    problem = MaskedProblem(
         SparseMatrix(indptr, indices, data, n + 1, groups),
         unknown,
         [(np.arange(n + 1) == n, 1.0)],

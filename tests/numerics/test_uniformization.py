@@ -258,20 +258,3 @@ def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyP
     assert found.lower[0] <= alone.upper[0]
     assert found.upper[0] >= alone.lower[0]
     assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]
-
-
-def test_states_of_the_beginning_are_not_kept_for_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A buffer fills up within a hundredth of the time and stays full; what happens beside it is rare."""
-    slow, leave, overflow = queue(30, 1.0, 3.0)
-    both, exits = beside(slow, leave, m := 60, 200.0, 1.0)
-    alone = transient_values(slow, leave, 100.0, Accuracy(epsilon=1e-9), gain=overflow)
-    monkeypatch.setattr(uniformization, "BUDGET", 1.0)
-    monkeypatch.setattr(uniformization, "EARLY", 200.0)
-    found = transient_values(
-        both, exits, 100.0, Accuracy(), gain=np.repeat(overflow, m), interest=np.zeros(1, np.int64)
-    )
-    assert found.statistics["kept_later"] < 0.5 * found.statistics["kept"]
-    assert found.lower[0] <= alone.upper[0]
-    assert found.upper[0] >= alone.lower[0]
-    assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]
-    assert alone.upper[0] < 1e-12

@@ -1,0 +1,142 @@
+"""The Bellman operator of a linear problem, for methods that only multiply by the matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.kernels.rows import sparse
+from symcheck.matrices.rows import Floats, Int64s
+from symcheck.numerics import tuning
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
+from symcheck.numerics.settings import Settings
+
+__all__ = ["BellmanOperator", "iterate_to_estimate", "max_width"]
+
+
+@dataclass(frozen=True, eq=False)
+class BellmanOperator:
+    """x → opt(A x + b), on vectors of one value per state (float64[n]).
+
+    rounding_error: bound on the relative error of one application to non-negative values.
+    first_rows: the first row of each state, int64[n]; None if rows are states.
+    """
+
+    problem: LinearProblem
+    rounding_error: float
+    first_rows: Int64s | None
+
+    @staticmethod
+    def of(problem: LinearProblem) -> BellmanOperator:
+        """The Bellman operator of a problem."""
+        if problem.operator is not None:
+            longest = problem.operator.longest
+        else:
+            longest = int(np.max(np.diff(problem.rows.indptr), initial=0))
+        groups = problem.choices
+        first_rows = None if groups is None else groups[:-1]
+        return BellmanOperator(problem, (longest + 8) * tuning.UNIT_ROUNDOFF, first_rows)
+
+    def product(self, x: Floats) -> Floats:
+        """A x, per row."""
+        if self.problem.operator is not None:
+            return self.problem.operator.multiply(x)
+        matrix = self.problem.rows
+        out = np.empty(matrix.rows)
+        sparse.multiply(matrix.indptr, matrix.indices, matrix.data, x, out)
+        return out
+
+    def best(self, rows: Floats) -> Floats:
+        """The optimum over the rows of each state."""
+        if self.first_rows is None:
+            return rows
+        pick = np.maximum if self.problem.direction == Direction.MAX else np.minimum
+        return pick.reduceat(rows, self.first_rows)
+
+    def apply(self, x: Floats) -> Floats:
+        """One application, rounded to nearest."""
+        return self.best(self.product(x) + self.problem.constant)
+
+    def apply_upwards(self, x: Floats) -> Floats:
+        """One application to upper bounds, rounded up."""
+        out = self.best(self.product(x) + self.problem.high) * (1.0 + self.rounding_error)
+        return np.where(out > 0.0, out + tuning.SMALLEST_INCREMENT, 0.0)
+
+    def improve_lower(self, lower: Floats) -> Floats:
+        """Better lower bounds: one application, or a sweep if the matrix is an operator."""
+        if self.problem.operator is None:
+            return np.maximum(lower, self.apply(lower) * (1.0 - self.rounding_error))
+        return self._sweep(lower, self.problem.constant, upper=False)
+
+    def improve_upper(self, upper: Floats) -> Floats:
+        """Better upper bounds, likewise. The argument must be known to be an upper bound."""
+        if self.problem.operator is None:
+            return np.minimum(upper, self.apply_upwards(upper))
+        return self._sweep(upper, self.problem.high, upper=True)
+
+    def _sweep(self, bounds: Floats, constant: Floats, *, upper: bool) -> Floats:
+        """A copy of the bounds after a sweep of the operator, which uses new values at once."""
+        operator, out = self.problem.operator, bounds.copy()
+        assert operator is not None
+        operator.sweep(out, constant, self.problem.direction, self.rounding_error, upper=upper)
+        return out
+
+    def improve_both(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+        """Better lower and upper bounds; large sweeps run side by side in two threads."""
+        if len(lower) < tuning.TWO_THREADS_STATES or self.problem.operator is None:
+            return self.improve_lower(lower), self.improve_upper(upper)
+        from concurrent.futures import ThreadPoolExecutor
+
+        with ThreadPoolExecutor(1) as pool:
+            other = pool.submit(self.improve_lower, lower)
+            improved = self.improve_upper(upper)
+            return other.result(), improved
+
+    def greedy_policy(self, x: Floats) -> Int64s | None:
+        """The first optimal row of each state for the values x; None without choices."""
+        if self.first_rows is None:
+            return None
+        rows = self.product(x) + self.problem.constant
+        counts = np.diff(np.append(self.first_rows, len(rows)))
+        hits = np.flatnonzero(rows == np.repeat(self.best(rows), counts))
+        owner = np.searchsorted(self.first_rows, hits, side="right") - 1
+        _, first = np.unique(owner, return_index=True)
+        return hits[first].astype(np.int64)
+
+
+def max_width(lower: Floats, upper: Floats, relative: bool) -> float:
+    """The largest width of the bounds, relative to the upper bound if `relative`."""
+    if not np.isfinite(upper).all():
+        return np.inf
+    width = upper - lower
+    if relative:
+        width = width / np.maximum(upper, tuning.SMALLEST_DIVISOR)
+    return float(np.max(width, initial=0.0))
+
+
+def iterate_to_estimate(
+    name: str,
+    step: Callable[[Floats], Floats],
+    problem: LinearProblem,
+    settings: Settings,
+    observer: Observer | None,
+) -> Solution:
+    """Iterate x ← step(x) from 0 until the change is at most epsilon.
+
+    The result is an estimate: a small change proves nothing about the error.
+    """
+    x = np.zeros(problem.n)
+    count, change = 0, np.inf
+    while count < settings.max_iterations and change > settings.epsilon:
+        previous, x = x, step(x)
+        change = max_width(np.minimum(previous, x), np.maximum(previous, x), settings.relative)
+        count += 1
+        if observer is not None:
+            observer(Progress(name, count, change, problem.n, x))
+    note = f"{problem.n} states: {name}, {count} iterations; an estimate"
+    note += "" if change <= settings.epsilon else ", not converged"
+    policy = BellmanOperator.of(problem).greedy_policy(x)
+    return Solution(x, x.copy(), name, False, False, count, note, {"change": change}, policy)

@@ -1,0 +1,209 @@
+"""Thresholds and budgets of the numerical methods, each with its reason.
+
+They count work (operations, entries, steps, bytes), never time. benchmarks/README.md lists what the
+specialised algorithms gain on the tasks that they were made for.
+"""
+
+from __future__ import annotations
+
+import math
+
+# Floating-point arithmetic.
+UNIT_ROUNDOFF = 2.0**-53
+"""Relative error of one rounded operation on doubles."""
+SMALLEST_DIVISOR = 1e-300
+"""Widths are relative to at least this, so that a value of 0 has a finite relative width."""
+SMALLEST_INCREMENT = 1e-307
+"""Added to positive upper bounds: a relative rounding error is too small for subnormal numbers."""
+UNDERFLOW_RISK = 1e-290
+"""Values below it may differ from their bounds by underflow, not only by rounding."""
+STATES_PER_SLICE = 65_536
+"""States processed at a time where temporary arrays of all states would take too much memory."""
+
+# Linear systems: topological method (linear/methods/topological.py).
+SMALL_COMPONENT_STATES = 64
+"""Components without choices of at most so many states are eliminated in a full matrix."""
+LARGE_COMPONENT_STATES = 20_000
+"""Larger components try BiCGStab before elimination, because elimination fills in."""
+CHEAP_ENTRIES = 20_000_000
+"""Entries that sweeps may visit before other methods are tried: some hundredths of a second."""
+SWEEPS_PER_SLICE = 32
+"""Sweeps of interval iteration between estimates of the rate of convergence."""
+EARLY_OPERATIONS_PER_ENTRY = 200
+"""Operations per entry that elimination may need before any sweep; sweeps need as many."""
+EARLY_OPERATIONS_PER_ENTRY_LARGE = 20
+"""Likewise for large components, after BiCGStab."""
+ELIMINATION_STATES = 250_000
+"""Larger components are not eliminated at length, because they fill in."""
+ELIMINATION_ENTRIES = 5_000_000
+"""Entries up to which elimination is tried; its lists take several times the memory of the rows."""
+ELIMINATION_OPERATIONS = 4_000_000_000
+"""Operations after which an elimination is abandoned."""
+RELAXED_TOLERANCES = (10.0, 100.0, 1000.0, 10_000.0)
+"""Factors of the requested width if rounding prevents the proof of closer bounds."""
+
+# Linear systems: extrapolated sweeps (linear/extrapolation.py).
+SWEEPS_BEFORE_FIRST_POLICY = 16
+"""Sweeps over all choices before the first policy is evaluated."""
+EXTRAPOLATION_STEPS = 40
+"""Extrapolation steps per policy."""
+EVALUATION_ACCURACY = 0.03
+"""A policy is evaluated until this part of the last improvement remains."""
+EXTRAPOLATION_ROUNDS = 150
+"""Policies, or slices of the evaluation of a chain, before the method gives up."""
+EXTRAPOLATION_PATIENCE = 25
+"""Rounds without progress before the method gives up."""
+SMALLEST_CHANGE = 2e-15
+"""Smaller relative changes are due to rounding."""
+
+# Linear systems: BiCGStab (linear/preconditioned_bicgstab.py, linear/subsystem.py).
+MIN_COSINE = 0.7
+"""Least cosine for the stabilising step (Sleijpen & van der Vorst 1995, who recommend 0.7)."""
+RESTART_REDUCTION = 1e-11
+"""BiCGStab restarts from the true residual once the residual is this part of its maximum: smaller
+residuals may be its rounding error."""
+BICGSTAB_PATIENCE = 40
+"""Steps within which the residual must fall by a factor of ten. Polling, mapk and herman need 25 to 48
+steps for the whole solution; grids whose values differ by many orders of magnitude do not converge."""
+EARLY_BICGSTAB_STEPS, BICGSTAB_STEPS = 100, 400
+"""Steps of BiCGStab for a relative solution: until a tenth of the residual remains, and in all."""
+BYTE_CODES, SHORT_CODES = 256, 65_536
+"""Distinct values that are stored as codes of one byte, and of two bytes, instead of doubles."""
+WEIGHT_RESIDUAL = 0.3
+"""Relative residual of the weights of a certificate, which need to be approximate only."""
+POLICY_ROUNDS = 500
+"""Policies that policy iteration evaluates."""
+WEIGHT_ROUNDS = 100
+"""Policies evaluated for the weights of a certificate."""
+
+# Linear systems: products only (linear/bellman.py, methods/interval.py, methods/optimistic.py).
+TWO_THREADS_STATES = 100_000
+"""From so many states on, lower and upper bounds are swept in two threads: starting a thread costs
+more than a sweep over fewer states."""
+STALL_CHECK_INTERVAL = 100
+"""Iterations between checks whether the bounds still change at all."""
+GUESS_ROUNDS = 50
+"""Least number of iterations to verify a guessed upper bound."""
+
+# Uniformisation (transient/uniformization.py).
+CHECK_INTERVAL = 50
+"""Steps between tests of the stopping criteria; later a twentieth of the steps made."""
+UNDERFLOW_BOUND = 1e-300
+"""Added to upper bounds: 1e7 steps with 1e3 roundings each lose less than this to underflow."""
+TRUNCATION_ENTRIES = 1e10
+"""Entries that uniformisation may visit before truncation is tried."""
+TRUNCATION_SHARE = 0.01
+"""Share of the expected work of uniformisation that is done before truncation is tried."""
+HOPELESS_ENTRIES = 1e12
+"""If uniformisation would visit more entries, truncation is tried ten times earlier."""
+RARE_GAIN_STATES = 0.01
+"""If at most this share of the states has a gain, truncation is tried first."""
+TRUNCATION_SHIFTS = (20.0, 5.0)
+"""Laplace shifts a of the two rounds of truncation: the first is quick, the second keeps less."""
+TRUNCATION_MAX_KEPT = 0.5
+"""A truncation that keeps a larger share of the states is not used."""
+OCCUPATION_MIN_STEPS = 1000
+"""Steps before the bounds by occupation times are tried, which cost a few products each."""
+
+# State-space truncation (transient/state_space_truncation.py).
+TRUNCATION_SWEEPS = 20_000
+"""Gauss-Seidel sweeps for the resolvent in the order of distance from the source."""
+COMPONENT_ORDER_SWEEPS = 600
+"""Sweeps for the resolvent in the order of components."""
+GUESS_SWEEPS = 600
+"""Sweeps that give BiCGStab a guess for the resolvent."""
+GUESS_RANGE = 1e-150
+"""Least ratio of the smallest to the largest guess: guesses of rarer events are too rough."""
+SHIFT_REDUCTION = 0.8
+"""BiCGStab solves with this part of the shift; the rest is room for its residual."""
+
+# Rational Krylov subspaces (transient/rational_krylov.py).
+KRYLOV_STEPS, KRYLOV_ENTRIES = 2e3, 5e9
+"""Steps of uniformisation, and entries it would visit, from which on rational Krylov subspaces are
+tried. Mapk N=3 (6e9 entries) takes a quarter of the time with them; on cluster N=32 (4e9), where
+uniformisation ends early, the attempt costs half as much again."""
+SMOOTHING_STEPS = 200.0
+"""Steps of uniformisation that smooth the initial values before."""
+POLES: tuple[float, ...] = (15.0,)
+"""The pole γ is the time divided by these numbers, in turn."""
+WEIGHTED_POLES: tuple[float, ...] = (20.0, 150.0, 800.0)
+"""Likewise for values divided by weights, where fast components persist."""
+ELIMINATION_POLE = 10.0
+"""Likewise for elimination, which factorises for one pole only."""
+SUBSPACE_SIZES = (8, 12, 18, 24, 30, 36, 44, 52, 60)
+"""Dimensions of the subspace at which the defect is computed."""
+LARGER_SUBSPACE_SIZES = (75, 90, 110, 130, 160, 200)
+"""Further dimensions with elimination, where a vector is cheap."""
+SIZES_BEFORE_JUDGEMENT = 3
+"""Sizes before convergence is extrapolated."""
+KRYLOV_BICGSTAB_STEPS = 400
+"""Steps of BiCGStab per vector."""
+KRYLOV_ELIMINATION_STATES, KRYLOV_ELIMINATION_OPERATIONS = 50_000, 1500
+"""States up to which elimination replaces BiCGStab, and its operations per entry."""
+WEIGHT_ELIMINATION_OPERATIONS = 1500
+"""Operations per entry of the elimination for the weights."""
+IMPORTANCE_RESIDUAL = 1e-8
+"""Residual of the weights, relative to a guess."""
+VECTOR_RESIDUAL = 1e-12
+"""Relative residual of the first vectors of the subspace."""
+MAX_RESIDUAL_RELAXATION = 1e3
+"""Factor by which the residual of later vectors may be larger, as their coefficients are smaller
+(inexact Krylov methods: van den Eshof & Hochbruck 2006)."""
+IMPORTANCE_SHIFT = 1.0
+"""Laplace shift a of the weights: values at different times differ by at most a factor exp(a)."""
+MAX_VALUE_RANGE = 300.0
+"""Greatest ratio of the largest value to the least value of interest: beyond, the error of the
+largest entry says too little about the states of interest."""
+COLLOCATION_DEGREE = 10
+"""Degree of the polynomials in time."""
+COLLOCATION_INTERVALS = 150
+"""Intervals of time at most."""
+SAMPLES = 4 * COLLOCATION_DEGREE
+"""Angles at which a polynomial is sampled to bound its maximum."""
+SAMPLING_FACTOR = 1.0 / math.cos(0.5 * math.pi * COLLOCATION_DEGREE / SAMPLES) * (1 + 1e-9)
+"""The maximum of a polynomial is at most this times that of the samples (Ehlich & Zeller 1964)."""
+
+# Stationary distributions and long-run averages (long_run/stationary.py).
+STATIONARY_OPERATIONS = 3_000_000_000
+"""Operations of an elimination for a stationary distribution."""
+SMALL_CHAIN_STATES = 2_000
+"""Chains of at most so many states are eliminated before anything else is tried."""
+QUICK_OPERATIONS_PER_ENTRY = 50
+"""Operations per entry of an elimination that is tried in any case."""
+POISSON_PATIENCE = 20
+"""BiCGStab steps between computations of the bounds while the residual does not fall."""
+POISSON_STALL_STEPS = 600
+"""BiCGStab steps without half the residual before the method gives up: where a chain drifts, the
+residual stays for as many steps as the way is long."""
+POISSON_RESIDUAL_DROP = 0.5
+"""The bounds are computed again once the residual is this part of that at the last time."""
+EIGENVALUE_SHIFT = 0.2
+"""The eigenvalue 0 is moved to this part of the diagonal, among the others."""
+OCCUPATION_SWEEPS = 2
+"""Sweeps that approximate the stationary distribution for that shift."""
+
+# Mean payoff (long_run/mean_payoff.py).
+VALUE_ITERATIONS_BEFORE_POLICIES = 2_000
+"""Value iterations before policy iteration is tried."""
+MEAN_PAYOFF_POLICIES = 60
+"""Policies that are evaluated."""
+DIRECT_EVALUATION_STATES = 100_000
+"""States up to which a policy is evaluated by a sparse factorisation."""
+APERIODIC_STAY = 0.5
+"""Probability with which the aperiodic variant of an MDP stays where it is."""
+
+# Reward-bounded reachability (reward_bounds/).
+INVERSE_STATES = 1_500
+"""States of a cycle without choices up to which its equations are inverted once for all epochs."""
+INVERSE_MIN_STEPS = 30.0
+"""Expected steps on a cycle from which on the inverse is quicker than sweeps."""
+INVERSE_BYTES = 512 << 20
+"""Memory of all inverses."""
+EPOCH_BYTES = 4 << 30
+"""Memory of the values of the epochs that are kept."""
+EPOCH_SWEEPS = 200_000
+"""Sweeps over a cycle in one epoch; each epoch starts with the values of the one before."""
+EPOCH_ENTRIES_PER_CALL = 50_000_000
+"""Entries that are visited between calls of the observer."""
+UNFOLDED_ENTRIES = 200_000_000
+"""States or entries of a model with an unfolded reward dimension."""
