@@ -1,4 +1,4 @@
-"""The flow of a multi-objective query: the product of the model with all that its objectives count and accept."""
+"""The flow of a multi-objective query, on the product with a step counter and automata."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = ["Objective", "flow_of"]
 
 @dataclass(frozen=True)
 class Objective:
-    """One objective. sign: 1 where more is better, -1 where less is. bound: None where it is asked for."""
+    """One objective. sign: 1 to maximise, -1 to minimise. bound: None if there is none."""
 
     formula: ProbabilityOperator | RewardOperator
     sign: int
@@ -43,25 +43,25 @@ class Objective:
         return isinstance(self.formula, ProbabilityOperator)
 
     def internal(self, value: Any) -> Any:
-        """A value so that more is better (its own inverse): a small probability is a great one of the negation."""
+        """A value for maximisation: a probability becomes that of the negation. Its own inverse."""
         if self.sign > 0:
             return value
         return 1 - value if self.probability else -value
 
     @property
     def least(self) -> Fraction | float:
-        """What is needed at least, so written; -inf for anything."""
+        """The lower bound for maximisation; -inf without bound."""
         return -inf if self.bound is None else self.internal(self.bound)
 
     def shown(self, value: Any) -> Any:
-        """A value as the user reads it, and 0 without a sign."""
+        """A value as it is reported; never -0."""
         value = self.internal(value)
         return (min(1, max(0, value)) if self.probability else value) + 0
 
 
 @dataclass(frozen=True)
 class _Steps:
-    """An automaton without letters that counts the steps up to a number."""
+    """An automaton with one letter that counts steps up to a limit."""
 
     table: Int32s
     initial: int = 0
@@ -70,7 +70,7 @@ class _Steps:
 def flow_of(
     context: Context, objectives: Sequence[Objective], states_of: StatesOf
 ) -> numerics.Flow:
-    """The flow of the product of the model with a step counter and with an automaton per P objective."""
+    """The flow of the product with a step counter and with an automaton per P objective."""
     chain = _Chain(context)
     limits = [_limit(o) for o in objectives]
     counted = max((k for k in limits if k is not None), default=None)
@@ -166,7 +166,7 @@ def _counter(limit: int) -> _Steps:
 
 @dataclass(frozen=True)
 class _Chain:
-    """Products, one on top of the other."""
+    """A sequence of products, each of the previous one."""
 
     context: Context
     products: tuple[Product, ...] = ()
@@ -179,7 +179,7 @@ class _Chain:
         return _Chain(self.context, (*self.products, product))
 
     def lift(self, states: StateSet, since: int = 0) -> StateSet:
-        """A set of an engine `since` products up, in the last one."""
+        """A set of the engine after `since` products, lifted to the last product."""
         for product in self.products[since:]:
             states = product.lift(states)
         return states

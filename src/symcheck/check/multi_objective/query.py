@@ -1,11 +1,14 @@
-"""`multi(...)`: what an MDP's strategies achieve for several objectives at once, from the initial state.
+"""Multi-objective queries, `multi(...)`: the values that a strategy of an MDP attains together.
 
-With bounds only: whether some strategy meets all of them. With one objective asked for: its best value over the strategies
-that meet the others (NaN where there are none). With two: the corners of their Pareto curve. Objectives are P with any
-formula of linear time, and R with C and C<=k. See `symcheck.numerics.multi_objective.linear_program` for the method and its sources.
+With bounds only, the result is whether some strategy satisfies all of them (achievability). With
+one objective without bound (numerical query), it is the optimal value over the strategies that
+satisfy the bounds, NaN if there are none. With two (Pareto query), it is the vertices of their
+Pareto curve. Objectives are P with any LTL formula, and R with C and C<=k.
+Source: see `symcheck.numerics.multi_objective.linear_program`.
 
-Linear programs are solved in floating point first. Where they are small, their corner is proved in rational arithmetic, on
-the model explored exactly; where they are not, numbers are estimates, and a verdict that hangs on rounding is an error.
+Linear programs are first solved in floating point. The optimal vertex of a small one is proved in
+rational arithmetic, on the model explored exactly. Otherwise numbers are estimates, and a verdict
+within the rounding error is an error.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
 from symcheck.check.path_formulas import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Result, SolverRun
-from symcheck.check.strategies.to_explicit import listed
+from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import full, is_infinite, numbers
 from symcheck.numerics.multi_objective import linear_program as numerics
@@ -43,17 +46,17 @@ from symcheck.syntax.ast import (
 __all__ = ["check_multi"]
 
 PROVED = 300
-"""Equations up to which results are proved in rational arithmetic without being asked to."""
+"""The most equations of a linear program that is proved in rational arithmetic by default."""
 _STATES = 20_000
 _DOUBT = 100 * numerics.TOLERANCE
-"""A verdict is believed where the linear program's margin is further from 0."""
+"""The smallest margin of a linear program at which a verdict is given without proof."""
 
 Pick = Callable[[Context], StatesOf]
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """The answer, what to say about it, and whether it is proved (`close`: it hangs on the rounding of the linear program)."""
+    """The result of a query. close: it is within the rounding error of the linear program."""
 
     value: Answer
     about: str
@@ -64,16 +67,20 @@ class _Asked:
 
 
 def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> Result:
-    """The answer of a multi-objective query. Raises InputError for wrong ones, UnsupportedError for other objectives.
+    """The result of a multi-objective query.
 
-    A linear program needs rows: with an engine on diagrams, the states are listed for it (and `-v` says so). Raises
-    NumericalError where a verdict is not decided.
+    A linear program needs rows: a model on diagrams is explored explicitly for it.
+
+    Raises:
+        InputError: the query is faulty.
+        UnsupportedError: an objective is not supported.
+        NumericalError: the verdict is within the rounding error.
     """
     _supported(context, formula)
     started = perf_counter()
     if context.engine.exact:
         return _result(context, _solve(context, formula, states_of(context)), started)
-    own = listed(context)
+    own = to_explicit(context)
     found = _solve(own, formula, states_of(own))
     if found.equations <= (ROWS if found.close else PROVED) and own.engine.states <= _STATES:
         try:
@@ -83,12 +90,12 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
                 raise _undecided(error) from error
     elif found.close:
         raise _undecided(None)
-    remark = "" if own is context else "; states listed, as a linear program needs rows"
+    remark = "" if own is context else "; explored explicitly, because a linear program needs rows"
     return _result(context, replace(found, about=found.about + remark), started)
 
 
 def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) -> _Asked:
-    """The same on the model explored exactly; numbers as doubles."""
+    """The result on the model explored exactly, with numbers as doubles."""
     from symcheck.check.rebind_exact import exact_twin
 
     exact, twin = exact_twin(context, formula)
@@ -108,12 +115,14 @@ def _undecided(error: Exception | None) -> NumericalError:
         "the linear program is too large for rational arithmetic" if error is None else str(error)
     )
     return NumericalError(
-        f"the bounds can be met just so, within the rounding of the linear program: not decided ({reason})"
+        "the bounds are satisfied or violated by less than the rounding error of the linear "
+        f"program: not decided ({reason})"
     )
 
 
 def _result(context: Context, found: _Asked, started: float) -> Result:
-    note = f"linear program of {found.variables} variables{', proved in rational arithmetic' if found.proved else ''}: {found.about}"
+    proof = ", proved in rational arithmetic" if found.proved else ""
+    note = f"linear program of {found.variables} variables{proof}: {found.about}"
     context.log.runs.append(
         SolverRun(
             "linear",
@@ -138,18 +147,19 @@ def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _A
     asked = [i for i, o in enumerate(objectives) if o.bound is None]
     if len(asked) > 2:
         raise UnsupportedError(
-            "multi(...) with more than two objectives that are asked for is not supported; bound the others"
+            "multi(...) with more than two objectives without bounds is not supported; "
+            "give the others bounds"
         )
     query = _query(context, objectives, asked, states_of)
     value, about = query.answer()
     close = query.close
     if value is nan and _cost(objectives[asked[0]]):
-        # Either the bounds cannot be met, or they can, but only at infinite cost.
+        # Either no strategy satisfies the bounds, or each that does has infinite cost.
         others = _query(context, [o for o in objectives if o.bound is not None], (), states_of)
         met, _ = others.answer()
         close = others.close
         value, about = (
-            (inf, "every strategy that meets the bounds has infinite cost")
+            (inf, "every strategy that satisfies the bounds has infinite cost")
             if met
             else (value, about)
         )
@@ -172,17 +182,11 @@ def _cost(objective: Objective) -> bool:
 
 def _supported(context: Context, formula: MultiObjective) -> None:
     if context.engine.model.type is not ModelType.MDP:
-        raise InputError(
-            Diagnostic("multi(...) is about the strategies of an mdp", formula.span, "multi")
-        )
+        raise InputError(Diagnostic("multi(...) needs an MDP", formula.span, "multi"))
     if context.engine.initial.count != 1:
-        raise UnsupportedError(
-            "multi(...) on a model with several initial states is not supported; give it a single one"
-        )
+        raise UnsupportedError("multi(...) is not supported for models with several initial states")
     if context.options.fairness:
-        raise UnsupportedError(
-            "multi(...) over fair strategies only is not supported; without -fair it is"
-        )
+        raise UnsupportedError("multi(...) is not supported with -fair")
 
 
 def _objective(formula: Expression) -> Objective:
@@ -202,7 +206,7 @@ def _objective(formula: Expression) -> Objective:
                 hint = "write Pmin=?, Pmax=?, Rmin=? or Rmax=?"
                 raise InputError(
                     Diagnostic(
-                        "an objective that is asked for needs a direction",
+                        "an objective without bound needs a direction",
                         formula.span,
                         "direction",
                         hint,
@@ -228,13 +232,13 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, Fraction) else float(value)
 
 
-_NONE = "no strategy meets the bounds"
-_NO_CURVE = "no strategy meets the bounds of this Pareto query, or all have infinite cost"
+_NONE = "no strategy satisfies the bounds"
+_NO_CURVE = "no strategy satisfies the bounds of this Pareto query, or all have infinite cost"
 
 
 @dataclass
 class _Query:
-    """The question, once the flow is known. close: the answer hangs on rounding (never where numbers are rationals)."""
+    """A query with its flow. close: the result is within the rounding error of doubles."""
 
     objectives: Sequence[Objective]
     asked: Sequence[int]
@@ -243,25 +247,22 @@ class _Query:
     close: bool = False
 
     def answer(self) -> tuple[Answer, str]:
-        """The value, and how it was found."""
+        """The value, and an explanation."""
         flow = self.flow.connected(self.least)
         room = None if is_infinite(self.least).all() else flow.margin(self.least)
         if not is_infinite(self.least).all():
             if room is None:
-                self.close = not flow.exact  # nothing tells how far from it
+                self.close = not flow.exact  # the margin is unknown
                 return (nan if self.asked else False), _NONE
             self.close = not flow.exact and abs(room.value) <= _DOUBT
             if room.value < -flow.tolerance:
-                missing = f"{_NONE}: {float(-room.value):.3g} is missing"
-                return (nan if self.asked else False), missing
+                about = f"{_NONE}: they are missed by {float(-room.value):.3g}"
+                return (nan if self.asked else False), about
         if not self.asked:
-            return (
-                True,
-                ""
-                if room is None
-                else f"the bounds can be exceeded by {float(max(0, room.value)):.3g} at once",
-            )
-        # Bounds that are met just so are relaxed by as little as rounding needs.
+            excess = 0.0 if room is None else float(max(0, room.value))
+            about = f"all bounds can be exceeded by {excess:.3g} together"
+            return True, "" if room is None else about
+        # Bounds that are satisfied with equality are relaxed by the rounding error.
         least = self.least if room is None else np.minimum(self.least, self.least + room.value)
         return self._best(flow, least) if len(self.asked) == 1 else self._curve(flow, least)
 
@@ -273,7 +274,7 @@ class _Query:
         if found is None:
             return nan, _NONE
         if isinf(found.value):
-            return inf, "rewards can be collected for ever"
+            return inf, "rewards can be accumulated without bound"
         optimal = "optimal vertex of the achievable set"
         about = optimal if flow.exact else f"the dual bound differs by {found.gap:.1E}"
         return _plain(self.objectives[index].shown(found.value)), about

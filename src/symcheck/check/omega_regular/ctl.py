@@ -1,8 +1,8 @@
 """The path quantifiers A and E over path formulas of any form (CTL*), by graph analysis alone.
 
-One temporal operator over sets of states is a fixpoint on the graph. Any other formula is translated to a deterministic
-automaton: a path that satisfies it exists where, in the product, a path exists that the automaton accepts
-(Emerson & Lei 1986; Emerson & Halpern 1986).
+One temporal operator over sets of states is a fixpoint on the graph. Any other formula is
+translated to a deterministic automaton: a path that satisfies it exists where, in the product, a
+path exists that the automaton accepts (Emerson & Lei 1986; Emerson & Halpern 1986).
 """
 
 from __future__ import annotations
@@ -32,14 +32,15 @@ __all__ = ["exists", "forall", "witness"]
 
 
 def forall(context: Context, path: Path) -> StateSet:
-    """States all of whose paths satisfy the formula. Raises as `exists` does."""
+    """States all of whose paths satisfy the formula. Raises UnsupportedError as `exists`."""
     return ~exists(context, negated(path))
 
 
 def exists(context: Context, path: Path) -> StateSet:
     """States with a path that satisfies the formula (of an MDP: under some choices).
 
-    Raises UnsupportedError for bounds on rewards, on time in a CTMC, and for automata that would be too large.
+    Raises UnsupportedError for bounds on rewards, on time in a CTMC, and for automata that would be
+    too large.
     """
     engine = context.engine
     match path:
@@ -76,7 +77,7 @@ def _steps(context: Context, window: Window) -> Steps:
 
 
 def _exists_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -> StateSet:
-    """E [ left U[a,b] right ]: what is reached within b-a steps, and then a steps before it within `left`."""
+    """E [ left U[a,b] right ]: a steps within `left`, then left U<=b-a right."""
     if steps.upper is None:
         found = graph.exists_until(left, right)
     else:
@@ -89,7 +90,7 @@ def _exists_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -
 
 
 def _exists_not_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -> StateSet:
-    """E [ !(left U[a,b] right) ]: without `right` to the end, or `left` ends before `right` comes."""
+    """E [ !(left U[a,b] right) ]: `right` never holds, or `left` ends before it."""
     if steps.upper is None:
         found = graph.exists_globally(~right) | graph.exists_until(~right, ~(left | right))
     else:
@@ -104,7 +105,7 @@ def _exists_not_until(graph: Graph, left: StateSet, right: StateSet, steps: Step
 def _repeated(
     step: Callable[[StateSet], StateSet], states: StateSet, times: int | None = None
 ) -> StateSet:
-    """What comes of so many steps, or of as many as change something."""
+    """The result of so many steps, or of a fixpoint iteration."""
     for _ in count() if times is None else range(times):
         before, states = states, step(states)
         if states == before:
@@ -127,8 +128,9 @@ def _exists_linear(context: Context, path: TemporalPath) -> StateSet:
 def _visits_for_ever(graph: Graph, within: StateSet, visits: Sequence[StateSet]) -> StateSet:
     """States with a path that stays `within` and meets every set of `visits` again and again.
 
-    The greatest set from which each of `visits` can be reached in at least one step without leaving it; in between,
-    what has no infinite path in it goes at once, as long chains would else be taken apart one state a round.
+    The greatest set from which each of `visits` can be reached in at least one step without leaving
+    it; in between, what has no infinite path in it goes at once, as long chains would else be taken
+    apart one state a round.
     """
 
     def again(found: StateSet) -> StateSet:
@@ -140,7 +142,7 @@ def _visits_for_ever(graph: Graph, within: StateSet, visits: Sequence[StateSet])
 
 
 def witness(context: Context, path: Path) -> Sequence[Mapping[str, int | bool]] | None:
-    """A shortest finite path from an initial state that shows E [ path ]; None where there is none, or only infinite ones."""
+    """A shortest finite path from an initial state that shows E [ path ]; None if there is none."""
     match path:
         case UntilPath(left, right, window, False) if window.trivial:
             return context.engine.graph.witness(left, right)

@@ -21,11 +21,14 @@ def fair_end_components(
     product: Product,
     pairs: Sequence[tuple[StateSet, Sequence[StateSet]]],
 ) -> StateSet:
-    """States of accepting end components of the product (`context`) that a fair strategy of the model (`base`) need not leave.
+    """States of the accepting end components in which a fair strategy can stay.
 
-    A strategy is fair if each choice of a state that is visited infinitely often is taken infinitely often. What counts
-    is the model's state: in a component, each of its choices must be possible with some state of the automaton. A state
-    of which this is not so is left out, and the rest looked at again. Source: Baier (1998), section 9.4.
+    `context` is the product with the automaton, `base` the model.
+
+    A strategy is fair if each choice of a state that is visited infinitely often is taken
+    infinitely often. What counts is the model's state: in a component, each of its choices must be
+    possible with some state of the automaton. A state of which this is not so is left out, and the
+    rest looked at again. Source: Baier (1998), section 9.4.
     """
     engine = context.engine
     matrix = engine.system(engine.all).matrix
@@ -53,7 +56,7 @@ def fair_end_components(
 
 
 def _base_states(base: Context, product: Product, context: Context) -> Int64s:
-    """For each pair, the number of its state of the model: asked bit by bit, which any engine answers."""
+    """For each state of the product, the index of its state of the model, found bit by bit."""
     numbers = np.arange(base.engine.states, dtype=np.int64)
     result = np.zeros(context.engine.states, dtype=np.int64)
     for bit in range(int(base.engine.states - 1).bit_length()):

@@ -1,13 +1,16 @@
 """Strategies of an MDP that attain the value of a property: a choice per state.
 
-A choice that maximises the equations of reachability need not reach anything: where going round in an end component is as
-good as leaving it, it may go round for ever. So states with probability 1 take choices that move nearer to the target,
-states with least probability 0 take choices that stay among such states, and of the other ones end components are made
-single states, out of which a way is chosen, and then walked to. Source: Baier & Katoen (2008), 10.6.1.
+A choice that attains the maximum of the equations for reachability need not reach the target: in an
+end component, staying is as good as leaving, so that the strategy may stay for ever. Therefore
+states with probability 1 take choices that move nearer to the target, states with minimal
+probability 0 take choices that stay among such states, and in the other states each end component
+is treated as a single state with one choice that leaves it.
+Source: Baier & Katoen (2008), 10.6.1.
 
-Bounds on steps and formulas of linear time need memory: the state of an automaton of the formula. There the strategy is one of
-the product with it, which goes to components where a pair of the automaton can be met for ever, and stays there going round from
-visit to visit (10.6.4; de Alfaro 1997).
+Step bounds and LTL formulas need memory: the state of an automaton of the formula. The strategy is
+then one of the product, which reaches an accepting end component and visits its acceptance sets in
+turn.
+Source: Baier & Katoen (2008), 10.6.4; de Alfaro (1997).
 """
 
 from __future__ import annotations
@@ -31,7 +34,7 @@ from symcheck.check.path_formulas import (
     temporal,
 )
 from symcheck.check.reward_queries import reward_of
-from symcheck.check.strategies.to_explicit import listed
+from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
 from symcheck.engines.base import OwnSet
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -54,10 +57,16 @@ __all__ = ["Strategy", "strategy_of"]
 
 @dataclass(frozen=True, eq=False)
 class Strategy:
-    """A row of the engine's matrix for each state, int64[states]. `matters`: where not every row would do, bool[states].
+    """A strategy: one row of the matrix for each state.
 
-    memory: where the strategy remembers something, the engine is the product of the model with an automaton; this is the
-    state of the automaton, int32[states]. entry: then, per state of the model, the state of the product to begin with.
+    Attributes:
+        engine: the model, or its product with an automaton if the strategy has memory.
+        rows: the row of each state, int64[states].
+        direction: whether the strategy attains the minimum or the maximum.
+        matters: the states in which the choice is relevant to the value, bool[states].
+        memory: the state of the automaton in each state of the product, int32[states]; None without
+            memory.
+        entry: the initial state of the product for each state of the model; None without memory.
     """
 
     engine: ExplicitEngine = field(repr=False)
@@ -69,7 +78,7 @@ class Strategy:
 
     @cached_property
     def induced(self) -> SparseMatrix:
-        """The Markov chain that the strategy leaves, on all states."""
+        """The Markov chain that the strategy induces, on all states."""
         m = self.engine.matrix
         part = sparse.select(
             m.indptr, m.indices, m.data, self.rows, np.arange(m.columns, dtype=np.int32)
@@ -83,7 +92,7 @@ class Strategy:
 
     @property
     def actions(self) -> list[str]:
-        """The action of each state's choice, '' where it has none."""
+        """The action of the choice in each state; '' for a choice without action."""
         names = self.engine.model.actions
         return [
             names[a] if a >= 0 else ""
@@ -91,7 +100,7 @@ class Strategy:
         ]
 
     def states(self) -> Iterator[tuple[bool | int, ...]]:
-        """The variable values of all states, in index order; followed by the memory where there is one."""
+        """The values of the variables in each state, followed by the memory if there is one."""
         values = self.engine.valuations(self.engine.all)
         if self.memory is None:
             return values
@@ -101,11 +110,19 @@ class Strategy:
 def strategy_of(
     context: Context, formula: Expression, states_of: Callable[[Context], StatesOf]
 ) -> Strategy:
-    """A strategy that attains the value of a P or R formula (within the accuracy of its computation), from every state.
+    """A strategy that attains the value of a P or R formula from every state.
 
-    Over X, F, U, G, W and R without bounds on steps, and for rewards until states are reached, strategies need no memory;
-    with bounds on steps, and for any other formula of linear time, they have some. A bound (P>=p) has the strategy that is
-    best for it or, without a direction, worst. Raises UnsupportedError for other formulas.
+    Strategies for X, F, U, G, W and R without step bounds, and for rewards until states are
+    reached, have no memory; those for step bounds and other LTL formulas have. The strategy of a
+    bound (P>=p) is the one that decides it: the minimum for >=, the maximum for <=.
+
+    Args:
+        context: the model, and the accuracy of the value.
+        formula: the formula.
+        states_of: gives the states that satisfy a state formula.
+
+    Raises:
+        UnsupportedError: the model is no MDP, or the formula is of another kind.
     """
     if context.engine.model.type is not ModelType.MDP:
         kind = context.engine.model.type.name
@@ -113,13 +130,13 @@ def strategy_of(
     if context.engine.exact or context.options.fairness:
         raise UnsupportedError("strategies are not supported with -exact or -fair")
     if not isinstance(formula, ProbabilityOperator | RewardOperator):
-        raise UnsupportedError("a strategy belongs to a P or an R formula")
-    context = listed(context)
+        raise UnsupportedError("strategies are supported for P and R formulas")
+    context = to_explicit(context)
     asked: str | None = formula.direction
     if asked is None and formula.bound is not None:
         asked = "min" if formula.bound.operator in (">", ">=") else "max"
     if asked not in ("min", "max"):
-        raise UnsupportedError("a strategy is for a minimum or a maximum")
+        raise UnsupportedError("a strategy needs a minimum or a maximum: Pmin, Pmax, Rmin or Rmax")
     direction = Direction(asked)
     if isinstance(formula, ProbabilityOperator):
         return _probability(context, formula, states_of(context), direction)
@@ -133,25 +150,25 @@ def _probability(
     towards = direction
     if isinstance(path, NextPath | UntilPath) and path.negative:
         path, towards = negated(path), direction.dual
-    chooser = _Chooser(context, towards)
+    builder = _StrategyBuilder(context, towards)
     match path:
         case UntilPath(left, right, window) if window.trivial:
-            chooser.until(left, right)
+            builder.until(left, right)
         case NextPath(target, window) if window.trivial:
-            chooser.next(target)
+            builder.next(target)
         case RewardPath() | StatePath():
             raise UnsupportedError(
-                "strategies are not supported for bounds on rewards, and for formulas of states"
+                "strategies are not supported for reward bounds and state formulas"
             )
         case _:
-            return _remembering(
+            return _with_memory(
                 context, temporal(formula.path, states_of, context.engine.model), direction
             )
-    return chooser.strategy(direction)
+    return builder.strategy(direction)
 
 
-def _remembering(context: Context, path: TemporalPath, direction: Direction) -> Strategy:
-    """A strategy of the product with an automaton. The least probability is missed with the greatest."""
+def _with_memory(context: Context, path: TemporalPath, direction: Direction) -> Strategy:
+    """A strategy of the product with an automaton; a minimum is the maximum of the negation."""
     from symcheck.automata.acceptance import degeneralize
     from symcheck.check.omega_regular.ltl import linear_product
     from symcheck.engines.explicit.product import ExplicitProduct
@@ -160,9 +177,10 @@ def _remembering(context: Context, path: TemporalPath, direction: Direction) -> 
         context, replace(path, negative=direction == Direction.MIN), degeneralize
     )
     assert isinstance(product, ExplicitProduct)
-    chooser = _Chooser(replace(context, engine=product.engine, relevant_states=None), Direction.MAX)
-    chooser.until(product.engine.all, chooser.for_ever(pairs))
-    found = chooser.strategy(direction)
+    inner = replace(context, engine=product.engine, relevant_states=None)
+    builder = _StrategyBuilder(inner, Direction.MAX)
+    builder.until(product.engine.all, builder.accept(pairs))
+    found = builder.strategy(direction)
     return replace(found, memory=product.pairs.automaton, entry=product.entry)
 
 
@@ -173,13 +191,13 @@ def _reward(
     path = resolve(query, states_of, context.engine) if isinstance(query, Eventually) else None
     if not isinstance(path, UntilPath) or not path.window.trivial:
         raise UnsupportedError("strategies for rewards are supported with R [ F states ] only")
-    chooser = _Chooser(context, direction)
-    chooser.reward(reward_of(context, formula), path.right)
-    return chooser.strategy(direction)
+    builder = _StrategyBuilder(context, direction)
+    builder.reward(reward_of(context, formula), path.right)
+    return builder.strategy(direction)
 
 
-class _Chooser:
-    """Collects rows, state by state: -1 where any will do."""
+class _StrategyBuilder:
+    """Chooses a row for each state; -1 if every row is as good."""
 
     def __init__(self, context: Context, direction: Direction) -> None:
         engine = context.engine.capability(ExplicitEngine)
@@ -190,14 +208,14 @@ class _Chooser:
         self.rows: Int64s = np.full(engine.states, -1, dtype=np.int64)
 
     def strategy(self, direction: Direction) -> Strategy:
-        """What was chosen, and the first row elsewhere."""
+        """The strategy of the chosen rows, and of the first row in other states."""
         free = self.rows < 0
         return Strategy(
             self.engine, np.where(free, self.edges.groups[:-1], self.rows), direction, ~free
         )
 
     def next(self, target: OwnSet) -> None:
-        """The rows that most (least) probably enter the target."""
+        """Choose rows with maximal (minimal) probability of entering the target."""
         values = self.engine.system(self.engine.all).one_step_probability(target)
         values = values if self.direction == Direction.MAX else -values
         best = np.maximum.reduceat(values, self.edges.groups[:-1])
@@ -205,7 +223,7 @@ class _Chooser:
         self.rows[self.edges.owner[first[::-1]]] = first[::-1]
 
     def until(self, left: OwnSet, right: OwnSet) -> None:
-        """Rows for the greatest (least) probability of left U right."""
+        """Choose rows with maximal (minimal) probability of left U right."""
         questions = self.engine.graph
         yes, no = (
             questions.prob1(left, right, self.direction),
@@ -220,8 +238,12 @@ class _Chooser:
         system = self.engine.system(~(yes | no), self.direction)
         self._solve(system.states, system.reachability(yes).problem())
 
-    def for_ever(self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]) -> OwnSet:
-        """Rows that meet one of the pairs (avoid, visits; at most one of these) for ever: the states where that is possible."""
+    def accept(self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]) -> OwnSet:
+        """Choose rows that satisfy one of the pairs (avoid, visits), of at most one visit.
+
+        Returns:
+            The states of accepting end components.
+        """
         to, known = self.engine.to_bools, np.zeros(self.engine.states, dtype=np.bool_)
         for avoid, visits in pairs:
             good = graph.accepting_end_components(
@@ -238,35 +260,35 @@ class _Chooser:
         return self.engine.from_bools(known)
 
     def reward(self, reward: Reward, target: OwnSet) -> None:
-        """Rows for the greatest (least) expected reward until the target."""
+        """Choose rows with maximal (minimal) expected reward until the target."""
         everything = self.engine.all
         questions = self.engine.graph
         certain = questions.prob1(everything, target, self.direction.dual)
         system = self.engine.system(certain - target, self.direction)
         if np.isinf(system.step_rewards(reward)).any():
             raise UnsupportedError(
-                "strategies where some reward of a single step is infinite are not supported"
+                "strategies are not supported if a reward of a single step is infinite"
             )
         equations = system.expected_reward(reward, infinite=~certain)
         if self.direction is Direction.MAX:
-            self._miss(target)
+            self._avoid(target)
         usable = equations.usable_rows
         origin = None if usable is None else np.flatnonzero(usable)
         self._solve(system.states, equations.problem(), origin)
 
     def _take(self, where: Bools, rows: Int64s) -> None:
-        """Take over rows (-1: none) in some states."""
+        """Set the rows of some states; -1 for none."""
         self.rows = np.where(where & (rows >= 0), rows, self.rows)
 
     def _stay(self, within: Bools, where: Bools) -> None:
-        """In the states `where`, a row that stays `within` for certain."""
+        """In the states `where`, choose a row that stays `within` with probability 1."""
         members = self.engine.from_bools(within)
         leaves = self.engine.system(self.engine.all).one_step_probability(~members) > 0
         inside = np.flatnonzero(~leaves & where[self.edges.owner])
         self.rows[self.edges.owner[inside[::-1]]] = inside[::-1]
 
-    def _miss(self, target: OwnSet) -> None:
-        """Where the target can be missed: stay where it is missed for certain, else move there with positive probability."""
+    def _avoid(self, target: OwnSet) -> None:
+        """In states that can avoid the target, choose rows that do so with positive probability."""
         to = self.engine.to_bools
         missed = to(self.engine.graph.prob0(self.engine.all, target, Direction.MIN))
         self._stay(missed, missed)
@@ -284,7 +306,10 @@ class _Chooser:
             ahead = len(rows) > 0
 
     def _solve(self, states: OwnSet, problem: LinearProblem, origin: Int64s | None = None) -> None:
-        """The rows of the solution. origin: numbers, within the states' rows, of the problem's rows."""
+        """Choose the rows of a solution.
+
+        origin: the index of each row of the problem among the rows of `states`.
+        """
         from symcheck.numerics.linear.methods import solve_linear
 
         members = self.engine.to_bools(states)
@@ -292,7 +317,7 @@ class _Chooser:
             return
         found = solve_linear(problem, replace(self.context.options, method="auto"))
         if found.strategy is None:
-            raise UnsupportedError("the numerical method gives no strategy")
+            raise UnsupportedError("this numerical method computes no strategy")
         mine = np.flatnonzero(np.repeat(members, np.diff(self.edges.groups)))
         chosen = (
             found.strategy

@@ -1,4 +1,4 @@
-"""The same model with its states and rows listed, for what needs rows."""
+"""The explicit engine for a model of another engine, for algorithms that need rows."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from symcheck.check.context import Context
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.registry import build
 
-__all__ = ["listed"]
+__all__ = ["to_explicit"]
 
 
-def listed(context: Context) -> Context:
-    """The context, over the explicit engine where it has another one in floating point (the model is then explored again)."""
+def to_explicit(context: Context) -> Context:
+    """The context with an explicit engine; the model is explored again if it has another engine."""
     if context.engine.capability(ExplicitEngine) is not None:
         return context
     return replace(
