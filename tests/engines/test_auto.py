@@ -93,12 +93,12 @@ def test_diagrams_that_take_too_long_give_way(monkeypatch):
 
 
 def test_a_search_is_not_gone_on_with_where_diagrams_had_found_more_than_it_would_list(monkeypatch):
-    def unfinished_at_first(model, options, seconds, reach=selection._reach):
-        if seconds is not None:
+    def unfinished_at_first(model, options, lookups, reach=selection._reach):
+        if lookups is not None:
             raise selection._Unfinished("time", 2_000)
-        return reach(model, options, seconds)
+        return reach(model, options, lookups)
 
-    turns = ((1.0, 1000), (2.0, 1500))
+    turns = ((1_000_000, 1000), (2_000_000, 1500))
     engine, choice = chosen(
         COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=unfinished_at_first, _TURNS=turns
     )
@@ -113,7 +113,7 @@ def test_diagrams_that_miss_their_turn_say_what_they_had_found(monkeypatch):
 
     monkeypatch.setattr(reaching, "search", stopped)
     with pytest.raises(selection._Unfinished) as caught:
-        selection._reach(bind(parse_model(COUNTER), {}), Options(), 100.0)
+        selection._reach(bind(parse_model(COUNTER), {}), Options(), 10**8)
     assert caught.value.found == 1 + 2 + 3  # states at distance 0, 1 and 2
 
 
@@ -148,27 +148,32 @@ def test_where_diagrams_found_less_in_their_long_turn_the_search_goes_on(monkeyp
         _SMALL=100,
         _MORE=100,
         _reach=too_long,
-        _TURNS=((1.0, 1000), (10.0, 2000)),
+        _TURNS=((1_000_000, 1000), (10_000_000, 2000)),
     )
     assert engine.name == "explicit"
-    assert choice.reason == "diagrams did not finish within 10 s"
+    assert choice.reason == "diagrams did not finish within 10 million look-ups"
 
 
 def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
-    def too_long_at_first(model, options, seconds, reach=selection._reach):
-        if seconds is not None:
+    def too_long_at_first(model, options, lookups, reach=selection._reach):
+        if lookups is not None:
             raise selection._Unfinished("time", 0)
-        return reach(model, options, seconds)
+        return reach(model, options, lookups)
 
     engine, choice = chosen(
-        COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long_at_first, _TURNS=((1.0, 1000),)
+        COUNTER,
+        monkeypatch,
+        _SMALL=100,
+        _MORE=100,
+        _reach=too_long_at_first,
+        _TURNS=((1_000_000, 1000),),
     )
     assert isinstance(engine, SparseEngine)
     assert "more than 1,000 states" in choice.reason
 
 
 def test_where_diagrams_are_no_help_the_search_goes_on_as_far_as_memory_reaches(monkeypatch):
-    settings = {"_SMALL": 100, "_MORE": 100, "_SPARSE_NODES": 0.0, "_TURNS": ((1.0, 1000),)}
+    settings = {"_SMALL": 100, "_MORE": 100, "_SPARSE_NODES": 0.0, "_TURNS": ((1_000_000, 1000),)}
     engine, choice = chosen(COUNTER, monkeypatch, **settings)
     assert engine.name == "explicit"
     assert "compress nothing" in choice.reason

@@ -119,12 +119,12 @@ def compare(
 
 
 @contextmanager
-def impatience(patience: float = -1e6) -> Iterator[None]:
-    """Models of any size are large, no rows are few, and diagrams get no time (or as much as is said)."""
+def impatience(lookups: int = -(10**9)) -> Iterator[None]:
+    """Models of any size are large, no rows are few, and diagrams get no look-ups (or as many as is said)."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tuning, "ELIMINATION_STATES", 1)
         patch.setattr(tuning, "FEW_TRANSITIONS", 0)
-        patch.setattr(tuning, "PATIENCE", patience)
+        patch.setattr(tuning, "GRAPH_LOOKUPS", lookups)
         yield
 
 
@@ -246,7 +246,7 @@ def test_equations_where_many_states_are_neither() -> None:
         "[] x=5 -> 0.25:(x'=9) + 0.25:(x'=6) + 0.5:(x'=8); [] x=6 -> (x'=7); [] x=7 -> (x'=5); endmodule"
     )
     context = Context(symbolic, Options())
-    with impatience(1e6):
+    with impatience(10**9):
         values = until(
             context, symbolic.all, symbolic.where(parse_expression("x=9")), Direction.MAX
         )
@@ -283,16 +283,16 @@ def test_formulas_where_diagrams_take_long(
                 assert np.all(other_low <= high * (1 + 1e-8))
 
 
-@pytest.mark.parametrize("patience", [-1e6, 1e6])
+@pytest.mark.parametrize("lookups", [-(10**9), 10**9])
 @pytest.mark.parametrize("direction", [Direction.MIN, Direction.MAX])
-def test_rewards_of_eliminated_states_are_added_up(direction: Direction, patience: float) -> None:
+def test_rewards_of_eliminated_states_are_added_up(direction: Direction, lookups: int) -> None:
     source = (
         "mdp module m x : [0..9] init 0; [] x=0 -> 0.5:(x'=1) + 0.5:(x'=5); [] x=0 -> (x'=7); [] x>0 & x<9 -> (x'=x+1); endmodule "
         "rewards x<9 : 1; [] x=4 : 10; x=8 : 0.5; endrewards"
     )
     symbolic, explicit = both(source)
     context = Context(symbolic, Options())
-    with impatience(patience):
+    with impatience(lookups):
         values = reach_reward(
             context, Structure(0), symbolic.where(parse_expression("x=9")), direction
         )

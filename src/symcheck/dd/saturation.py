@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from symcheck.dd import tuning
 from symcheck.dd.cudd.extension import Bdd, Saturation
 
@@ -14,7 +12,6 @@ def saturate(
     saturation: Saturation,
     states: Bdd,
     within: Bdd | None = None,
-    deadline: float | None = None,
 ) -> Bdd | None:
     """The least set that contains `states` and is closed under the relations, as
     `Saturation.saturate` computes it.
@@ -27,20 +24,13 @@ def saturate(
 
     Args:
         within: states that the relations may lead to; None: all.
-        deadline: time (time.monotonic) at which to stop; None: none.
 
     Returns:
-        The set, or None at the deadline or when too many event partitions are needed.
+        The set, or None when too many event partitions are needed.
     """
     lookups, new_only = tuning.FIRST_LOOKUPS[saturation.forward], False
     while True:
-        result = saturation.saturate(
-            states, within, max_lookups=lookups, deadline=deadline, new_only=new_only
-        )
-        if (
-            result is not None
-            or saturation.exhausted
-            or (deadline is not None and time.monotonic() > deadline)
-        ):
+        result = saturation.saturate(states, within, max_lookups=lookups, new_only=new_only)
+        if result is not None or saturation.exhausted:
             return result
         lookups, new_only = 2 * lookups if new_only else lookups, not new_only

@@ -19,7 +19,6 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import prod
-from time import perf_counter, process_time
 from typing import TYPE_CHECKING, Any
 
 from symcheck.engines.base import Engine
@@ -44,10 +43,9 @@ _ENUMERATED = (
     10_000_000  # valuations that a search tries for the initial states of `init … endinit`
 )
 _TURNS = (
-    (1.5, 4_000_000),
-    (10.0, 30_000_000),
-)  # seconds for diagrams, then states for the search; and so on in turn
-_STRETCH = 8.0  # how much longer turns may take by the clock, on a busy machine
+    (3_000_000, 4_000_000),
+    (20_000_000, 30_000_000),
+)  # look-ups in CUDD's cache for diagrams (two million take about a second), then states for the search; and so on in turn
 _WRITTEN = (
     10_000_000  # states up to which an MDP that diagrams hold is written out and checked as arrays
 )
@@ -90,7 +88,6 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
             "a search would have to try too many initial states",
         )
     exploration = Exploration(model, options)
-    wall, busy = perf_counter(), process_time()
     if exploration.run(_SMALL) or _a_little_more(exploration):
         return _explicit(
             exploration, observer, f"the model has only {exploration.progress.states:,} states"
@@ -99,13 +96,11 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
         exploration.run(None, observer)
         return _explicit(exploration, observer, "there are integers without bounds")
     options = _ordered(model, options, observer)
-    # Turns are of processor time: on a machine that others use as well, diagrams get as far as on an idle one.
-    stretch = min(max((perf_counter() - wall) / max(process_time() - busy, 1e-3), 1.0), _STRETCH)
-    for turn, (seconds, states) in enumerate(_TURNS):
+    for turn, (lookups, states) in enumerate(_TURNS):
         if turn == 0 and _rounds_too_much(model):
             missed = _Missed(_TOO_MUCH)
         else:
-            match _try_diagrams(model, options, seconds, stretch):
+            match _try_diagrams(model, options, lookups):
                 case _Missed() as missed:
                     pass
                 case space:
@@ -160,20 +155,17 @@ def _ordered(model: BoundModel, options: Any, observer: Observer | None) -> Any:
     )
 
 
-def _try_diagrams(
-    model: BoundModel, options: Options, seconds: float, stretch: float
-) -> StateSpace | _Missed:
-    """The states as a diagram that compresses them, made within `seconds` times `stretch`."""
+def _try_diagrams(model: BoundModel, options: Options, lookups: int) -> StateSpace | _Missed:
+    """The states as a diagram that compresses them, made with so many look-ups in the cache."""
+    unfinished = f"diagrams did not finish within {lookups / 1e6:g} million look-ups"
     try:
-        space = _reach(model, options, seconds * stretch)
+        space = _reach(model, options, lookups)
     except UnsupportedError as error:
         return _Missed(str(error), hopeless=True)
     except _Unfinished as error:
-        return _Missed(f"diagrams did not finish within {seconds:g} s", found=error.found)
+        return _Missed(unfinished, found=error.found)
     except TimeLimitError:  # before the search for states began
-        return _Missed(
-            f"diagrams did not finish within {seconds:g} s", hopeless=seconds >= _TURNS[-1][0]
-        )
+        return _Missed(unfinished, hopeless=lookups >= _TURNS[-1][0])
     except MemoryLimitError as error:
         return _Missed(str(error))
     nodes = space.states.node_count
@@ -233,8 +225,8 @@ def _explicit(exploration: Exploration, observer: Observer | None, reason: str) 
     return ExplicitEngine(exploration.finish())
 
 
-def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateSpace:
-    """The states as a diagram. Raises TimeLimitError after `seconds` (None: at the options' time limit only).
+def _reach(model: BoundModel, options: Options, lookups: int | None) -> StateSpace:
+    """The states as a diagram. Raises TimeLimitError after `lookups`, and at the options' time limit.
 
     Within a limited turn, a model with updates that diagrams would have to learn state by state is left to the search:
     UnsupportedError says so.
@@ -243,20 +235,20 @@ def _reach(model: BoundModel, options: Options, seconds: float | None) -> StateS
     from symcheck.symbolic.build import build
     from symcheck.symbolic.reachability.search import reach
 
-    limit = options.time_limit if seconds is None else min(seconds, options.time_limit or seconds)
-    symbolic = build(
-        model, options, manager=DiagramManager(max_memory=options.max_memory, time_limit=limit)
-    )
-    if seconds is not None and any(event.evaluated for event in symbolic.events):
+    manager = DiagramManager(max_memory=options.max_memory, time_limit=options.time_limit)
+    manager.limit_lookups(lookups)
+    symbolic = build(model, options, manager=manager)
+    if lookups is not None and any(event.evaluated for event in symbolic.events):
         raise UnsupportedError(_TOO_MUCH)
     last: deque[SearchState] = deque(maxlen=1)
     try:
         space = reach(symbolic, watch=last.append)
     except TimeLimitError as error:
-        symbolic.manager.limit_time(None)
+        manager.limit_time(None)
+        manager.limit_lookups(None)
         found = sum(symbolic.manager.count(f.states, symbolic.encoding.rows) for f in last)
         raise _Unfinished(str(error), found) from error
-    symbolic.manager.limit_time(options.time_limit)
+    manager.limit_lookups(None)
     return space
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from time import perf_counter
 from typing import Protocol
 
 from symcheck.dd.manager import Bdd
@@ -22,7 +21,7 @@ from symcheck.engines.symbolic.deterministic_elimination import (
 )
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import SymbolicSet
-from symcheck.engines.symbolic.steps import Steps, TooSlowError, check
+from symcheck.engines.symbolic.steps import Steps, TooSlowError, look_ups
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
@@ -35,8 +34,8 @@ REMEMBERED = 4
 Question = tuple[str, Bdd, Bdd, Direction | None]
 """'possible' (E [left U right]), 'prob0' or 'prob1'; left, right, and the direction."""
 
-OnDiagrams = Callable[[float | None], Bdd]
-"""An answer by fixpoints on diagrams; past a deadline, TooSlowError."""
+OnDiagrams = Callable[[], Bdd]
+"""An answer by fixpoints on diagrams."""
 
 
 class Owner(ComponentsOwner, Protocol):
@@ -108,7 +107,7 @@ class SymbolicGraph:
         reduced = self._reduced_last(question)
         if reduced is None and "_rows" not in vars(self):
             try:
-                return self._set(self._on_diagrams(question, on_diagrams, self._deadline))
+                return self._set(self._on_diagrams(question, on_diagrams, self._budget))
             except TooSlowError:
                 pass
         if self._affordable:
@@ -143,34 +142,31 @@ class SymbolicGraph:
         return found or find(left, right)
 
     @property
-    def _deadline(self) -> float | None:
-        """When to stop asking diagrams."""
+    def _budget(self) -> int | None:
+        """Look-ups after which diagrams give up; None where there is no other way."""
         if self._affordable:
-            return perf_counter() + tuning.PATIENCE
+            return tuning.GRAPH_LOOKUPS
         if self._reduces:
-            return perf_counter() + tuning.PATIENCE + tuning.PATIENCE_PER_STATE * self._d.count
+            return tuning.GRAPH_LOOKUPS + int(tuning.GRAPH_LOOKUPS_PER_STATE * self._d.count)
         return None
 
     @cached_property
     def _answers(self) -> dict[Question, Bdd]:
         return {}
 
-    def _on_diagrams(
-        self, question: Question, on_diagrams: OnDiagrams, deadline: float | None
-    ) -> Bdd:
+    def _on_diagrams(self, question: Question, on_diagrams: OnDiagrams, budget: int | None) -> Bdd:
         if question not in self._answers:
-            found = on_diagrams(deadline)
+            with look_ups(self._d.manager, budget):
+                found = on_diagrams()
             if len(self._answers) >= REMEMBERED:
                 self._answers.pop(next(iter(self._answers)))
             self._answers[question] = found
         return self._answers[question]
 
-    def _certain(
-        self, kind: str, left: Bdd, right: Bdd, direction: Direction | None, deadline: float | None
-    ) -> Bdd:
+    def _certain(self, kind: str, left: Bdd, right: Bdd, direction: Direction | None) -> Bdd:
         find = self._prob0 if kind == "prob0" else self._prob1
         return self._on_diagrams(
-            (kind, left, right, direction), partial(find, left, right, direction), deadline
+            (kind, left, right, direction), partial(find, left, right, direction), None
         )
 
     # reachability
@@ -237,27 +233,22 @@ class SymbolicGraph:
             reward,
         )
 
-    def _prob0(
-        self, left: Bdd, right: Bdd, direction: Direction | None, deadline: float | None
-    ) -> Bdd:
+    def _prob0(self, left: Bdd, right: Bdd, direction: Direction | None) -> Bdd:
         if direction != Direction.MIN or self._d.guards is None:
-            return self._d.states - self._steps.backward(right, left, deadline)
-        return self._d.states - self._unavoidable(left, right, deadline)
+            return self._d.states - self._steps.backward(right, left)
+        return self._d.states - self._unavoidable(left, right)
 
-    def _prob1(
-        self, left: Bdd, right: Bdd, direction: Direction | None, deadline: float | None
-    ) -> Bdd:
+    def _prob1(self, left: Bdd, right: Bdd, direction: Direction | None) -> Bdd:
         if direction == Direction.MAX and self._d.guards is not None:
-            return self._almost_sure(left, right, deadline)
+            return self._almost_sure(left, right)
         # Whoever can get to where it may be missed for ever, before it is reached, may miss it.
-        no = self._certain("prob0", left, right, direction, deadline)
-        return self._d.states - self._steps.backward(no, left - right, deadline)
+        no = self._certain("prob0", left, right, direction)
+        return self._d.states - self._steps.backward(no, left - right)
 
-    def _unavoidable(self, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
+    def _unavoidable(self, left: Bdd, right: Bdd) -> Bdd:
         """States from where all strategies have a positive probability of left U right."""
         reach = right
         while reach:
-            check(deadline)
             before = self._steps.slots_before(reach)
             escape = self._d.union(
                 [guard - b for guard, b in zip(self._d.slot_guards, before, strict=True)]
@@ -269,25 +260,24 @@ class SymbolicGraph:
             self._steps.tell("every strategy reaches", reach)
         return reach
 
-    def _almost_sure(self, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
+    def _almost_sure(self, left: Bdd, right: Bdd) -> Bdd:
         """States from where some strategy has probability 1 of left U right."""
-        candidates = self._steps.backward(right, left, deadline)
+        candidates = self._steps.backward(right, left)
         if not self._steps.before(self._d.states - candidates) & (candidates - right):
             return candidates  # whatever is chosen, there is a way on: sooner or later it is taken
         while candidates:
             self._steps.tell("candidates", candidates)
-            sure = self._surely_within(candidates, left, right, deadline)
+            sure = self._surely_within(candidates, left, right)
             if sure == candidates:
                 return sure
             candidates = sure
         return candidates
 
-    def _surely_within(self, candidates: Bdd, left: Bdd, right: Bdd, deadline: float | None) -> Bdd:
+    def _surely_within(self, candidates: Bdd, left: Bdd, right: Bdd) -> Bdd:
         """States with a path into `right`, in `left` before, by choices that surely stay within `candidates`."""
         within = [w & left for w in self._steps.slots_within(candidates)]
         sure = fresh = right
         while fresh:
-            check(deadline)
             before = self._steps.slots_before(fresh)
             fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - sure
             sure = sure | fresh

@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from time import perf_counter
 
-from symcheck.dd.manager import Bdd
+from symcheck.dd.manager import Bdd, DiagramManager
 from symcheck.dd.saturation import saturate
 from symcheck.engines.symbolic.diagrams import Diagrams
+from symcheck.errors import TimeLimitError
 
-__all__ = ["Steps", "TooSlowError", "check"]
+__all__ = ["Steps", "TooSlowError", "look_ups"]
 
 REMEMBERED = 4
 """Results of backward searches that are kept."""
 
 
 class TooSlowError(Exception):
-    """A search on diagrams takes long; never leaves the graph questions."""
+    """A search on diagrams used up its budget of look-ups; never leaves the graph questions."""
 
 
-def check(deadline: float | None) -> None:
-    """Raise TooSlowError past the `deadline` (of time.perf_counter)."""
-    if deadline is not None and perf_counter() > deadline:
+@contextmanager
+def look_ups(manager: DiagramManager, budget: int | None) -> Iterator[None]:
+    """Raise TooSlowError when work on diagrams has taken so many look-ups; None: no limit."""
+    if budget is None:
+        yield
+        return
+    if budget <= 0:
         raise TooSlowError
+    manager.limit_lookups(budget)
+    try:
+        yield
+    except TimeLimitError as error:  # if it is the user's limit, the next operation says so again
+        raise TooSlowError from error
+    finally:
+        manager.limit_lookups(None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,20 +62,17 @@ class Steps:
         """All states that paths from `sources` lead to."""
         return self.close(sources, forward=True, within=self.diagrams.manager.true)
 
-    def close(
-        self, start: Bdd, *, forward: bool, within: Bdd, deadline: float | None = None
-    ) -> Bdd:
+    def close(self, start: Bdd, *, forward: bool, within: Bdd) -> Bdd:
         """The least set with `start` and what steps (forward or backward) add to it `within` a set."""
         if not start or within <= start:  # nothing to begin with, or nothing to add
             return start
         if self.observer is None:
-            closed = saturate(self.diagrams.saturation(forward), start, within, deadline)
+            closed = saturate(self.diagrams.saturation(forward), start, within)
             if closed is not None:
                 return closed
-            check(deadline)
-        return self._in_turns(start, forward, within, deadline)
+        return self._in_turns(start, forward, within)
 
-    def _in_turns(self, start: Bdd, forward: bool, within: Bdd, deadline: float | None) -> Bdd:
+    def _in_turns(self, start: Bdd, forward: bool, within: Bdd) -> Bdd:
         """The same, told step by step: steps take turns, each on what is new since its last turn."""
         steps = [step for level in self.diagrams.levels for step in level]
         done = [self.diagrams.manager.false] * len(steps)
@@ -71,7 +80,6 @@ class Steps:
         while True:
             before = states
             for number, step in enumerate(steps):
-                check(deadline)
                 fresh = states - done[number]
                 if fresh:
                     done[number] = states
@@ -87,14 +95,12 @@ class Steps:
         """The last results of `backward`: prob0 and prob1 of one formula ask the same."""
         return {}
 
-    def backward(self, target: Bdd, through: Bdd, deadline: float | None = None) -> Bdd:
+    def backward(self, target: Bdd, through: Bdd) -> Bdd:
         """States with a path into `target` whose states before are in `through`; with `target` itself."""
         if (target, through) not in self._known:
             if len(self._known) >= REMEMBERED:
                 self._known.pop(next(iter(self._known)))
-            self._known[target, through] = self.close(
-                target, forward=False, within=through, deadline=deadline
-            )
+            self._known[target, through] = self.close(target, forward=False, within=through)
         return self._known[target, through]
 
     def slots_before(self, states: Bdd) -> list[Bdd]:
