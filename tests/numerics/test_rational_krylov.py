@@ -7,10 +7,11 @@ import pytest
 from scipy.linalg import expm
 
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
 from symcheck.numerics.settings import Accuracy
-from symcheck.numerics.transient import rational_krylov, uniformization
-from symcheck.numerics.transient.rational_krylov import implicit_values
+from symcheck.numerics.transient import rational_krylov
+from symcheck.numerics.transient.rational_krylov import krylov_values
 from symcheck.numerics.transient.uniformization import transient_values
 
 EVERYWHERE = Accuracy(epsilon=1e-6)
@@ -42,7 +43,7 @@ def exact(generator: Floats, start: Floats, gain: Floats, time: float) -> Floats
 def test_values_are_within_the_error_everywhere(seed: int, leak: float) -> None:
     generator, rates, leave = stiff(60, seed, leak)
     gain = np.random.default_rng(seed).random(60)
-    found = implicit_values(rates, leave, np.zeros(60), gain, 20.0, np.arange(60), EVERYWHERE)
+    found = krylov_values(rates, leave, np.zeros(60), gain, 20.0, np.arange(60), EVERYWHERE)
     assert found is not None
     assert np.max(np.abs(found.values - exact(generator, np.zeros(60), gain, 20.0))) <= found.error
     assert 2.0 * found.error <= 1e-6 * found.values.min()
@@ -52,10 +53,10 @@ def test_values_are_within_the_error_everywhere(seed: int, leak: float) -> None:
 def test_a_bad_space_costs_width_and_nothing_else(
     loose: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rational_krylov, "SOLVED", loose)
+    monkeypatch.setattr(tuning, "VECTOR_RESIDUAL", loose)
     generator, rates, leave = stiff(40, 7)
     start, gain = np.linspace(1.0, 2.0, 40), np.ones(40)
-    found = implicit_values(
+    found = krylov_values(
         rates, leave, start, gain, 5.0, np.arange(40), Accuracy(epsilon=1e9, relative=False)
     )
     assert found is not None
@@ -68,7 +69,7 @@ def test_rows_may_sum_to_more_than_their_exit_rate(seed: int) -> None:
     generator, rates, leave = stiff(40, seed)
     weights, gain = 10.0 ** np.random.default_rng(seed).uniform(-0.02, 0.02, 40), np.ones(40)
     relative = scaled(rates, weights)
-    found = implicit_values(
+    found = krylov_values(
         relative,
         leave,
         np.zeros(40),
@@ -86,21 +87,21 @@ def test_rows_may_sum_to_more_than_their_exit_rate(seed: int) -> None:
 def test_weights_are_about_the_values_and_grow_as_slowly_as_asked(
     quick: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rational_krylov, "QUICK", quick)  # by elimination, or not
+    monkeypatch.setattr(tuning, "WEIGHT_ELIMINATION_OPERATIONS", quick)  # by elimination, or not
     generator, rates, leave = stiff(60, 4, 0.3)
     gain = np.zeros(60)
     gain[0] = 1e-3
     weights = rational_krylov.importance(rates, leave, gain, 20.0, np.full(60, 1e-4))
     assert weights is not None
-    assert np.max(generator @ weights / weights) <= rational_krylov.MILD / 20.0 * 1.01
+    assert np.max(generator @ weights / weights) <= tuning.IMPORTANCE_SHIFT / 20.0 * 1.01
     ratio = exact(generator, np.zeros(60), gain, 20.0) / weights
     assert ratio.max() <= 100.0 * ratio.min()
 
 
 def test_samples_between_the_nodes_are_those_of_the_polynomial() -> None:
-    nodes = -np.cos(np.pi * np.arange(rational_krylov.DEGREE + 1) / rational_krylov.DEGREE)
-    points = -np.cos(np.pi * np.arange(rational_krylov.SAMPLES + 1) / rational_krylov.SAMPLES)
-    for k in range(rational_krylov.DEGREE + 1):
+    nodes = -np.cos(np.pi * np.arange(tuning.COLLOCATION_DEGREE + 1) / tuning.COLLOCATION_DEGREE)
+    points = -np.cos(np.pi * np.arange(tuning.SAMPLES + 1) / tuning.SAMPLES)
+    for k in range(tuning.COLLOCATION_DEGREE + 1):
         assert rational_krylov._samples() @ nodes**k == pytest.approx(points**k, abs=1e-13)
 
 
@@ -111,23 +112,21 @@ def test_loops_count_as_no_change() -> None:
     indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
     looped = SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), dense[nonzero], 30)
     gain = np.linspace(0.5, 1.0, 30)
-    found = implicit_values(
-        looped, leave + 7.0, np.zeros(30), gain, 10.0, np.arange(30), EVERYWHERE
-    )
+    found = krylov_values(looped, leave + 7.0, np.zeros(30), gain, 10.0, np.arange(30), EVERYWHERE)
     assert found is not None
     assert np.max(np.abs(found.values - exact(generator, np.zeros(30), gain, 10.0))) <= found.error
 
 
 @pytest.mark.parametrize("kind", ["gain", "terminal"])
 def test_long_stiff_horizons_are_left_to_it(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(uniformization, "STIFF", 1e5)
+    monkeypatch.setattr(tuning, "KRYLOV_ENTRIES", 1e5)
     generator, rates, leave = stiff(60, 4, 0.05)
     values = np.linspace(1.0, 3.0, 60)
     given = {"gain": values} if kind == "gain" else {"terminal": values}
     found = transient_values(
         rates, leave, 30.0, Accuracy(), interest=np.array([3], np.int64), **given
     )
-    assert "implicitly" in found.explanation
+    assert "rational Krylov" in found.explanation
     zero = np.zeros(60)
     true = (
         exact(generator, zero, values, 30.0)
@@ -141,8 +140,8 @@ def test_long_stiff_horizons_are_left_to_it(kind: str, monkeypatch: pytest.Monke
 
 def test_what_is_rare_is_left_to_uniformisation(monkeypatch: pytest.MonkeyPatch) -> None:
     """An error relative to the greatest value says nothing where the value of interest is a billionth of it."""
-    monkeypatch.setattr(uniformization, "STIFF", 1e5)
-    monkeypatch.setattr(uniformization, "LONG", 1e3)
+    monkeypatch.setattr(tuning, "KRYLOV_ENTRIES", 1e5)
+    monkeypatch.setattr(tuning, "KRYLOV_STEPS", 1e3)
     _, rates, leave = stiff(40, 9)
     slow = SparseMatrix(rates.indptr, rates.indices, rates.data, 40)
     gain = np.zeros(40)
@@ -155,10 +154,10 @@ def test_what_is_rare_is_left_to_uniformisation(monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("poles", [(15.0,), (20.0, 150.0, 800.0), (3.0, 1e4)])
 def test_poles_may_be_any(poles: tuple[float, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rational_krylov, "DIRECT", 0)
+    monkeypatch.setattr(tuning, "KRYLOV_ELIMINATION_STATES", 0)
     generator, rates, leave = stiff(60, 2, 0.3)
     start, gain = np.linspace(1.0, 2.0, 60), np.ones(60)
-    found = implicit_values(
+    found = krylov_values(
         rates,
         leave,
         start,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics import tuning
 from symcheck.numerics.transient import state_space_truncation
 
 REST = 0.05
@@ -50,7 +51,7 @@ def test_what_is_below_the_truth_is_not_taken_for_a_bound(monkeypatch: pytest.Mo
 def test_the_resolvent_is_bounded_after_few_sweeps_as_after_many(
     transposed: bool, first: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(state_space_truncation, "FIRST", first)
+    monkeypatch.setattr(tuning, "GUESS_SWEEPS", first)
     haste, time = 2.0, 2.0 / REST
     full, matrix, leave, right = slow(50, 5)
     truth = np.exp(haste) * np.linalg.solve(full.T if transposed else full, right)

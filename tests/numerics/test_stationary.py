@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from symcheck.kernels.chains.gth_elimination import Elimination
 from symcheck.matrices.numbers import rationals
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics import tuning
 from symcheck.numerics.linear import rational
 from symcheck.numerics.long_run import stationary
 from symcheck.numerics.settings import Accuracy
@@ -72,7 +73,7 @@ def test_averages_by_the_poisson_equation(
     identity = np.eye(m)
     both = sparse_of(np.kron(dense, identity) + np.kron(identity, dense))
     length = np.add.outer(np.arange(m), np.arange(m)).ravel().astype(float)
-    monkeypatch.setattr(stationary, "QUICK", 0)
+    monkeypatch.setattr(tuning, "QUICK_OPERATIONS_PER_ENTRY", 0)
     average = stationary.long_run_average(both, length, Accuracy())
     weights = (arrive / serve) ** np.arange(m)
     exact = 2 * float(weights @ np.arange(m)) / float(weights.sum())
@@ -84,7 +85,7 @@ def test_averages_by_the_poisson_equation(
 def test_large_chains_give_an_estimate_when_elimination_is_given_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(stationary, "OPERATIONS", 10)
+    monkeypatch.setattr(tuning, "STATIONARY_OPERATIONS", 10)
     found = stationary.stationary_distribution(queue(50, 1.0, 2.0), Accuracy())
     assert not found.certified
     assert found.middle[0] == pytest.approx(0.5, rel=1e-4)
@@ -127,8 +128,8 @@ def test_elimination_has_the_relative_accuracy_that_it_claims(n: int, seed: int)
 @pytest.mark.parametrize("n", [50, 300])
 def test_a_queue_that_no_elimination_is_tried_on(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A chain that drifts to one end mixes slowly from the other: the Poisson equation is solved all the same."""
-    monkeypatch.setattr(stationary, "QUICK", 0)
-    monkeypatch.setattr(stationary, "OPERATIONS", 0)
+    monkeypatch.setattr(tuning, "QUICK_OPERATIONS_PER_ENTRY", 0)
+    monkeypatch.setattr(tuning, "STATIONARY_OPERATIONS", 0)
     k = np.arange(n)
     indptr = np.concatenate(([0], np.cumsum(2 - ((k == 0) | (k == n - 1))))).astype(np.int64)
     pairs = [(a, r) for s in range(n) for a, r in ((s - 1, 1.0), (s + 1, 1.5)) if 0 <= a < n]

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from symcheck.errors import NumericalError
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics import tuning
 from symcheck.numerics.settings import Accuracy
-from symcheck.numerics.transient import uniformization
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.uniformization import transient_distribution, transient_values
 
@@ -154,6 +154,8 @@ def test_products_are_enough() -> None:
     rates = np.array([[0.0, 1.0], [2.0, 0.0]])
 
     class Product:
+        longest = 1
+
         def multiply(self, x: Floats) -> Floats:
             return np.asarray(rates @ x)
 
@@ -210,7 +212,7 @@ def test_cutting_states_off_keeps_rare_events_right(
     starts = np.array(interest) * m
     alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-9), gain=overflow)
     whole = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
-    monkeypatch.setattr(uniformization, "BUDGET", 1.0)
+    monkeypatch.setattr(tuning, "TRUNCATION_ENTRIES", 1.0)
     cut = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
     assert cut.statistics["kept"] < 0.5 * len(exits)
     for s, t in zip(interest, starts.tolist(), strict=True):
@@ -246,15 +248,15 @@ def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyP
     gain, starts = np.repeat(overflow, m), np.zeros(1, np.int64)
     alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-10), gain=overflow)
     for name, value in (
-        ("LONG", 0.0),
-        ("STIFF", 0.0),
-        ("BUDGET", 1.0),
-        ("SELDOM", 1.0),
-        ("LAYER", 50.0),
+        ("KRYLOV_STEPS", 0.0),
+        ("KRYLOV_ENTRIES", 0.0),
+        ("TRUNCATION_ENTRIES", 1.0),
+        ("RARE_GAIN_STATES", 1.0),
+        ("SMOOTHING_STEPS", 50.0),
     ):
-        monkeypatch.setattr(uniformization, name, value)
+        monkeypatch.setattr(tuning, name, value)
     found = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
-    assert "implicitly" in found.explanation
+    assert "rational Krylov" in found.explanation
     assert found.lower[0] <= alone.upper[0]
     assert found.upper[0] >= alone.lower[0]
     assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]

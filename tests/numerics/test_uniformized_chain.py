@@ -8,17 +8,21 @@ import pytest
 from symcheck.kernels.graph.components import breadth_first_order
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics.transient.poisson import poisson
-from symcheck.numerics.transient.uniformized_chain import Chain, Visits, uniformise
+from symcheck.numerics.transient.uniformized_chain import (
+    OccupationBounds,
+    UniformizedChain,
+    uniformize,
+)
 
 
-def chain_of(rates: Floats, leave: Floats) -> tuple[Chain, Floats]:
+def chain_of(rates: Floats, leave: Floats) -> tuple[UniformizedChain, Floats]:
     """The chain, and its matrix in full."""
     nonzero = rates > 0
     indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
     matrix = SparseMatrix(
         indptr, np.nonzero(nonzero)[1].astype(np.int32), rates[nonzero], len(rates)
     )
-    chain = uniformise(matrix, leave)
+    chain = uniformize(matrix, leave)
     return chain, rates / chain.q + np.diag(chain.diagonal)
 
 
@@ -40,8 +44,8 @@ def test_what_remains_lies_within_the_bounds(seed):
     leave = rates.sum(1) + random.random(n) * random.choice([0.0, 0.001, 0.1]) + 1e-3
     chain, p = chain_of(rates, leave)
     weights = poisson(chain.q * time).tails()
-    everything = weights.part(0, len(weights))
-    visits = Visits(visits_of(p, chain.q, everything), leak=0.0)
+    everything = weights.between(0, len(weights))
+    visits = OccupationBounds(visits_of(p, chain.q, everything), leak=0.0)
     before = random.random(n)
     for k in range(1, len(weights), max(1, len(weights) // 15)):
         y = p @ before
@@ -60,7 +64,7 @@ def test_bounds_close_in_on_a_chain_that_decays():
     """Two states that lose 1 % a step: after some steps the ratio tells everything."""
     chain, p = chain_of(np.array([[0.5, 0.49], [0.49, 0.5]]), np.array([1.0, 1.0]))
     weights = poisson(chain.q * 200.0).tails()
-    visits = Visits(visits_of(p, chain.q, weights.part(0, len(weights))), leak=1.0)
+    visits = OccupationBounds(visits_of(p, chain.q, weights.between(0, len(weights))), leak=1.0)
     before = np.array([1.0, 0.2])
     for _ in range(60):
         before, y = p @ before, p @ (p @ before)

@@ -20,24 +20,13 @@ from symcheck.kernels.chains import gauss_seidel
 from symcheck.kernels.chains.gth_elimination import Elimination
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics import tuning
 from symcheck.numerics.linear import rational
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
 from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.settings import Settings
 
 __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
-
-OPERATIONS = 3_000_000_000
-PUSHES = 2  # sweeps that find a state that is visited often
-PATIENCE = 20  # steps between looks where the residual does not fall
-ALWAYS = 2_000  # states for which elimination is tried at length before anything else
-GIVE_UP = 600  # steps without a residual of half the size: where chains drift, it stays for as long as the way is
-NEARER = (
-    0.5  # part of what was left at the last look that the residual has come down to before the next
-)
-SHIFT = 0.2  # of the eigenvalue 0, in terms of the diagonal: about what the others are
-QUICK = 50  # operations per entry for which it is tried in any case
-SPARSE = 250_000  # states beyond which it is not tried at length
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +66,7 @@ def stationary_distribution(
     if n == 1:
         one = np.ones(1)
         return Stationary(one, one, True, "one state")
-    known = _eliminated(rates, OPERATIONS)
+    known = _eliminated(rates, tuning.STATIONARY_OPERATIONS)
     if known is not None:
         return known
     pi, count = _estimate(rates, settings, observer)
@@ -91,7 +80,7 @@ def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
     if not factors.complete:
         return None
     pi = factors.stationary()
-    error = factors.error + (n + 4) * 2.0**-53
+    error = factors.error + (n + 4) * tuning.UNIT_ROUNDOFF
     return Stationary(
         pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0), True, f"{n} states: elimination"
     )
@@ -128,14 +117,20 @@ def long_run_average(
         average = (rational.stationary_distribution(rates) * rewards).sum()
         return Average(average, average, True, 1, f"{rates.states} states: rational elimination")
     n = rates.states
-    limit = OPERATIONS if n <= ALWAYS else QUICK * rates.entries if n <= SPARSE else 0
+    limit = (
+        tuning.STATIONARY_OPERATIONS
+        if n <= tuning.SMALL_CHAIN_STATES
+        else tuning.QUICK_OPERATIONS_PER_ENTRY * rates.entries
+        if n <= tuning.ELIMINATION_STATES
+        else 0
+    )
     known = _eliminated(rates, limit) if limit else None
     if known is not None:
         return _weighted(known, rewards)
     leave = gauss_seidel.outflow(rates.indptr, rates.indices, rates.data)
     found = _poisson_equation(rates, leave, rewards, settings, observer)
-    if not _near((found.lower, found.upper), settings) and n <= SPARSE:
-        known = _eliminated(rates, OPERATIONS)
+    if not _close_enough((found.lower, found.upper), settings) and n <= tuning.ELIMINATION_STATES:
+        known = _eliminated(rates, tuning.STATIONARY_OPERATIONS)
         if known is not None:
             return _weighted(known, rewards)
     return found
@@ -146,8 +141,10 @@ def _weighted(known: Stationary, rewards: Floats) -> Average:
     plus, minus = np.maximum(rewards, 0.0), np.maximum(-rewards, 0.0)
     low = float(known.lower @ plus - known.upper @ minus)
     high = float(known.upper @ plus - known.lower @ minus)
-    slip = (len(rewards) + 2) * 2.0**-53 * float(known.upper @ np.abs(rewards))
-    return Average(low - slip, high + slip, True, 1, known.explanation)
+    rounding_error = (
+        (len(rewards) + 2) * tuning.UNIT_ROUNDOFF * float(known.upper @ np.abs(rewards))
+    )
+    return Average(low - rounding_error, high + rounding_error, True, 1, known.explanation)
 
 
 def _bordered(rates: SparseMatrix, leave: Floats) -> SplitMatrix:
@@ -157,11 +154,13 @@ def _bordered(rates: SparseMatrix, leave: Floats) -> SplitMatrix:
     some sweeps tell, it moves the eigenvalue 0 to among the others.
     """
     mass, time = np.full(rates.states, 1.0 / rates.states), np.zeros(rates.states)
-    for sweep in range(PUSHES):
-        if sweep == PUSHES // 2:
+    for sweep in range(tuning.OCCUPATION_SWEEPS):
+        if sweep == tuning.OCCUPATION_SWEEPS // 2:
             time[:] = 0.0  # what came before tells of the start
         gauss_seidel.push_sweep(rates.indptr, rates.indices, rates.data, leave, mass, time)
-    time *= SHIFT * float(np.einsum("i,i->", time, leave)) / float(time.sum()) ** 2
+    time *= (
+        tuning.EIGENVALUE_SHIFT * float(np.einsum("i,i->", time, leave)) / float(time.sum()) ** 2
+    )
     slow = 1.0 / leave
     return SplitMatrix.of(rates, slow).with_rank_one(slow, time)
 
@@ -178,15 +177,15 @@ def _poisson_equation(
     longest = int(np.max(np.diff(rates.indptr), initial=0))
     largest = float(np.max(np.abs(rewards), initial=0.0))
 
-    def look(h: Floats) -> tuple[float, float]:
+    def compute_bounds(h: Floats) -> tuple[float, float]:
         out = np.empty(rates.states)
         gauss_seidel.generator_times(rates.indptr, rates.indices, rates.data, h, out)
         most = gauss_seidel.largest_flow(rates.indptr, rates.indices, rates.data, h)
-        slip = (longest + 6) * 2.0**-52 * (most + largest)
+        rounding_error = (longest + 6) * 2.0 * tuning.UNIT_ROUNDOFF * (most + largest)
         out += rewards
-        return float(out.min()) - slip, float(out.max()) + slip
+        return float(out.min()) - rounding_error, float(out.max()) + rounding_error
 
-    best = look(np.zeros(rates.states))
+    best = compute_bounds(np.zeros(rates.states))
     made, since, least = 0, 0, np.inf
     seen, ratio = (
         np.inf,
@@ -199,27 +198,32 @@ def _poisson_equation(
         ahead = ratio * rest <= settings.epsilon * (
             max(abs(best[0]), abs(best[1])) if settings.relative else 1.0
         )
-        if (ahead and rest <= NEARER * seen) or (made - since) % PATIENCE == PATIENCE - 1:
-            low, high = look(split.solve_upper(x))
+        if (ahead and rest <= tuning.POISSON_RESIDUAL_DROP * seen) or (
+            made - since
+        ) % tuning.POISSON_PATIENCE == tuning.POISSON_PATIENCE - 1:
+            low, high = compute_bounds(split.solve_upper(x))
             seen, ratio = rest, (high - low) / rest if rest > 0.0 else 0.0
             if math.isfinite(high - low):
                 best = max(low, best[0]), min(high, best[1])
         if observer is not None:
             observer(Progress("bicgstab", made, best[1] - best[0], rates.states))
         if (
-            _near(best, settings)
-            or made - since >= GIVE_UP
+            _close_enough(best, settings)
+            or made - since >= tuning.POISSON_STALL_STEPS
             or made >= settings.max_iterations
             or rest == 0.0
         ):
             break
     note = f"{rates.states} states: BiCGStab between the triangles of the Poisson equation, {made} steps"
     return Average(
-        *best, True, made, note + ("" if _near(best, settings) else ", accuracy not reached")
+        *best,
+        True,
+        made,
+        note + ("" if _close_enough(best, settings) else ", accuracy not reached"),
     )
 
 
-def _near(bounds: tuple[float, float], settings: Settings) -> bool:
+def _close_enough(bounds: tuple[float, float], settings: Settings) -> bool:
     width = bounds[1] - bounds[0]
     return width <= settings.epsilon * (
         max(abs(bounds[0]), abs(bounds[1]), 1e-300) if settings.relative else 1.0

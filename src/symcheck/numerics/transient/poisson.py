@@ -1,7 +1,10 @@
 """Poisson weights for uniformisation.
 
-Computed outwards from the mode as products of ratios and normalised by their sum, so that nothing underflows that matters and
-no large factorial is formed (Fox & Glynn 1988; Jansen 2011). Relative accuracy of each weight: about 1e-12 for rates up to 1e8.
+They are computed outwards from the mode as products of ratios and normalised by their sum, so no
+relevant weight underflows and no large factorial is formed. The relative error of each weight is
+about 1e-12 for rates up to 1e8.
+
+Sources: Fox & Glynn (1988); Jansen (2011).
 """
 
 from __future__ import annotations
@@ -14,12 +17,12 @@ import numpy as np
 
 from symcheck.matrices.rows import Floats
 
-__all__ = ["Weighting", "Weights", "poisson"]
+__all__ = ["PoissonWeights", "WeightSequence", "poisson"]
 
 
 @dataclass(frozen=True, eq=False)
-class Weights:
-    """P(N = left + i) = values[i] for N ~ Poisson(rate), and what lies outside of the window, at most `missing`."""
+class PoissonWeights:
+    """P(N = left + i) = values[i] for N ~ Poisson(rate); `missing` bounds the probability elsewhere."""
 
     rate: float
     left: int
@@ -31,19 +34,22 @@ class Weights:
         """The last number in the window."""
         return self.left + len(self.values) - 1
 
-    def masses(self) -> Weighting:
+    def masses(self) -> WeightSequence:
         """P(N = k) as a sequence over k = 0, 1, ..."""
-        return Weighting(self.left, 0.0, self.values)
+        return WeightSequence(self.left, 0.0, self.values)
 
-    def tails(self) -> Weighting:
+    def tails(self) -> WeightSequence:
         """P(N > k) as a sequence over k = 0, 1, ..."""
         tail = np.minimum(np.cumsum(self.values[::-1])[::-1], 1.0)
-        return Weighting(self.left, 1.0, np.append(tail[1:], 0.0))
+        return WeightSequence(self.left, 1.0, np.append(tail[1:], 0.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Weighting:
-    """A sequence of weights: `constant` for k < left, then `values`, then nothing. Never stored in full: left may be 1e9."""
+class WeightSequence:
+    """A sequence of weights: `constant` for k < left, then `values`, then 0.
+
+    It is not stored in full, as left may be 1e9.
+    """
 
     left: int
     constant: float
@@ -52,49 +58,52 @@ class Weighting:
     def __len__(self) -> int:
         return self.left + len(self.values)
 
-    def part(self, begin: int, end: int) -> Floats:
-        """The weights of begin <= k < end."""
+    def between(self, begin: int, end: int) -> Floats:
+        """The weights of begin <= k < end, float64[end - begin]."""
         flat = np.full(max(0, min(end, self.left) - begin), self.constant)
         return np.concatenate(
             (flat, self.values[max(0, begin - self.left) : max(0, end - self.left)])
         )
 
     @cached_property
-    def _rest(self) -> Floats:
+    def _tail_sums(self) -> Floats:
         return np.append(np.cumsum(self.values[::-1])[::-1], 0.0)
 
     def rest(self, begin: int) -> float:
         """The sum of the weights from k = begin on."""
         flat = self.constant * max(0, self.left - begin)
-        return flat + float(self._rest[max(0, begin - self.left)])
+        return flat + float(self._tail_sums[max(0, begin - self.left)])
 
     def powers(self, begin: int, ratio: float) -> float:
-        """The sum over k >= begin of weight_k * ratio^(k - begin), relative accuracy about 1e-10."""
+        """The sum over k >= begin of weight_k * ratio^(k - begin), with relative error about 1e-10."""
         if ratio <= 0.0:
-            return float(self.part(begin, begin + 1).sum())
+            return float(self.between(begin, begin + 1).sum())
         flat = max(0, self.left - begin)
         log = math.log(ratio)
         front = 0.0
         if flat and self.constant:
             front = self.constant * (flat if log == 0.0 else _expm1(flat * log) / math.expm1(log))
-        later = self.values[max(0, begin - self.left) :]
+        values = self.values[max(0, begin - self.left) :]
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-            whole = front + float(later @ np.exp(log * (flat + np.arange(len(later)))))
-        return (
-            math.inf if math.isnan(whole) else whole
-        )  # weights that are 0 in doubles, times what is too great for one
+            whole = front + float(values @ np.exp(log * (flat + np.arange(len(values)))))
+        # A weight of 0 times an overflow is NaN.
+        return math.inf if math.isnan(whole) else whole
 
 
 def _expm1(x: float) -> float:
     return math.expm1(x) if x < 700.0 else math.inf
 
 
-def poisson(rate: float, epsilon: float = 1e-300) -> Weights:
-    """The weights that matter: all that are at least `epsilon` times the greatest (rate >= 0)."""
+def poisson(rate: float, epsilon: float = 1e-300) -> PoissonWeights:
+    """The weights that are at least `epsilon` times the largest one.
+
+    Raises:
+        ValueError: the rate is negative.
+    """
     if rate < 0.0:
         raise ValueError("a Poisson rate cannot be negative")
     if rate == 0.0:
-        return Weights(0.0, 0, np.ones(1), 0.0)
+        return PoissonWeights(0.0, 0, np.ones(1), 0.0)
     mode = int(rate)
     # ln P(mode + d) - ln P(mode) is below -d^2 / (2 (rate + d)): solve for the d at which it reaches ln(epsilon).
     drop = -np.log(epsilon)
@@ -105,8 +114,8 @@ def poisson(rate: float, epsilon: float = 1e-300) -> Weights:
     up, down = up[up >= epsilon], down[down >= epsilon]
     values = np.concatenate((down[::-1], [1.0], up))
     total = float(np.sum(np.sort(values)))
-    # Beyond the ends the weights fall at least as fast as the last ratio says.
+    # Beyond the ends the weights fall at least geometrically, with the ratio at the end.
     last, first = mode + len(up), mode - len(down)
     beyond = values[-1] * rate / (last + 1.0 - rate) if last + 1.0 > rate else 0.0
     before = values[0] * first / (rate - first) if rate > first > 0 else 0.0
-    return Weights(rate, first, values / total, float((beyond + before) / total))
+    return PoissonWeights(rate, first, values / total, float((beyond + before) / total))

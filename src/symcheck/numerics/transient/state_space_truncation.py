@@ -1,16 +1,16 @@
-"""Which states matter for a transient value at a few states: the others are cut off, at a proved cost.
+"""State-space truncation for transient values at a few states, with a proved bound on the error.
 
-Both bounds come from the resolvent, as 1 <= exp(a - a s/T) for s <= T: the value of a state at any time up to T is at most
-V = e^a (a/T - Q)^-1 gain, and the expected time that the chain spends in a state up to T at most N = e^a alpha (a/T - Q)^-1.
-Cutting a set D off loses at most the sum of N(s) rate(s, d) V(d) over the edges into D. Both are linear systems with positive
-solutions, of which rough upper bounds are good enough; relative accuracy is what makes it work for rare events, where N falls
+Both bounds come from the resolvent, since 1 <= exp(a - a s/T) for s <= T with a Laplace shift a. The
+value of a state at any time up to T is at most V = e^a (a/T - Q)^-1 gain. The expected time spent in
+a state up to T is at most N = e^a start (a/T - Q)^-1. Removing a set D of states loses at most the
+sum of N(s) rate(s, d) V(d) over the transitions into D. Both are linear systems with positive
+solutions, of which rough upper bounds suffice. The bounds must be relative: for rare events, N falls
 and V rises by hundreds of orders of magnitude.
 """
 
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,29 +20,24 @@ from symcheck.kernels.graph import components
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.component_bounds import System
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
-from symcheck.numerics import graph
+from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import relative_solution
 
 __all__ = ["Truncation", "truncate"]
 
-SWEEPS = 20_000
-TRIAL = 600  # sweeps in the order that components give
-FIRST = 600  # sweeps that give a guess for BiCGStab: an end of their own is nearer, and begins anew
-WIDEST = 1e-150  # least part of the greatest: rarer events have guesses that are too rough
-EASIER = 0.8  # of a, for which that solves
-
 
 @dataclass(frozen=True, eq=False)
 class Truncation:
-    """The states kept (ascending), and what cutting the others off loses at most, in all, at a state of interest.
+    """The states kept, and the error at each state of interest.
 
-    visits: bounds on the expected time spent in each kept state, from whichever state of interest. values: bounds on the value
-    of each kept state at any time, V with Q V <= (a/T) V.
+    kept: int64, ascending. loss: the value lost by removing all other states, at most.
+    occupation: bounds on the expected time spent in each kept state, from any state of interest.
+    values: bounds on the value of each kept state at any time; Q V <= (a/T) V holds.
     """
 
     kept: Int64s
     loss: float
-    visits: Floats
+    occupation: Floats
     values: Floats
 
 
@@ -51,35 +46,39 @@ def truncate(
     exit_rates: Floats,
     time: float,
     gain: Floats,
-    interest: Int64s | Floats,
+    interest: Int64s,
     epsilon: float,
-    haste: float,
+    laplace_shift: float,
 ) -> Truncation | None:
-    """Keep what matters to epsilon, relative to the least value of interest; None where the bounds are not found.
+    """Keep the states that matter to a relative error of epsilon at the states of interest.
 
-    gain: rates of entering the target (or of earning), non-negative. haste: a above; 1 keeps the fewest states, more is found
-    faster. interest: the states, or a distribution to start from (the value is then the expected one).
+    Args:
+        rates, exit_rates: as in `transient_values`.
+        time: the horizon T.
+        gain: rates of entering the target or of earning rewards, float64[n], non-negative.
+        interest: the states whose values are wanted.
+        epsilon: the error, relative to the least value of interest.
+        laplace_shift: a; 1 keeps the fewest states, larger shifts are solved faster.
+
+    Returns:
+        None if the bounds are not found.
     """
-    given = interest.dtype == np.float64
+    from concurrent.futures import ThreadPoolExecutor
+
     start: Floats = np.zeros(rates.states)
-    if given:
-        start[:] = interest
-    else:
-        start[interest] = 1.0
-    with ThreadPoolExecutor(1) as other:  # the sweeps hold no lock: both systems at the same time
-        later = other.submit(_resolvent, rates, exit_rates, time, start, haste, True)
-        value = _resolvent(rates, exit_rates, time, gain, haste, False)
-        visits = later.result()
-    if value is None or visits is None:
+    start[interest] = 1.0
+    with ThreadPoolExecutor(1) as pool:  # sweeps release the lock of the interpreter
+        other = pool.submit(_resolvent, rates, exit_rates, time, start, laplace_shift, True)
+        value = _resolvent(rates, exit_rates, time, gain, laplace_shift, False)
+        occupation = other.result()
+    if value is None or occupation is None:
         return None
-    # The least value, or less: within a/T the chain gains a part of what it gains within T.
-    least = float(start @ value) if given else float(value[interest].min())
-    target = least * math.exp(-haste) / (4.0 * haste)
+    # A lower bound on the least value: the gain within T/a is part of that within T.
+    least = float(value[interest].min())
+    target = least * math.exp(-laplace_shift) / (4.0 * laplace_shift)
     owner = np.repeat(np.arange(rates.states), np.diff(rates.indptr))
-    flow = visits[owner] * rates.data
+    flow = occupation[owner] * rates.data
     inflow = np.bincount(rates.indices, weights=flow, minlength=rates.states)
-    if given:
-        inflow = np.asarray(inflow + start)
     with np.errstate(under="ignore", over="ignore"):
         importance = inflow * value
     order = np.argsort(importance)
@@ -87,13 +86,10 @@ def truncate(
     cut = order[: int(np.searchsorted(lost, epsilon * target))]
     keep = np.ones(rates.states, dtype=np.bool_)
     keep[cut] = False
-    if not given:
-        keep[interest] = True
+    keep[interest] = True
     crossing = keep[owner] & ~keep[rates.indices]
     loss = float(np.sum(flow[crossing] * value[rates.indices[crossing]])) * (1.0 + 1e-9)
-    if given:
-        loss += float(np.sum((start * value)[~keep])) * (1.0 + 1e-9)
-    return Truncation(np.flatnonzero(keep).astype(np.int64), loss, visits[keep], value[keep])
+    return Truncation(np.flatnonzero(keep).astype(np.int64), loss, occupation[keep], value[keep])
 
 
 def _resolvent(
@@ -101,65 +97,67 @@ def _resolvent(
     exit_rates: Floats,
     time: float,
     right: Floats,
-    haste: float,
+    laplace_shift: float,
     transposed: bool,
 ) -> Floats | None:
-    """Upper bounds, within a factor of about two, on e^a (a/time - Q)^-1 right (or its transpose)."""
-    scale = 1.0 / (exit_rates + haste / time)
+    """Upper bounds on e^a (a/time - Q)^-1 right (or its transpose), within a factor of about two."""
+    scale = 1.0 / (exit_rates + laplace_shift / time)
     arrays: tuple[Int64s, Int32s, Floats] = (rates.indptr, rates.indices, rates.data)
     back = sparse.transpose_values(*arrays, rates.columns)
     if transposed:
         arrays, back = back, arrays
     data = arrays[2] * np.repeat(scale, np.diff(arrays[0]))
-    # Every loop has been counted in the exit rate; here the equations are used as they are, whatever their rows sum to.
+    # Self-loops are part of the exit rates. The equations are used whatever their rows sum to.
     system = System(*arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0)
-    # Along the way that the values spread sweeps take them furthest; but within a component's own order they may settle far sooner.
+    # Values spread furthest in the order of distance, but may settle sooner in that of components.
     nearest = components.breadth_first_order(back[0], back[1], (right > 0.0).view(np.uint8))
     del back
-    trials = [(nearest, SWEEPS)]
+    trials = [(nearest, tuning.TRUNCATION_SWEEPS)]
     matrix = SparseMatrix(*arrays, rates.columns)
     if not transposed:
-        trials.insert(0, (graph.sccs(matrix).order, TRIAL))
+        trials.insert(0, (graph.sccs(matrix).order, tuning.COMPONENT_ORDER_SWEEPS))
     for order, sweeps in trials:
         block = system.block(order, np.zeros((rates.states, 2)))
-        done, _, _ = block.optimistic(1.0, True, min(sweeps, FIRST))
+        done, _, _ = block.optimistic(1.0, True, min(sweeps, tuning.GUESS_SWEEPS))
         if not done:
             guess = np.empty(rates.states)
             guess[order] = np.asarray(block.x)[: block.n, 0]
-            known = _supersolution(matrix, exit_rates, haste / time, right, guess)
+            known = _supersolution(matrix, exit_rates, laplace_shift / time, right, guess)
             if known is not None:
-                return known * math.exp(haste) * (1.0 + 1e-9)
-            done = sweeps > FIRST and block.optimistic(1.0, True, sweeps)[0]
+                return known * math.exp(laplace_shift) * (1.0 + 1e-9)
+            done = sweeps > tuning.GUESS_SWEEPS and block.optimistic(1.0, True, sweeps)[0]
         if done:
             break
     else:
         return None
     out = np.empty(rates.states)
     out[order] = block.x[:, 1]
-    return out * math.exp(haste) * (1.0 + 1e-9)
+    return out * math.exp(laplace_shift) * (1.0 + 1e-9)
 
 
 def _supersolution(
     matrix: SparseMatrix, exit_rates: Floats, rest: float, right: Floats, guess: Floats
 ) -> Floats | None:
-    """A proved upper bound, within EASIER or so, on the solution of (rest + exit rate) x = right + R x; None where none is found.
+    """A proved upper bound on the solution of (rest + exit rate) x = right + R x, or None.
 
-    What solves the equations with a somewhat smaller rest leaves room for what BiCGStab leaves; guess: as in `relative_solution`.
+    BiCGStab solves the equations with a smaller rest, which leaves room for its residual. The bound
+    is within a factor of about SHIFT_REDUCTION. guess: as in `relative_solution`.
     """
-    if not guess.min(initial=np.inf) > WIDEST * guess.max(initial=0.0):
+    if not guess.min(initial=np.inf) > tuning.GUESS_RANGE * guess.max(initial=0.0):
         return None
     diagonal = (
         exit_rates
-        + EASIER * rest
+        + tuning.SHIFT_REDUCTION * rest
         - ssor_eisenstat.loops(matrix.indptr, matrix.indices, matrix.data)
     )
-    # Residuals that the room is enough for, if the guess is not more than ten times too large.
-    goal = 0.1 * (1.0 - EASIER) * rest / float(np.max(exit_rates) + rest)
+    # The room suffices for this residual if the guess is at most ten times too large.
+    goal = 0.1 * (1.0 - tuning.SHIFT_REDUCTION) * rest / float(np.max(exit_rates) + rest)
     found = relative_solution(matrix, 1.0 / diagonal, right, guess, goal)
     if found is None:
         return None
     out = np.empty(matrix.states)
     sparse.multiply(matrix.indptr, matrix.indices, matrix.data, found, out)
-    slip = (int(np.max(np.diff(matrix.indptr), initial=0)) + 8) * 2.0**-53
-    out = (out + right) / (exit_rates + rest) * (1.0 + slip)
+    longest = int(np.max(np.diff(matrix.indptr), initial=0))
+    rounding_error = (longest + 8) * tuning.UNIT_ROUNDOFF
+    out = (out + right) / (exit_rates + rest) * (1.0 + rounding_error)
     return found if bool(np.all(out <= found)) else None

@@ -1,12 +1,13 @@
 """Transient values and distributions of a CTMC by uniformisation, with a bound on the error.
 
-x(t) solves x' = Q x + gain, x(0) = terminal, with Q = rates - diag(exit rates) on the unknown states: for bounded until, gain is
-the rate into the target; for instantaneous rewards, terminal is the reward; for cumulative ones, gain is the reward rate.
-With P = I + Q/q and y_k = P^k y_0 everything is a sum of weight_k * y_k with non-negative terms (Jensen 1953; Grassmann 1977).
+x(t) solves x' = Q x + gain, x(0) = terminal, with Q = rates - diag(exit rates) on the unknown states.
+For bounded until, gain is the rate into the target; for instantaneous rewards, terminal is the
+reward; for cumulative rewards, gain is the reward rate. With P = I + Q/q and y_k = P^k y_0 the
+solution is a sum of weight_k * y_k with non-negative terms (Jensen 1953; Grassmann 1977).
 
-Long horizons end early, with proof: if a y_k <= P y_k <= b y_k then a^m y_k <= P^m y_k <= b^m y_k for all m (Collatz & Wielandt).
-The ratio bounds close in on each other as the chain forgets where it started, be it on a steady state (a = b = 1) or on a
-quasi-stationary decay or growth (a = b = another number), and what remains of the sum is then known.
+Long horizons end early, with a proof: if a y_k <= P y_k <= b y_k then a^m y_k <= P^m y_k <= b^m y_k
+for all m (Collatz & Wielandt). The ratio bounds converge as the chain forgets its start, to a steady
+state (a = b = 1) or to a quasi-stationary decay or growth, and the rest of the sum is then known.
 """
 
 from __future__ import annotations
@@ -14,67 +15,52 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from symcheck.errors import NumericalError
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
 from symcheck.numerics.linear.problem import Observer, Progress, SweepOperator
 from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.numerics.transient.poisson import poisson
-from symcheck.numerics.transient.rational_krylov import excess, implicit_values, importance
+from symcheck.numerics.transient.rational_krylov import excess, importance, krylov_values
 from symcheck.numerics.transient.state_space_truncation import truncate
-from symcheck.numerics.transient.uniformized_chain import ROUND, Chain, Visits, uniformise
+from symcheck.numerics.transient.uniformized_chain import (
+    OccupationBounds,
+    UniformizedChain,
+    uniformize,
+)
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
-
-TINY = 1e-300  # more than 1e7 steps with 1e3 roundings each lose to underflow, 1e7 times over
-LOOK = 50  # steps between two looks at the stopping test
-BUDGET = 1e10  # entries to go over, at most, before states are cut off that do not matter (a tenth of it if the whole is hopeless)
-PATIENCE = 0.01  # of the entries to go over in all, likewise
-HOPELESS = 1e12  # entries to go over in all
-LONG, STIFF = (
-    2e3,
-    1e10,
-)  # steps, and entries to go over in all, from which on implicit means are tried
-POLES: tuple[float, ...] = (15.0,)  # γ is the time over these, in turn
-WIDE: tuple[float, ...] = (
-    20.0,
-    150.0,
-    800.0,
-)  # in terms of weights, where what is fast goes on all the time
-SELDOM = 0.01  # of the states, where gain comes from
-LAYER = 200.0  # steps of uniformisation before that
-HASTE = (20.0, 5.0)  # of the rounds of cutting off
 
 
 @dataclass(frozen=True, eq=False)
 class Transient:
-    """Certified bounds, float64[n] each; steps made, steps that plain uniformisation makes, and a line for people."""
+    """Certified bounds, float64[n] each, the number of steps, and one line for users."""
 
     lower: Floats
     upper: Floats
     iterations: int
     explanation: str
-    statistics: dict[str, Any] = field(default_factory=dict)
+    statistics: dict[str, int | float] = field(default_factory=dict)
 
     @property
     def middle(self) -> Floats:
-        """The point between the bounds."""
+        """The midpoint of the bounds."""
         return 0.5 * (self.lower + self.upper)
 
     def widened(self, room: float) -> Transient:
-        """Bounds a little apart in absolute terms: numbers near the least double lose what relative bounds on roundings promise."""
+        """The bounds, wider by an absolute error: relative error bounds do not hold near underflow."""
         return replace(self, lower=np.maximum(self.lower - room, 0.0), upper=self.upper + room)
 
     def plus(self, other: Transient) -> Transient:
-        """The sum of two, each rounded outwards."""
+        """The sum of two parts, rounded outwards."""
         lower, upper = (
-            (self.lower + other.lower) * (1 - 2 * ROUND),
-            (self.upper + other.upper) * (1 + 2 * ROUND),
+            (self.lower + other.lower) * (1 - 2 * tuning.UNIT_ROUNDOFF),
+            (self.upper + other.upper) * (1 + 2 * tuning.UNIT_ROUNDOFF),
         )
         return Transient(
             lower,
@@ -96,35 +82,43 @@ def transient_values(
     interest: Int64s | None = None,
     observer: Observer | None = None,
 ) -> Transient:
-    """Bounds on x(time) for every state: see above. All arrays non-negative, float64[n].
+    """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
-    What is too small for a double is bounded by 1e-300, and so are states that gain nothing: leave them out before.
+    Args:
+        rates: rates among the n states. A diagonal entry is a self-loop and is part of exit_rates.
+        exit_rates: the total rate of leaving each state, including to states outside.
+        time: the horizon.
+        settings: accuracy and limits.
+        terminal, gain: the initial values and the source (see the module).
+        interest: states whose values need the accuracy; None: all.
+        observer: receives the progress.
 
-    rates: among the n states (an entry on the diagonal is a self-loop and must be counted in exit_rates). exit_rates: the
-    total rate of leaving each state, to states outside as well. interest: states where the accuracy is needed (None: all).
-    Raises NumericalError for negative arrays (give positive and negative parts apart).
+    Returns:
+        Bounds. Values below the smallest double, such as those of states that gain nothing, have an
+        upper bound of 1e-300.
+
+    Raises:
+        NumericalError: an array is negative (positive and negative parts must be given separately).
     """
     n = len(exit_rates)
     found: Transient | None = None
-    chain = uniformise(rates, exit_rates)
+    chain = uniformize(rates, exit_rates)
     for start, source in ((terminal, False), (gain, True)):
         if start is None or not np.any(start):
             continue
         if start.min() < 0.0:
-            raise NumericalError(
-                "transient values need non-negative rewards: treat gains and losses apart"
-            )
+            raise NumericalError("transient values require non-negative rewards")
         part = _part(chain, rates, exit_rates, start, time, source, settings, interest, observer)
         found = part if found is None else found.plus(part)
     return (
-        found.widened(TINY)
+        found.widened(tuning.UNDERFLOW_BOUND)
         if found
         else Transient(np.zeros(n), np.zeros(n), 0, "nothing to gain: 0")
     )
 
 
 def _part(
-    chain: Chain,
+    chain: UniformizedChain,
     rates: SparseMatrix | SweepOperator,
     exit_rates: Floats,
     start: Floats,
@@ -134,34 +128,40 @@ def _part(
     interest: Int64s | None,
     observer: Observer | None,
 ) -> Transient:
-    """The part of the terminal values or of the gain, by the ways that may pay, the most promising first."""
+    """The part of the terminal values or of the gain, by the most promising algorithm first."""
     y = start / chain.q if source else start
     if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
-        whole = chain.q * time * chain.entries
-        # A gain in few places is likely to matter to few states on the way there.
-        seldom = source and whole > BUDGET and np.count_nonzero(start) < SELDOM * len(start)
+        entries = chain.q * time * chain.entries
+        # If few states have a gain, few states are likely to matter.
+        rare = (
+            source
+            and entries > tuning.TRUNCATION_ENTRIES
+            and np.count_nonzero(start) < tuning.RARE_GAIN_STATES * len(start)
+        )
         part = (
-            _truncated(rates, exit_rates, time, settings, start, interest, observer)
-            if seldom
+            _on_truncated_space(rates, exit_rates, time, settings, start, interest, observer)
+            if rare
             else None
         )
-        part = part or _implicit(
+        part = part or _by_rational_krylov(
             chain, rates, exit_rates, start, time, source, settings, interest, observer
         )
-        if part is None and source and not seldom:
-            part = _sum(
+        if part is None and source and not rare:
+            part = _sum_series(
                 chain, y, time, source, settings, interest, observer, budget=_budget(chain, time)
             )
-            part = part or _truncated(rates, exit_rates, time, settings, start, interest, observer)
+            part = part or _on_truncated_space(
+                rates, exit_rates, time, settings, start, interest, observer
+            )
         if part is not None:
             return part
-    part = _sum(chain, y, time, source, settings, interest, observer)
+    part = _sum_series(chain, y, time, source, settings, interest, observer)
     assert part is not None
     return part
 
 
-def _implicit(
-    chain: Chain,
+def _by_rational_krylov(
+    chain: UniformizedChain,
     rates: SparseMatrix,
     exit_rates: Floats,
     start: Floats,
@@ -172,24 +172,32 @@ def _implicit(
     observer: Observer | None,
     weights: Floats | None = None,
 ) -> Transient | None:
-    """By implicit means, for stiff chains, after uniformisation has smoothed the start; None where that does not pay.
+    """Rational Krylov subspaces for stiff chains, after uniformisation has smoothed the start.
 
-    weights: positive, what values are measured by (None: all alike). Divided by them, Q is diag(w)^-1 Q diag(w).
+    weights: positive; values are divided by them, and Q becomes diag(w)^-1 Q diag(w). None: 1.
+
+    Returns:
+        None if the chain is not stiff or the subspace does not converge.
     """
-    layer = LAYER / chain.q
-    if chain.q * time < LONG or chain.q * time * chain.entries < STIFF:
+    smoothing = tuning.SMOOTHING_STEPS / chain.q
+    if (
+        chain.q * time < tuning.KRYLOV_STEPS
+        or chain.q * time * chain.entries < tuning.KRYLOV_ENTRIES
+    ):
         return None
     fine = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
-    growth, later, scale, poles = 1.0, 1.0, np.ones(1), POLES
+    growth, later_growth, scale, poles = 1.0, 1.0, np.ones(1), tuning.POLES
     if weights is not None:
-        rates, scale, poles = scaled(rates, weights), weights, WIDE
+        rates, scale, poles = scaled(rates, weights), weights, tuning.WEIGHTED_POLES
         start = start / weights
-        chain = uniformise(rates, exit_rates)
-        growth, later = (math.exp(t * excess(rates, exit_rates)) for t in (4.0 * layer, time))
-    first = _sum(
+        chain = uniformize(rates, exit_rates)
+        growth, later_growth = (
+            math.exp(t * excess(rates, exit_rates)) for t in (4.0 * smoothing, time)
+        )
+    first = _sum_series(
         chain,
         start / chain.q if source else start,
-        layer,
+        smoothing,
         source,
         fine,
         None,
@@ -198,19 +206,19 @@ def _implicit(
         growth=growth,
     )
     assert first is not None
-    near = later * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
+    smoothing_error = later_growth * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
     gain = start if source else None
-    found = implicit_values(
-        rates, exit_rates, first.middle, gain, time - layer, interest, settings, observer, poles
+    found = krylov_values(
+        rates, exit_rates, first.middle, gain, time - smoothing, interest, settings, observer, poles
     )
     if found is None:
         return None
-    error = (found.error + near) * scale
+    error = (found.error + smoothing_error) * scale
     values = found.values * scale
     lower, upper = np.maximum(values - error, 0.0), values + error
-    if not _near(lower[interest], upper[interest], settings):
+    if not _close_enough(lower[interest], upper[interest], settings):
         return None
-    note = f"uniformisation, {first.iterations} steps, then implicitly: {found.vectors} vectors, {found.steps} steps of BiCGStab"
+    note = f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of {found.vectors} vectors, {found.steps} steps of BiCGStab"
     made = first.iterations + found.steps
     return Transient(
         lower,
@@ -221,11 +229,15 @@ def _implicit(
     )
 
 
-def _budget(chain: Chain, time: float) -> float:
-    whole = chain.q * time * chain.entries
-    if whole <= BUDGET:
+def _budget(chain: UniformizedChain, time: float) -> float:
+    """Entries that uniformisation may visit before truncation is tried."""
+    entries = chain.q * time * chain.entries
+    if entries <= tuning.TRUNCATION_ENTRIES:
         return math.inf
-    return BUDGET * (0.1 if whole > HOPELESS else min(1.0, max(0.1, PATIENCE * whole / BUDGET)))
+    if entries > tuning.HOPELESS_ENTRIES:
+        return 0.1 * tuning.TRUNCATION_ENTRIES
+    share = tuning.TRUNCATION_SHARE * entries
+    return min(tuning.TRUNCATION_ENTRIES, max(0.1 * tuning.TRUNCATION_ENTRIES, share))
 
 
 def transient_distribution(
@@ -237,15 +249,15 @@ def transient_distribution(
     observer: Observer | None = None,
 ) -> Transient:
     """Bounds on the probability of each state at `time`, from the distribution `initial` (float64[n])."""
-    chain = uniformise(rates, exit_rates, transposed=True)
-    found = _sum(chain, initial, time, False, settings, None, observer, mass=True)
+    chain = uniformize(rates, exit_rates, transposed=True)
+    found = _sum_series(chain, initial, time, False, settings, None, observer, mass=True)
     assert found is not None
     found.upper[:] = np.minimum(found.upper, 1.0)
     return found
 
 
-def _sum(
-    chain: Chain,
+def _sum_series(
+    chain: UniformizedChain,
     start: Floats,
     time: float,
     source: bool,
@@ -254,16 +266,19 @@ def _sum(
     observer: Observer | None,
     mass: bool = False,
     budget: float = math.inf,
-    visits: Visits | None = None,
+    occupation: OccupationBounds | None = None,
     tail: float = 1e-300,
     growth: float = 1.0,
 ) -> Transient | None:
-    """Sum of weight_k * P^k start over the Poisson window, or less where a proof ends it early.
+    """The sum of weight_k * P^k start over the Poisson window, or less if a proof ends it early.
 
-    source: weights P(N > k), else P(N = k). mass: start is a distribution (its sum does not grow), else a value (its greatest
-    entry does not grow). None where it takes more than `budget` entries to go over. visits: see there.
-    tail: weights below so much of the greatest are left out, and counted as an error. growth: of the greatest entry at most, in all
-    steps that count (values are then not looked at for what is negligible).
+    source: the weights are P(N > k), else P(N = k).
+    mass: start is a distribution, whose sum does not grow; else values, whose maximum does not grow.
+    budget: None is returned if more entries would be visited.
+    occupation: bounds that may end the sum early at the states of interest.
+    tail: weights below this part of the largest are omitted and counted as an error.
+    growth: bound on the growth of the maximum in the steps that count; if it exceeds 1, no values
+      are treated as negligible.
     """
     window = poisson(chain.q * time, tail)
     weights = window.tails() if source else window.masses()
@@ -271,51 +286,57 @@ def _sum(
     pick: Callable[[Floats], Floats] = (
         (lambda v: v) if interest is None else (lambda v: v[interest])
     )
-    k, look = 0, min(LOOK, len(weights))
-    slip = (chain.longest + 6) * ROUND
+    k, check_interval = 0, min(tuning.CHECK_INTERVAL, len(weights))
+    rounding_error = (chain.longest + 6) * tuning.UNIT_ROUNDOFF
     while True:
-        # Entries that have become negligible where it matters must not hide that the others have settled.
+        # Entries that no longer matter must not hide that the others have settled.
         floor = (
             0.0
             if mass or k == 0 or growth > 1.0
             else 1e-3 * settings.epsilon * float(pick(y).min(initial=np.inf)) / len(weights)
         )
         floor = floor if np.isfinite(floor) else 0.0
-        y, z, low, high, most = chain.advance(y, z, total, weights.part(k, k + look), floor)
-        k += look
-        error = (k + 4) * slip + 1e-10
+        y, z, low, high, most = chain.advance(
+            y, z, total, weights.between(k, k + check_interval), floor
+        )
+        k += check_interval
+        error = (k + 4) * rounding_error + 1e-10
         below = total * (1.0 - error)
         ahead = weights.rest(k) + window.missing
         size = float(y.sum()) if mass else most * growth
         above = total * (1.0 + error) + ahead * size * (1.0 + error)
         if observer is not None:
             observer(Progress("uniformisation", k, high - low, len(start)))
-        if k >= len(weights) or _near(pick(below), pick(above), settings):
+        if k >= len(weights) or _close_enough(pick(below), pick(above), settings):
             return _result(below, above, k, len(weights), "")
-        if low <= high < np.inf and _promising(low, high, ahead, pick(total), pick(y), settings):
-            least = weights.powers(k, low * (1.0 - slip))
-            greatest = weights.powers(k, high * (1.0 + slip)) + 2.0 * window.missing
-            kept = np.where(y > floor / (1.0 - slip), y, 0.0)
+        if low <= high < np.inf and _worth_computing(
+            low, high, ahead, pick(total), pick(y), settings
+        ):
+            least = weights.powers(k, low * (1.0 - rounding_error))
+            greatest = weights.powers(k, high * (1.0 + rounding_error)) + 2.0 * window.missing
+            kept = np.where(y > floor / (1.0 - rounding_error), y, 0.0)
             shortcut = (
                 below + least * kept * (1.0 - error),
                 total * (1.0 + error) + greatest * (y + 2.0 * floor) * (1.0 + error),
             )
-            # Ratios that differ by rounding only will not come nearer.
-            if high - low <= 2.0 * slip or _near(pick(shortcut[0]), pick(shortcut[1]), settings):
+            # Ratios that differ by rounding only will not converge further.
+            if high - low <= 2.0 * rounding_error or _close_enough(
+                pick(shortcut[0]), pick(shortcut[1]), settings
+            ):
                 return _result(
                     *shortcut,
                     k,
                     len(weights),
                     f", then a steady ratio of {0.5 * (low + high):.12g} per step",
                 )
-        if visits is not None and interest is not None and k >= visits.patience:
+        if occupation is not None and interest is not None and k >= tuning.OCCUPATION_MIN_STEPS:
             rest = weights.rest(k)
-            level = visits.level(y, interest, chain.q, rest), ", then a level rate"
-            ratio, off = visits.settled(y, z, chain, rest)
-            ahead_of_it = weights.powers(k, ratio) * y[interest]
+            level = occupation.level(y, interest, chain.q, rest), ", then a level rate"
+            ratio, off = occupation.settled(y, z, chain, rest)
+            estimate = weights.powers(k, ratio) * y[interest]
             steady = (
-                (ahead_of_it - off, ahead_of_it + off),
-                f", then a steady ratio of {ratio:.12g} where it matters",
+                (estimate - off, estimate + off),
+                f", then a steady ratio of {ratio:.12g} at the states of interest",
             )
             for known, note in (level, steady):
                 shortcut = below.copy(), above.copy()
@@ -327,14 +348,14 @@ def _sum(
                     + known[1] * (1.0 + error)
                     + window.missing * most
                 )
-                if _near(pick(shortcut[0]), pick(shortcut[1]), settings):
+                if _close_enough(pick(shortcut[0]), pick(shortcut[1]), settings):
                     return _result(*shortcut, k, len(weights), note)
         if k * chain.entries > budget:
             return None
-        look = min(max(LOOK, k // 20), len(weights) - k)
+        check_interval = min(max(tuning.CHECK_INTERVAL, k // 20), len(weights) - k)
 
 
-def _truncated(
+def _on_truncated_space(
     rates: SparseMatrix,
     exit_rates: Floats,
     time: float,
@@ -343,14 +364,14 @@ def _truncated(
     interest: Int64s,
     observer: Observer | None,
 ) -> Transient | None:
-    """As `transient_values` for a gain, on the states that matter to those of interest; trivial bounds for all others."""
+    """As `transient_values` for a gain, on a truncated space; trivial bounds for other states."""
     kept, loss, matrix = np.arange(rates.states, dtype=np.int64), 0.0, rates
-    for haste in HASTE:
+    for laplace_shift in tuning.TRUNCATION_SHIFTS:
         place = np.full(rates.states, -1, dtype=np.int32)
         place[kept] = np.arange(len(kept))
         at = place[interest].astype(np.int64)
         cut = truncate(
-            matrix, exit_rates[kept], time, gain[kept], at, 0.1 * settings.epsilon, haste
+            matrix, exit_rates[kept], time, gain[kept], at, 0.1 * settings.epsilon, laplace_shift
         )
         if cut is None:
             return None
@@ -360,19 +381,19 @@ def _truncated(
         matrix = SparseMatrix(
             *sparse.select(rates.indptr, rates.indices, rates.data, kept, place), len(kept)
         )
-    if len(kept) > 0.5 * rates.states:
+    if len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
         return None
     at = place[interest].astype(np.int64)
     assert cut is not None
-    chain = uniformise(matrix, exit_rates[kept])
+    chain = uniformize(matrix, exit_rates[kept])
     weights = importance(matrix, exit_rates[kept], gain[kept], time, cut.values)
     found = None
     if weights is not None:
-        found = _implicit(
+        found = _by_rational_krylov(
             chain, matrix, exit_rates[kept], gain[kept], time, True, settings, at, observer, weights
         )
     if found is None:
-        found = _sum(
+        found = _sum_series(
             chain,
             gain[kept] / chain.q,
             time,
@@ -380,7 +401,7 @@ def _truncated(
             settings,
             at,
             observer,
-            visits=Visits.of(chain, cut.visits),
+            occupation=OccupationBounds.of(chain, cut.occupation),
         )
     assert found is not None
     lower, upper = (
@@ -389,16 +410,16 @@ def _truncated(
     )
     lower[interest] = found.lower[at]
     upper[interest] = found.upper[at] + loss
-    note = f"{len(kept)} of {rates.states} states matter: {found.explanation}"
+    note = f"{len(kept)} of {rates.states} states kept: {found.explanation}"
     return Transient(
         lower, upper, found.iterations, note, found.statistics | {"kept": len(kept), "loss": loss}
     )
 
 
-def _promising(
+def _worth_computing(
     low: float, high: float, ahead: float, total: Floats, y: Floats, settings: Settings
 ) -> bool:
-    """A cheap test of whether the ratio bounds are close enough to be worth the full one."""
+    """A cheap test whether the ratio bounds may be close enough for the full test."""
     if not len(y):
         return True
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -407,7 +428,7 @@ def _promising(
     return (high - low) * ahead <= 4.0 * need or ahead == 0.0 or high - low <= 1e-14
 
 
-def _near(below: Floats, above: Floats, settings: Settings) -> bool:
+def _close_enough(below: Floats, above: Floats, settings: Settings) -> bool:
     width = above - below
     if settings.relative:
         width = width / np.maximum(above, 1e-300)
