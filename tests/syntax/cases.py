@@ -1,7 +1,8 @@
 """Read and run the error cases in tests/errors/syntax.
 
-A case is a text of two sections: `=== model`, `=== properties` or `=== expression`, then `=== error` with exactly what the
-user sees. `python tests/syntax/cases.py` writes the errors anew, to be read before they are kept.
+A case is a text of two sections: `=== model`, `=== properties` or `=== expression`, then `===
+error` with exactly what the user sees. `python tests/syntax/cases.py` writes the errors anew, to be
+read before they are kept.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every fault is found where it is, in the right words; and nothing whatever raises anything but a SyntaxFault."""
+"""Faults have a place, the right words and a hint. No text raises anything but a SyntaxFault."""
 
 from __future__ import annotations
 

@@ -15,7 +15,10 @@ from symcheck.syntax import grammars
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
 from syntax.samples import MODEL, PROPERTIES
 
-PARSE = "from symcheck.syntax.parse import parse_model; print(len(parse_model('dtmc module m x:[0..1]; endmodule').modules))"
+PARSE = """
+from symcheck.syntax.parse import parse_model
+print(len(parse_model('dtmc module m x:[0..1]; endmodule').modules))
+"""
 
 
 @pytest.fixture

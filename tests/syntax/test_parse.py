@@ -264,7 +264,8 @@ def test_properties_need_no_semicolons() -> None:
 
 def test_comments_above_a_property() -> None:
     file = parse_properties(
-        '// far away\n\n// RESULT: 1\n  //RESULT (x=1): 2\nP=? [ F a ]; // RESULT: 3\n"b": x\n// at the end\n\n// one\n\ny; z'
+        "// far away\n\n// RESULT: 1\n  //RESULT (x=1): 2\nP=? [ F a ]; // RESULT: 3\n"
+        '"b": x\n// at the end\n\n// one\n\ny; z'
     )
     assert [p.comments for p in file.properties] == [
         ("RESULT: 1", "RESULT (x=1): 2"),

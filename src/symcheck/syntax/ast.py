@@ -1,8 +1,9 @@
-"""The abstract syntax of expressions and formulas: frozen values, each with a span that equality ignores.
+"""The abstract syntax of expressions and formulas: frozen values with spans that == ignores.
 
 State formulas and arithmetic share one closed union, `Expression`, because PRISM mixes them freely
 (`P=? [ F x=1 ] + 0.5`, `"safe" & x>2`). Path formulas use the temporal nodes and, between them,
-the boolean `Unary`, `Binary` and `Conditional` nodes of state formulas. What they stand in is in `declarations.py`.
+the boolean `Unary`, `Binary` and `Conditional` nodes of state formulas. Declarations are in
+`declarations.py`.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ class ModelType(Enum):
     MDP = "mdp"
 
 
-# ------------------------------------------------------------------------------------------------ expressions
+# -------------------------------------------------------------------------------------- expressions
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +137,7 @@ class LabelReference(Node):
     name: str
 
 
-# ------------------------------------------------------------------------------------------------ state operators
+# ---------------------------------------------------------------------------------- state operators
 
 DirectionWord = Choice["min", "max", "minmax", "maxmin"]
 
@@ -160,7 +161,10 @@ class ProbabilityOperator(Node):
 
 @dataclass(frozen=True, slots=True)
 class RewardOperator(Node):
-    """`R{"name"} bound [ query ]`. `structure`: a name, an index expression (from 1), or None for the first."""
+    """`R{"name"} bound [ query ]`.
+
+    `structure` is a name, an index from 1 as an expression, or None for the first structure.
+    """
 
     structure: str | Expression | None
     direction: DirectionWord | None
@@ -170,7 +174,10 @@ class RewardOperator(Node):
 
 @dataclass(frozen=True, slots=True)
 class SteadyState(Node):
-    """`S bound [ formula ]` or `S=? [ formula ]`; of an MDP with a direction (`Smax=?`, or as Storm writes it `LRAmax=?`)."""
+    """`S bound [ formula ]` or `S=? [ formula ]` (bound None).
+
+    An MDP needs a direction: `Smax=?`, or `LRAmax=?` as Storm writes it.
+    """
 
     bound: Bound | None
     formula: Expression
@@ -187,8 +194,10 @@ class PathQuantifier(Node):
 
 @dataclass(frozen=True, slots=True)
 class Filter(Node):
-    """`filter(operator, formula, states)`; `states` None means true. Operators: min max sum avg count range
-    forall exists first state argmin argmax print printall (and their symbols + & |, already spelled out).
+    """`filter(operator, formula, states)`; `states` None means all states.
+
+    `operator` is one of min max sum avg count range forall exists first state argmin argmax print
+    printall; the signs + & | are spelled out as sum, forall and exists.
     """
 
     operator: str
@@ -198,7 +207,7 @@ class Filter(Node):
 
 @dataclass(frozen=True, slots=True)
 class StateFilter(Node):
-    """The older `P=? [ path {states}{min}{max} ]`: values of `formula` over `states`, first, min or max."""
+    """The older `P=? [ path {states}{min}{max} ]`: the first, least or largest value there."""
 
     operators: tuple[Choice["min", "max"], ...]
     formula: Expression
@@ -212,7 +221,7 @@ class MultiObjective(Node):
     objectives: tuple[Expression, ...]
 
 
-# ------------------------------------------------------------------------------------------------ path formulas
+# ------------------------------------------------------------------------------------ path formulas
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +236,10 @@ class TimeBound(Node):
 
 @dataclass(frozen=True, slots=True)
 class RewardBound(Node):
-    """`^{rew{"name"}<=k}`: the reward gathered, from `lower` (None: 0) to `upper` (None: no end). structure None: steps."""
+    """`^{rew{"name"}<=k}`: the accumulated reward, from `lower` (None: 0) to `upper` (None: ∞).
+
+    `structure` is as in `RewardOperator`, except that None counts steps.
+    """
 
     structure: str | Expression | None
     lower: Expression | None = None
@@ -297,7 +309,7 @@ class Release(Node):
     bound: PathBound | None = None
 
 
-# ------------------------------------------------------------------------------------------------ reward queries
+# ----------------------------------------------------------------------------------- reward queries
 
 
 @dataclass(frozen=True, slots=True)

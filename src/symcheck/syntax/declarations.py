@@ -1,4 +1,4 @@
-"""The abstract syntax around expressions: declarations, modules and their composition, properties, and the two kinds of text."""
+"""The abstract syntax of models and properties files: declarations, modules, compositions."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class RenamedModule(Node):
 
 @dataclass(frozen=True, slots=True)
 class RewardItem(Node):
-    """`guard : value;` on states (action False), `[] guard : value;` (action None) or `[a] guard : value;`."""
+    """`guard : value;` of states (action False), or `[a] guard : value;` (action None for `[]`)."""
 
     action: str | Choice[False] | None
     guard: Expression
@@ -192,14 +192,20 @@ class Program(Node):
     system: Composition | None = None
 
     def __repr__(self) -> str:
-        """A line: the nodes fill pages (`symcheck.pretty` gives the text)."""
+        """One line, as the nodes fill pages; `symcheck.pretty` gives the text."""
         kind = self.type.value if self.type is not None else "no type"
-        return f"<Program: {kind}, {_counted(constants=self.constants, modules=self.modules, labels=self.labels, rewards=self.rewards)}>"
+        parts = _counted(
+            constants=self.constants,
+            modules=self.modules,
+            labels=self.labels,
+            rewards=self.rewards,
+        )
+        return f"<Program: {kind}, {parts}>"
 
 
 @dataclass(frozen=True, slots=True)
 class Property(Node):
-    """One property. `comments`: the comment lines directly above it, without their slashes (RESULT lines)."""
+    """One property. `comments` has the comment lines directly above it, without their slashes."""
 
     name: str | None
     formula: Expression
@@ -216,12 +222,13 @@ class PropertiesFile(Node):
     properties: tuple[Property, ...] = ()
 
     def __repr__(self) -> str:
-        """A line: the nodes fill pages (`symcheck.pretty` gives the text)."""
-        return f"<PropertiesFile: {_counted(constants=self.constants, labels=self.labels, properties=self.properties)}>"
+        """One line, as the nodes fill pages; `symcheck.pretty` gives the text."""
+        parts = _counted(constants=self.constants, labels=self.labels, properties=self.properties)
+        return f"<PropertiesFile: {parts}>"
 
 
 def _counted(**parts: tuple[Node, ...]) -> str:
-    """How many there are of each, and their names: `constants N p (2), modules m (1)`."""
+    """The number of nodes of each kind, and their names: `constants N p (2), modules m (1)`."""
     found = []
     for kind, nodes in parts.items():
         names = [name for name in (getattr(n, "name", None) for n in nodes) if name]

@@ -142,7 +142,7 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
 
 
 def _span(source: Source, fault: Fault) -> Span:
-    """The span of the word that does not fit; at the end of the text, of its last visible character."""
+    """The span of the word that does not fit, or of the last visible character at the end."""
     if fault.token.value:
         return Span(source, fault.start, fault.end)
     start = max(len(source.text.rstrip()) - 1, 0)
@@ -190,7 +190,7 @@ def _keyword(found: str, expected: set[str], language: Language) -> str | None:
     return f"did you mean '{near[0]}'?" if near else None
 
 
-# ------------------------------------------------------------------------------------------------ typical mistakes
+# --------------------------------------------------------------------------------- typical mistakes
 
 
 def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:

@@ -1,8 +1,9 @@
 """The two languages: their grammar files, and the Lark parsers that run them.
 
-Lark analyses a grammar in about a fifth of a second. The result is kept in the user's cache directory, under a name that has a
-digest of everything it depends on, so that a cache of another grammar or of another version is never read. Where that directory
-cannot be written, every run analyses the grammar.
+Lark analyses a grammar in about a fifth of a second. The result is kept in the user's cache
+directory. Its name has a digest of the grammar and of the versions of Lark and Python, so that the
+cache of another grammar or version is never read. If the directory cannot be written, every run
+analyses the grammar.
 """
 
 from __future__ import annotations
@@ -48,12 +49,15 @@ class Language:
 
 
 def load(name: str) -> Language:
-    """The language 'prism' or 'properties'; its parser uses the compiled parts of Lark if lark-cython is installed."""
+    """The language 'prism' or 'properties'.
+
+    Its parser uses the compiled parts of Lark if lark-cython is installed.
+    """
     return _load(name, find_spec("lark_cython") is not None)
 
 
 def load_interactive(name: str) -> Language:
-    """The same with Lark's own parser, because the interactive parser does not work with lark-cython."""
+    """The same language without lark-cython, which has no interactive parser."""
     return _load(name, False)
 
 
@@ -78,7 +82,7 @@ def _load(name: str, compiled: bool) -> Language:
 
 
 def grammar_text(name: str) -> str:
-    """The text of the grammar 'prism' or 'properties': the installed file, else the one of the source tree."""
+    """The text of the grammar 'prism' or 'properties', as installed or as in the source tree."""
     packaged = Path(__file__).parents[1] / "grammar" / f"{name}.lark"
     if packaged.is_file():
         return packaged.read_text(encoding="utf-8")
@@ -99,7 +103,7 @@ def cache_directory() -> Path | None:
 
 
 def _cache_file(name: str, text: str, compiled: bool) -> Path | None:
-    """Where the parser of this grammar is kept, for these versions of Lark and Python."""
+    """The file that holds the parser of this grammar for these versions of Lark and Python."""
     directory = cache_directory()
     parts = (text, repr(_STARTS[name]), lark.__version__, sys.version, repr(compiled))
     digest = sha256("\0".join(parts).encode()).hexdigest()[:32]
@@ -107,16 +111,16 @@ def _cache_file(name: str, text: str, compiled: bool) -> Path | None:
 
 
 def _read(path: Path) -> lark.Lark | None:
-    """The saved parser, or None where there is none that can be read."""
+    """The saved parser, or None if it is missing or damaged."""
     try:
         with path.open("rb") as file:
             return lark.Lark.load(file)
-    except Exception:  # whatever is wrong with a cache, the grammar itself is at hand
+    except Exception:  # a damaged pickle raises anything; the grammar is analysed anew
         return None
 
 
 def _save(parser: lark.Lark, path: Path) -> None:
-    """Save a parser, whole or not at all."""
+    """Save a parser. Other processes see the whole file or none, because the draft is renamed."""
     draft = path.with_suffix(f".{os.getpid()}.tmp")
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

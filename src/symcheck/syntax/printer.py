@@ -1,4 +1,4 @@
-"""Syntax trees as text. `parse(pretty(tree)) == tree`, for models, properties and expressions alike."""
+"""Prints syntax trees as text: `parse(pretty(tree)) == tree` for models and properties."""
 
 from __future__ import annotations
 
@@ -21,7 +21,18 @@ Printable = Tree | decl.Program | decl.PropertiesFile | decl.Property | decl.Com
 
 
 def pretty(node: Printable) -> str:
-    """The text of a model, a property, a properties file, or a piece of one of them. Comments are not part of a tree."""
+    """The text of a syntax tree.
+
+    Args:
+        node: A model, a properties file, a property, an expression or a composition of modules.
+
+    Returns:
+        A text that parses to an equal tree. Comments are no part of a tree, so it has none.
+
+    Example:
+        >>> pretty(parse_expression("(a&b)|!c"))
+        'a & b | !c'
+    """
     match node:
         case decl.Program():
             return _program(node)
@@ -42,11 +53,11 @@ def pretty(node: Printable) -> str:
             return _tree(node, _PATH)
 
 
-# ------------------------------------------------------------------------------------------------ expressions
+# -------------------------------------------------------------------------------------- expressions
 
 
 def pretty_number(value: Fraction) -> str:
-    """A double that reads back as exactly this fraction, if digits can write it at all; else a quotient."""
+    """The digits of a double that is exactly this fraction, or a quotient if no digits are."""
     numerator, denominator = value.as_integer_ratio()
     twos = (denominator & -denominator).bit_length() - 1
     rest, fives = denominator >> twos, 0
@@ -87,7 +98,8 @@ def _text(node: Tree) -> tuple[str, int]:
         case ast.Conditional(condition=condition, then=then, otherwise=otherwise):
             inner = _CONDITIONAL + 1
             return (
-                f"{_tree(condition, inner)} ? {_tree(then, inner)} : {_tree(otherwise, _CONDITIONAL)}",
+                f"{_tree(condition, inner)} ? {_tree(then, inner)}"
+                f" : {_tree(otherwise, _CONDITIONAL)}",
                 _CONDITIONAL,
             )
         case ast.Call(function=function, arguments=arguments):
@@ -142,7 +154,7 @@ def _literal(value: bool | int | Fraction) -> tuple[str, int]:
 
 
 def _binary(node: ast.Binary) -> str:
-    """An operation with all that hangs on its left at the same level, so that long chains need no recursion."""
+    """A chain of operations of the same precedence, which is printed without recursion."""
     operator, strength = node.operator, node.operator.precedence
     if operator is Operator.IMPLIES:
         return _implications(node, strength)
@@ -216,13 +228,13 @@ def _path(
 
 
 def _behind(bound: str, operand: Tree) -> str:
-    """What a temporal operator applies to: in parentheses where a minus would be read as a part of the bound."""
+    """The operand of a temporal operator. A minus behind a bound would be read as a part of it."""
     text = _tree(operand, _TEMPORAL)
     return f"({text})" if bound and text.startswith("-") else text
 
 
 def _limit(bound: ast.Bound | ast.PathBound) -> str:
-    """`<=k` and its kin. What is no plain number or name gets parentheses."""
+    """A bound such as `<=k`. A limit other than a number or a name gets parentheses."""
     match bound:
         case ast.Bound(operator=operator, threshold=threshold):
             return _glued(operator, _tree(threshold, Operator.PLUS.precedence))
@@ -286,12 +298,13 @@ _Operator = (
 
 
 def _operator(node: _Operator, tail: str) -> str:
-    """`P=? [ … ]` and its kin; `tail` is what an old filter adds before the bracket closes."""
+    """A state operator such as `P=? [ … ]`; `tail` is an old filter before the closing bracket."""
     match node:
         case ast.ProbabilityOperator(direction=direction, bound=bound, path=path):
             return f"P{direction or ''}{_asked(bound)} [ {_tree(path, _PATH)}{tail} ]"
         case ast.RewardOperator(structure=structure, direction=direction, bound=bound, query=query):
-            return f"R{_structure(structure)}{direction or ''}{_asked(bound)} [ {_query(query)}{tail} ]"
+            head = f"R{_structure(structure)}{direction or ''}{_asked(bound)}"
+            return f"{head} [ {_query(query)}{tail} ]"
         case ast.SteadyState(bound=bound, formula=formula, direction=direction):
             space = (
                 " " if direction and (bound is not None or direction not in ("min", "max")) else ""
@@ -314,7 +327,7 @@ def _asked(bound: ast.Bound | None) -> str:
     return "=?" if bound is None else _limit(bound)
 
 
-# ------------------------------------------------------------------------------------------------ files
+# -------------------------------------------------------------------------------------------- files
 
 
 def _program(program: decl.Program) -> str:
@@ -378,13 +391,15 @@ def _module(module: decl.Module | decl.RenamedModule) -> str:
             body = "\n\n".join("\n".join(part) for part in parts if part)
             return f"module {name}\n{body}\nendmodule"
         case decl.RenamedModule(name=name, base=base, renaming=renaming):
-            return f"module {name} = {base} [ {', '.join(f'{old}={new}' for old, new in renaming)} ] endmodule"
+            pairs = ", ".join(f"{old}={new}" for old, new in renaming)
+            return f"module {name} = {base} [ {pairs} ] endmodule"
         case _:
             assert_never(module)
 
 
 def _command(command: decl.Command) -> str:
-    return f"[{command.action or ''}] {_tree(command.guard, _CONDITIONAL)} -> {' + '.join(map(_update, command.updates))};"
+    guard = _tree(command.guard, _CONDITIONAL)
+    return f"[{command.action or ''}] {guard} -> {' + '.join(map(_update, command.updates))};"
 
 
 def _update(update: decl.Update) -> str:
@@ -413,7 +428,10 @@ def _rewards(rewards: decl.RewardStructure) -> str:
 
 
 def _composition(node: decl.Composition, least: int) -> str:
-    """A process expression; `least` is 0 at the outside, then 1 in `||`, 2 in `|||`, 3 in `|[…]|` and 4 before `/` and `{`."""
+    """A composition of modules, in parentheses if it binds more loosely than `least`.
+
+    `least` is 0 at the outside, 1 in `||`, 2 in `|||`, 3 in `|[…]|` and 4 before `/` and `{`.
+    """
     match node:
         case decl.ModuleReference(name=name):
             return name

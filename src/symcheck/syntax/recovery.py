@@ -1,7 +1,9 @@
 """Finds the faults of a text that does not follow the grammar: several in one run.
 
-Lark's interactive parser reads word by word. After a fault it goes on as if a missing word stood there or a repeated one did not, or
-else behind the next semicolon or keyword, in a state that was kept at the last complete part of the text.
+Lark's interactive parser reads the text word by word. After a fault, reading goes on in one of
+three ways: a missing word is put in; a repeated sign is left out; or the words up to the next
+semicolon or keyword are left out, and the parser returns to its state at the last complete part of
+the text.
 
 Source: panic mode, Aho, Lam, Sethi and Ullman, Compilers (2007), 4.8.3.
 """
@@ -56,8 +58,9 @@ _BEGINNINGS = frozenset(
 class Fault:
     """`token` does not fit: one of the terminals `expected` should stand there.
 
-    `before` has the words since the last semicolon, which stands first among them; `after` the words that follow up to the next one.
-    `mended` is the terminal that was put in before `token`.
+    `before` has the words since the last semicolon, which is the first of them. `after` has the
+    words that follow, up to the next semicolon. `mended` is the terminal that was put in before
+    `token`.
     """
 
     token: Token
@@ -93,7 +96,7 @@ def find_faults(language: Language, start: str, text: str) -> list[Fault]:
 
 
 class _Words:
-    """The words of a text one after the other, with a view ahead. The last one is empty, and of the kind of the end."""
+    """The words of a text with a view ahead. The last one is empty: the end of the text."""
 
     def __init__(self, language: Language, text: str) -> None:
         end = Token(_END, "", len(text), end_pos=len(text))
@@ -130,7 +133,8 @@ class _Recovery:
         self._words = _Words(language, text)
         self._parser = language.parser.parse_interactive(start=start)
         self._resumes = start != "state"
-        # The parser at the last complete part of the text, at the last one outside of blocks, and the words read since the first.
+        # The parser at the last complete part of the text and at the last one outside of blocks,
+        # and the words that were read since the former.
         self._part = self._outside = self._copy()
         self._since: list[Token] = []
         self._in_block = False
@@ -163,7 +167,7 @@ class _Recovery:
         self._before.append(token)
 
     def _read(self, token: Token) -> None:
-        """Note a word that was read, and keep the state of the parser where a part of the text is complete."""
+        """Note a word that was read. Keep the state of the parser if the word completes a part."""
         self._pass(token)
         self._since.append(token)
         kind = token.type
@@ -183,7 +187,8 @@ class _Recovery:
                 self._outside = self._part
 
     def _fault(self, token: Token) -> Fault:
-        # Lark has made the reductions that precede `token`, which hide what else could stand there: read the part once more.
+        # Lark has reduced symbols before it refused `token`, which hides some of the expected
+        # words: read the part once more to have the state before that.
         parser = _copied(self._part)
         for word in self._since:
             parser.feed_token(word)
@@ -219,7 +224,7 @@ class _Recovery:
         return True
 
     def _mend(self, fault: Fault) -> bool:
-        """Change the words ahead or the state so that reading can go on. Whether that is possible."""
+        """Change the words ahead or the state so that reading can go on. Returns whether it can."""
         if fault.mended is not None:
             self._words.put_back(fault.token)
             self._words.put_back(self._inserted(fault.mended))
@@ -227,7 +232,7 @@ class _Recovery:
         return self._is_repeated(fault) or self._skip(fault.token)
 
     def _is_repeated(self, fault: Fault) -> bool:
-        """Whether the word merely repeats the sign before it, as in == and &&, and can be left out."""
+        """Whether the word repeats the sign before it, as in == and &&, and can be left out."""
         last = fault.before[-1] if fault.before else None
         return (
             last is not None
@@ -238,7 +243,7 @@ class _Recovery:
         )
 
     def _skip(self, token: Token) -> bool:
-        """Leave out words up to the end of this part of the text, and what was read of it. Whether some part follows."""
+        """Leave out the rest of this part of the text. Returns whether another part follows."""
         if not self._resumes:
             return False
         states = [(parser, _accepted(parser)) for parser in (self._part, self._outside)]
@@ -275,8 +280,9 @@ class _Recovery:
 
 
 def _copied(parser: InteractiveParser) -> InteractiveParser:
-    """A parser in the same state that goes its own way. The values are shared: nobody reads those of a broken text."""
-    return cast("InteractiveParser", parser.copy(deepcopy_values=False))  # type: ignore[no-untyped-call]
+    """A parser in the same state. Both share the values, which a text with faults does not need."""
+    copied = parser.copy(deepcopy_values=False)  # type: ignore[no-untyped-call]
+    return cast("InteractiveParser", copied)
 
 
 def _accepted(parser: InteractiveParser) -> frozenset[str]:

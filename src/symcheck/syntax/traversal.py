@@ -1,4 +1,4 @@
-"""Walks over expressions, path formulas and reward queries. No recursion: any depth will do."""
+"""Traversals of expressions, path formulas and reward queries, without recursion, for any depth."""
 
 from __future__ import annotations
 
@@ -169,10 +169,11 @@ T = TypeVar("T", bound=Tree)
 
 
 def transform(tree: T, f: Callable[[Tree], Tree]) -> T:
-    """Replace every node by f(node), from the leaves up: f sees a node whose children are replaced already.
+    """Replace every node by f(node), from the leaves up: f gets nodes with replaced children.
 
-    A node none of whose children change is handed to f as it is, so that what is not touched stays shared. `f` is called on
-    bounds as well as on formulas, and must give a node that fits the place.
+    A node none of whose children change is handed to f as it is, so that what is not touched stays
+    shared. `f` is called on bounds as well as on formulas, and must give a node that fits the
+    place.
     """
     done: list[Tree] = []
     stack: list[tuple[Tree, tuple[Tree, ...] | None]] = [(tree, None)]
@@ -194,12 +195,12 @@ def transform(tree: T, f: Callable[[Tree], Tree]) -> T:
 
 
 def names(tree: Tree) -> set[str]:
-    """The names of variables, constants and formulas that occur. Labels and reward structures are not among them."""
+    """The names of variables, constants and formulas that occur, without labels and rewards."""
     return {node.name for node in nodes(tree) if isinstance(node, Name)}
 
 
 def substitute(tree: T, mapping: Mapping[str, Expression]) -> T:
-    """Replace each name in the mapping by its expression, all at once: what is put in is not looked at again."""
+    """Replace each name in the mapping by its expression, all at once."""
 
     def put(node: Tree) -> Tree:
         return mapping.get(node.name, node) if isinstance(node, Name) else node

@@ -1,8 +1,8 @@
 """Makes syntax trees while Lark parses: one method for every rule or alias of the grammars.
 
-A method gets the values of all symbols of its rule, words included, and gives the value of the rule. A word is a Lark token with
-the attributes `value`, `start_pos` and `end_pos` (offsets in characters); an absent option is None. The grammars are the reference of what each
-method gets, so the methods have no docstrings.
+A method gets the values of all symbols of its rule and returns the value of the rule. A word is a
+Lark token with the attributes `value`, `start_pos` and `end_pos` (offsets in characters); an absent
+option is None. The grammars tell what each method gets, so the methods have no docstrings.
 """
 
 # ruff: noqa: D102
@@ -56,25 +56,28 @@ _FILTER_SIGNS = {"+": "sum", "&": "forall", "|": "exists"}
 _ASSOCIATIVE = frozenset(o for o in Operator if o.is_associative)
 
 LONGEST_CHAIN = 64
-"""Longer chains of one of & | + * become balanced trees, because these operators are associative: generated labels with
-thousands of disjuncts would otherwise nest as deep as they are long."""
+"""Longer chains of an associative operator become balanced trees.
+
+Generated labels with thousands of disjuncts would otherwise nest as deep as they are long.
+"""
 
 MAX_NESTING = (
     2000 if sys.version_info[:2] != (3, 12) else 1000 if sys.version_info >= (3, 12, 2) else 320
 )
 """Deeper expressions are refused, because later stages follow them by recursion.
 
-CPython 3.12 alone has a fixed limit for recursion that passes through C, as the comparison and hashing of trees do; its first
-two releases had a third of the limit of the others.
+The comparison and the hashing of trees recurse through C, for which CPython 3.12 alone has a fixed
+limit. Its first two releases had a third of the limit of the later ones.
 """
 
 _SHALLOW = 100
-"""The depth of an expression is not measured up to this length in characters: each level takes at least one character."""
+"""The depth of an expression is measured if it has more characters: a level takes at least one."""
 
 _LARGEST_INT = 2**63 - 1
 _LARGEST_DOUBLE = Fraction(1.7976931348623157e308)
 _MOST_DIGITS = 4000
 _LARGEST_EXPONENT = 5000
+"""Numbers with more digits or larger exponents are refused, before they take time and memory."""
 
 Values = list[Any]
 Chain = list[Any]
@@ -95,8 +98,9 @@ class Structure(NamedTuple):
 class Builder:
     """Expressions, constants, formulas and labels.
 
-    `begin` starts a text. Afterwards `diagnostics` holds what is wrong with it beyond the grammar, and `deepest` the
-    depth of the deepest of its long expressions. One builder serves one text at a time.
+    `begin` starts a text. Afterwards `diagnostics` has the faults that the grammar does not
+    exclude, and `deepest` is the depth of the deepest of the long expressions. One builder serves
+    one text at a time.
     """
 
     def __init__(self) -> None:
@@ -110,10 +114,10 @@ class Builder:
         self.source = source
         self.diagnostics: dict[tuple[int, str], Diagnostic] = {}
         self.deepest = 0
-        # By id of a node in parentheses: the offsets of the parentheses, and the node to keep its id in use.
+        # By id of a node in parentheses: their offsets, and the node, so that its id stays in use.
         self._outer: dict[int, tuple[int, int, Any]] = {}
 
-    # -------------------------------------------------------------------------------------------- positions
+    # ------------------------------------------------------------------------------------ positions
 
     def _start(self, part: Any) -> int:
         if isinstance(part, ast.Node):
@@ -156,7 +160,7 @@ class Builder:
         self.deepest = max(self.deepest, depth)
         return tree
 
-    # -------------------------------------------------------------------------------------------- expressions
+    # ---------------------------------------------------------------------------------- expressions
 
     def integer(self, values: Values) -> ast.Literal:
         digits: str = values[0].value
@@ -207,7 +211,7 @@ class Builder:
         return ast.Unary(UnaryOperator.NOT, values[1], span=self._span(values))
 
     def _is_open_negation(self, operand: Any) -> bool:
-        """Whether this is `!x` without parentheses around it, so that operators may bind x more tightly."""
+        """Whether this is `!x` without parentheses: the next operator may bind x more tightly."""
         return (
             type(operand) is ast.Unary
             and operand.operator is UnaryOperator.NOT
@@ -230,11 +234,12 @@ class Builder:
         return self._resolved(values[0])
 
     def _resolved(self, chain: Any) -> Any:
-        """The tree of a chain of operands and operators, by operator precedence; any other value as it is.
+        """The tree of a chain of operands and operators; any other value as it is.
 
-        Operands wait on one stack, operators with the number of their operands on another one. An operator is applied as
-        soon as one follows that does not bind more tightly. Source: Aho, Lam, Sethi and Ullman (2007), exercise 2.4; Dijkstra's
-        shunting yard.
+        Operands wait on one stack, operators with the number of their operands on another one. An
+        operator is applied as soon as one follows that does not bind more tightly.
+
+        Source: the shunting-yard algorithm, Dijkstra, ALGOL 60 translation (1961).
         """
         if type(chain) is not list:
             return chain
@@ -318,7 +323,7 @@ class Builder:
             FUNCTION_BY_NAME.get(function, Function.MIN), values[-2], span=self._words(values)
         )
 
-    # -------------------------------------------------------------------------------------------- constants, formulas, labels
+    # ------------------------------------------------------------------ constants, formulas, labels
 
     def constant(self, values: Values) -> decl.Constant:
         if len(values) == 6:
@@ -373,7 +378,7 @@ class ModelBuilder(Builder):
     def system(self, values: Values) -> tuple[str, decl.Composition, Span]:
         return "system", values[1], self._words(values)
 
-    # -------------------------------------------------------------------------------------------- modules
+    # -------------------------------------------------------------------------------------- modules
 
     def ranged(self, values: Values) -> decl.VariableDeclaration:
         name, _, _, low, _, high, _, _, initial, _ = values
@@ -430,7 +435,7 @@ class ModelBuilder(Builder):
     def rename(self, values: Values) -> tuple[str, str]:
         return values[0].value, values[2].value
 
-    # -------------------------------------------------------------------------------------------- rewards
+    # -------------------------------------------------------------------------------------- rewards
 
     def rewards(self, values: Values) -> decl.RewardStructure:
         _, name, *items, _ = values
@@ -448,7 +453,7 @@ class ModelBuilder(Builder):
         action, span = action and action.value, self._words(values)
         return decl.RewardItem(action, self.measure(guard), self.measure(value), span=span)
 
-    # -------------------------------------------------------------------------------------------- composition
+    # ---------------------------------------------------------------------------------- composition
 
     def parallel(self, values: Values) -> decl.Parallel:
         return decl.Parallel(tuple(values[::2]), span=self._span(values))
@@ -508,7 +513,7 @@ class PropertiesBuilder(Builder):
     def reference(self, values: Values) -> ast.LabelReference:
         return ast.LabelReference(_unquoted(values[0]), span=self._words(values))
 
-    # -------------------------------------------------------------------------------------------- paths
+    # ---------------------------------------------------------------------------------------- paths
 
     def unary_path(self, values: Values) -> ast.PathFormula:
         operator, bound, operand = values
@@ -548,7 +553,7 @@ class PropertiesBuilder(Builder):
         structure, extent = values
         return _reward_bound(structure, extent, self._span(values))
 
-    # -------------------------------------------------------------------------------------------- operators on states
+    # -------------------------------------------------------------------------- operators on states
 
     def value(self, _: Values) -> None:
         return None
@@ -621,7 +626,7 @@ class PropertiesBuilder(Builder):
     def long_run(self, values: Values) -> ast.SteadyStateReward:
         return ast.SteadyStateReward(span=self._words(values))
 
-    # -------------------------------------------------------------------------------------------- filters
+    # -------------------------------------------------------------------------------------- filters
 
     def filter(self, values: Values) -> ast.Filter:
         _, _, word, _, formula, _, states, _ = values
@@ -665,7 +670,8 @@ _UNARY_PATHS: dict[str, Any] = {"X": ast.Next, "F": ast.Eventually, "G": ast.Glo
 _BINARY_PATHS: dict[str, Any] = {"U": ast.Until, "W": ast.WeakUntil, "R": ast.Release}
 
 
-# A name before a parenthesis on the same line is meant as a function, though it could be two properties.
+# A name before a parenthesis on the same line is meant as a function, even if the two could be
+# properties of their own.
 _LAST_WORD = re.compile(r"[A-Za-z_][A-Za-z_0-9]*\Z")
 _OPENING = re.compile(r"[ \t]*\(")
 _LONGEST_WORD = 40
@@ -676,7 +682,10 @@ def _unquoted(word: Any) -> str:
 
 
 def comments_above(text: str, start: int) -> tuple[str, ...]:
-    """The comment lines directly above the line of `start`, without their slashes; the first may stand behind other text."""
+    """The comment lines directly above the line of `start`, without their slashes.
+
+    The first of them may stand behind other text.
+    """
     found: list[str] = []
     end = text.rfind("\n", 0, start)
     if text[end + 1 : start].strip():
