@@ -1,4 +1,4 @@
-"""The table of operators, and the tables of the other rooms that must have an entry for each of them."""
+"""The operators and functions have an entry in the tables of every room that needs one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from symcheck.explicit import translate
+from symcheck.explicit import code_generation
 from symcheck.explicit.compile import compile_expression
 from symcheck.semantics.expressions import evaluate, vectorised
 from symcheck.semantics.expressions.simplify import fold
@@ -23,12 +23,12 @@ OTHERS = {o for o in Operator if not o.is_logical}
 MEANINGS = {
     "scalar": evaluate.BINARY,
     "vectorised": vectorised.BINARY,
-    "compiled": {**translate.ARITHMETIC, **translate.COMPARISONS},
+    "compiled": {**code_generation.ARITHMETIC, **code_generation.COMPARISONS},
 }
 FUNCTIONS = {
     "scalar": evaluate.FUNCTIONS,
     "vectorised": vectorised.FUNCTIONS,
-    "compiled": translate.FUNCTIONS,
+    "compiled": code_generation.FUNCTIONS,
 }
 BOOLS = (False, True)
 VARIABLES = tuple(Variable(n, Type.BOOL, 0, 1, False, "m") for n in "ab")

@@ -116,7 +116,7 @@ def _read(path: str | Path) -> str:
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
     if b"\0" in data[:1000]:
-        hint = "models of other tools are read with -import…; see symcheck --help"
+        hint = "-import… reads models of other tools; see symcheck --help"
         raise UsageError(f"cannot read {path}: not a UTF-8 text file\n  hint: {hint}")
     try:
         return data.decode("utf-8-sig")
