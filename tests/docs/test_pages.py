@@ -129,3 +129,12 @@ def test_the_models_are_as_their_index_says() -> None:
             kind,
             int(states.replace(" ", "")),
         ), name
+
+
+def test_paths_in_contributing_exist() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    paths = re.findall(r"`((?:[\w.]+/)+(?:\w+\.\w+)?|\w+\.(?:py|md))`", text)
+    assert len(paths) > 20
+    for path in paths:
+        found = [(base / path).exists() for base in (ROOT, ROOT / "src" / "symcheck")]
+        assert any(found) or path == "tuning.py", path
