@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from math import inf, isinf, isnan, nan
-from typing import Any
 
 from symcheck.check.result import Number, Result, show_value
 from symcheck.errors import SymcheckError, UnsupportedError
@@ -168,7 +167,7 @@ def _compare(expected: str, result: Result, constants: Mapping[str, Value], exac
             _compare_number(_number(text, constants), value, tolerance)
 
 
-def _compare_number(expected: Any, value: Number, tolerance: float) -> None:
+def _compare_number(expected: Number, value: Number, tolerance: float) -> None:
     """Raise _Unequal unless two numbers are close.
 
     tolerance: 0 for equality, _ABSOLUTE, or _RELATIVE (to which _ABSOLUTE is added).
@@ -204,7 +203,11 @@ def _compare_points(
         raise _Unequal(message)
     left = list(points)
     for x, y in wanted:
-        near = [p for p in left if abs(p[0] - x) <= _RELATIVE and abs(p[1] - y) <= _RELATIVE]
+        near = [
+            p
+            for p in left
+            if abs(float(p[0] - x)) <= _RELATIVE and abs(float(p[1] - y)) <= _RELATIVE
+        ]
         if not near:
             raise _Unequal(message)
         left.remove(near[0])
@@ -219,7 +222,7 @@ def _truth(text: str, constants: Mapping[str, Value]) -> bool:
     return value
 
 
-def _number(text: str, constants: Mapping[str, Value]) -> Any:
+def _number(text: str, constants: Mapping[str, Value]) -> Number:
     """The number of a text: special value, fraction, decimal, or expression over constants."""
     if text in _SPECIAL:
         return _SPECIAL[text]
@@ -254,7 +257,7 @@ def _expression(text: str, constants: Mapping[str, Value]) -> Value:
         raise _Unequal(f"the expected value {text} cannot be read: {_one_line(error)}") from None
 
 
-def _show(value: Any) -> str:
+def _show(value: Number) -> str:
     return show_value(
         float(value) if isinstance(value, Fraction) and value.denominator > 10**12 else value
     )

@@ -44,7 +44,7 @@ class StopSignals:
             signal.signal(number, self._raise)
         return self
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         for timer in self._timers:
             timer.cancel()
         for number in self._taken:
