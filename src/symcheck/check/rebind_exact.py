@@ -1,4 +1,4 @@
-"""The same model and formula, bound again in rational arithmetic, where floating point cannot decide."""
+"""Bind a model and a formula again in rational arithmetic, where floating point cannot decide."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ __all__ = ["exact_twin", "exactly_bound"]
 
 
 def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expression]:
-    """The context over the model explored exactly, and the part of the formula that is being checked, bound to it.
+    """The context over the model in rational arithmetic, and the subformula bound to it.
 
-    Raises UnsupportedError where the model cannot be explored so.
+    Raises:
+        UnsupportedError: the model cannot be explored in rational arithmetic.
     """
     engine = _exact_engine(context)
     return replace(context, engine=engine, relevant_states=None), _twin(
@@ -68,9 +69,9 @@ def _explored(context: Context) -> Engine:
 
 
 def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:
-    """The part of the exactly bound formula that stands where `formula` stands in the one bound in floating point.
+    """The subformula of the exactly bound formula at the place of `formula` in the text.
 
-    Binding folds constants (1/6 becomes a double), so the formula is bound again; parts are found by their place in the text.
+    Binding folds constants: 1/6 becomes a double. So the formula is bound again.
     """
     if context.rebind is None:
         return formula

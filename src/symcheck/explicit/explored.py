@@ -1,4 +1,4 @@
-"""What is known of a model that was explored state by state, whoever explored it and whatever type its numbers have."""
+"""The protocol of models that were explored state by state, for both types of number."""
 
 from __future__ import annotations
 

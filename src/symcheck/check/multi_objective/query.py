@@ -281,7 +281,7 @@ class _Query:
 
     def _curve(self, flow: numerics.Flow, least: Any) -> tuple[Answer, str]:
         first, second = self.asked
-        points = numerics.corners(flow, first, second, least)
+        points = numerics.pareto_vertices(flow, first, second, least)
         if points is None:
             raise InputError(Diagnostic(_NO_CURVE, code="multi"))
         one, two = self.objectives[first], self.objectives[second]

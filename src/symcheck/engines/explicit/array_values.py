@@ -154,7 +154,7 @@ class ArrayValues:
         return ArrayValues(lower, upper, np.where(m, mine, theirs), max(self.slack, other.slack))
 
     def gather(self, indices: Int64s) -> ArrayValues:
-        """The values at some states (int64, any number of times each), as values of as many states."""
+        """The values at some states (int64, repetitions allowed), as values of as many states."""
         lower = self.lower[indices]
         upper = lower if self.upper is self.lower else self.upper[indices]
         computed = None if self.computed is None else self.computed[indices]

@@ -1,4 +1,4 @@
-"""Values that are rational numbers, one per state: arrays of Fraction objects (infinities and NaN are floats)."""
+"""Rational values, one per state: arrays of Fraction objects (infinities and NaN are floats)."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class RationalValues:
         return RationalValues(np.where(states.members, self.array, other.array))
 
     def gather(self, indices: Int64s) -> RationalValues:
-        """The values at some states (int64, any number of times each), as values of as many states."""
+        """The values at some states (int64, repetitions allowed), as values of as many states."""
         return RationalValues(self.array[indices])
 
 

@@ -1,6 +1,7 @@
-"""Exploration in rational arithmetic: states one by one, by the interpreter of the semantics. For models of moderate size.
+"""Exploration in rational arithmetic, state by state, by the interpreter of the semantics.
 
-It shares no code with the compiled exploration and with diagrams, and so it is also their oracle.
+It shares no code with the compiled exploration or with diagrams, so that it is their oracle in
+tests.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class StateList:
 
 @dataclass(frozen=True, eq=False)
 class RationalModel:
-    """A model explored in rational arithmetic (see `symcheck.explicit.model.ExplicitModel`, whose fields it has)."""
+    """A model explored in rational arithmetic; fields as in `symcheck.explicit.model`."""
 
     model: BoundModel = field(repr=False)
     states: StateList
@@ -84,9 +85,18 @@ def explore_exactly(
     limit: int | None = None,
     observer: Callable[[int], None] | None = None,
 ) -> RationalModel:
-    """All reachable states of a model that was bound with `exact`, about 10 000 a second.
+    """Explore all reachable states, about 10 000 a second.
 
-    Raises ModelFault as other builders do (a deadlock too, without `fix_deadlocks`), and UnsupportedError beyond `limit` states.
+    Args:
+        model: a model that was bound with `exact`.
+        fix_deadlocks: give deadlock states a self-loop; else a deadlock is an error.
+        check_sums: check that probabilities sum to 1.
+        limit: the greatest number of states; None for any number.
+        observer: is told the number of explored states now and then.
+
+    Raises:
+        ModelFault: the model has a fault in some state.
+        UnsupportedError: the model has more states than `limit`.
     """
     initial = initial_states(model)
     found: dict[State, tuple[Any, ...]] = {}

@@ -1,8 +1,10 @@
-"""Linear programs solved exactly: HiGHS finds the corner in floating point, rational arithmetic proves it.
+"""Linear programs solved exactly: HiGHS finds an optimal vertex, rational arithmetic proves it.
 
-The columns that are positive at the corner, with as many of reduced cost 0 as make a basis, determine the corner and the dual
-solution exactly. Where the first is not negative and the second has no reduced cost of the wrong sign, both are optimal.
-Sources: Dhiflaoui et al. (2003), 'Certifying and repairing solutions to large LPs'; Applegate, Cook, Dash & Espinoza (2007).
+The positive columns of the vertex, completed to a basis by columns of reduced cost 0, determine the
+vertex and the dual solution exactly. Both are optimal if the vertex is not negative and no reduced
+cost has the wrong sign.
+Sources: Dhiflaoui et al. (2003), 'Certifying and repairing solutions to large LPs'; Applegate,
+Cook, Dash & Espinoza (2007), 'Exact solutions to linear programming problems'.
 """
 
 from __future__ import annotations
@@ -28,14 +30,14 @@ _TRIES = (1e-11, 1e-9, 1e-7)
 """Reduced costs up to which a column may be in the basis, tried in turn."""
 
 _PIVOTS = 50
-"""Exact steps of the simplex method from the corner that floating point gives."""
+"""Exact steps of the simplex method from the vertex that floating point gives."""
 
 Column = dict[int, Fraction]
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Maximise cost · x where sum of x_j columns[j] = right and x >= 0. Column j has its entries by row."""
+    """Maximise cost · x subject to sum of x_j columns[j] = right and x >= 0."""
 
     columns: Sequence[Column] = field(repr=False)
     cost: Sequence[Fraction] = field(repr=False)
@@ -52,13 +54,16 @@ class Optimum:
 
 
 def solve_program(program: Program) -> Optimum | None:
-    """The exact optimum, None where there is no solution.
+    """The exact optimum; None if the program is infeasible.
 
-    Raises NumericalError where the corner that HiGHS gives is not optimal in rational arithmetic, or there are too many rows.
+    Raises:
+        NumericalError: the vertex that HiGHS finds could not be proved optimal, or there are more
+            than ROWS rows.
     """
     if len(program.right) > ROWS:
         raise NumericalError(
-            f"a linear program of {len(program.right):,} equations is not solved exactly; up to {ROWS:,} are"
+            f"linear programs are solved exactly up to {ROWS:,} equations, and this one has "
+            f"{len(program.right):,}"
         )
     status, answer = _float(program)
     if status == 0:
@@ -67,7 +72,8 @@ def solve_program(program: Program) -> Optimum | None:
             if found is not None:
                 return found
         raise NumericalError(
-            "the corner that the linear program's solver gives could not be proved optimal in rational arithmetic"
+            "the vertex that the linear program's solver finds could not be proved optimal in "
+            "rational arithmetic"
         )
     if status == 2:
         _prove_infeasible(program)
@@ -109,7 +115,7 @@ def _float(program: Program) -> tuple[int, Any]:
 
 
 def _proved(program: Program, answer: Any, threshold: float) -> Optimum | None:
-    """The exact corner and its value, if it is feasible and optimal."""
+    """The exact vertex and its value if it is feasible and optimal."""
     x: Floats = np.asarray(answer.x)
     reduced: Floats = np.abs(np.asarray(answer.lower.marginals))
     scale = max(1.0, float(np.abs(x).max(initial=0.0)))
@@ -127,20 +133,20 @@ def _proved(program: Program, answer: Any, threshold: float) -> Optimum | None:
     if len(basis) != len(rows):
         return None
     for _ in range(_PIVOTS):
-        corner = _Corner.at(program, basis, rows)
-        if corner is None:
+        vertex = _Vertex.at(program, basis, rows)
+        if vertex is None:
             return None
-        if corner.feasible and corner.optimal:
-            values = dict(zip(basis, corner.x, strict=True))
+        if vertex.feasible and vertex.optimal:
+            values = dict(zip(basis, vertex.x, strict=True))
             if not _satisfied(program, values):
                 return None
             value = sum((program.cost[j] * v for j, v in values.items()), Fraction(0))
             return Optimum(value, {j: v for j, v in values.items() if v}, int(answer.nit))
         pivot = (
-            corner.primal_pivot()
-            if corner.feasible
-            else corner.dual_pivot()
-            if corner.optimal
+            vertex.primal_pivot()
+            if vertex.feasible
+            else vertex.dual_pivot()
+            if vertex.optimal
             else None
         )
         if pivot is None:
@@ -151,7 +157,7 @@ def _proved(program: Program, answer: Any, threshold: float) -> Optimum | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Corner:
+class _Vertex:
     """A basis with its exact solution, and the exact reduced cost (cost - y A) of every column."""
 
     program: Program
@@ -161,7 +167,7 @@ class _Corner:
     reduced: list[Fraction]
 
     @classmethod
-    def at(cls, program: Program, basis: Sequence[int], rows: Sequence[int]) -> _Corner | None:
+    def at(cls, program: Program, basis: Sequence[int], rows: Sequence[int]) -> _Vertex | None:
         """None where the basis is singular."""
         x = _solved(
             _basis_matrix(program, basis, rows, transposed=False), [program.right[i] for i in rows]
@@ -191,7 +197,7 @@ class _Corner:
         return all(v <= 0 for v in self.reduced)
 
     def primal_pivot(self) -> tuple[int, int] | None:
-        """A place of the basis and the column to take it, which gains (Bland's rule)."""
+        """The position of the basis that leaves, and the column that enters (Bland's rule)."""
         entering = next(j for j, v in enumerate(self.reduced) if v > 0)
         column = self.program.columns[entering]
         step = _solved(
@@ -207,7 +213,7 @@ class _Corner:
         return (min(ratios)[2], entering) if ratios else None
 
     def dual_pivot(self) -> tuple[int, int] | None:
-        """A place of the basis that is negative, and the column to take it that keeps the basis optimal."""
+        """A negative position of the basis, and the column that keeps the basis optimal there."""
         place = next(k for k, v in enumerate(self.x) if v < 0)
         unit = [Fraction(int(k == place)) for k in range(len(self.basis))]
         weights = _solved(_basis_matrix(self.program, self.basis, self.rows, transposed=True), unit)
@@ -227,7 +233,7 @@ def _dot(column: Column, weights: dict[int, Fraction]) -> Fraction:
 
 
 def _independent(program: Program, candidates: Int64s) -> tuple[list[int], list[int]]:
-    """The first columns that are independent, and as many rows in which they are (both modulo a large prime)."""
+    """The first independent columns, and rows on which they are independent, modulo a prime."""
     import flint
 
     n = len(program.right)
@@ -298,7 +304,7 @@ def _satisfied(program: Program, values: dict[int, Fraction]) -> bool:
 
 
 def _prove_infeasible(program: Program) -> None:
-    """Solve for the least violation, which must not be 0. Raises NumericalError where it is, or is not proved."""
+    """Prove that the least violation is not 0. Raises NumericalError otherwise."""
     columns, cost = list(program.columns), [Fraction(0)] * len(program.columns)
     for i, b in enumerate(program.right):
         columns.append({i: Fraction(1 if b >= 0 else -1)})
@@ -309,7 +315,7 @@ def _prove_infeasible(program: Program) -> None:
 
 
 def _prove_unbounded(program: Program) -> None:
-    """Find a direction of growth exactly, and a solution. Raises NumericalError where there is none."""
+    """Find an improving ray and a solution, exactly. Raises NumericalError otherwise."""
     n = len(program.right)
     columns = [{**c, n: Fraction(1)} for c in program.columns] + [{n: Fraction(1)}]
     ray = solve_program(

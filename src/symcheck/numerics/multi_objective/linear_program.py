@@ -1,13 +1,15 @@
 """Several objectives of an MDP at once: linear programs over expected numbers of visits.
 
-A strategy is described by how often it is expected to take each row before it settles in an end component, and by the
-probability with which it settles at each state. These numbers satisfy linear equations (what flows into a state flows out
-or settles), and expected values of objectives are linear in them, so that what strategies achieve is a convex set; its
-corners are found by linear programs. Sources: Etessami, Kwiatkowska, Vardi & Yannakakis (2007); Forejt, Kwiatkowska,
-Norman, Parker & Qu (2011).
+The variables of a program are how often a strategy is expected to take each row before it settles
+in an end component, and the probability with which it settles at each state. They satisfy linear
+equations: what flows into a state flows out or settles. Expected values of objectives are linear in
+them. So the set of achievable values is convex, and linear programs find its vertices. Every
+objective is maximised: costs are negative rewards. Programs over doubles are solved by HiGHS,
+programs over rationals are solved exactly.
 
-Every objective is written so that more of it is better: costs are negative rewards. Numbers are doubles, and programs are
-solved by HiGHS, or they are rationals, and solutions are proved.
+Sources: Etessami, Kwiatkowska, Vardi & Yannakakis (2007), 'Multi-objective model checking of Markov
+decision processes'; Forejt, Kwiatkowska, Norman, Parker & Qu (2011), 'Quantitative multi-objective verification for
+probabilistic systems'.
 """
 
 from __future__ import annotations
@@ -28,10 +30,10 @@ from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans
 from symcheck.numerics import graph
 from symcheck.numerics.multi_objective.exact_lp import Column, Program, solve_program
 
-__all__ = ["TOLERANCE", "Flow", "Outcome", "Stay", "corners", "settling"]
+__all__ = ["TOLERANCE", "Flow", "Outcome", "Stay", "pareto_vertices", "settling"]
 
 TOLERANCE = 1e-8
-"""What the linear programs leave open: feasibility and optimality are met within 1e-10 of their scale, sums within this."""
+"""Accuracy of sums over a solution; HiGHS meets feasibility and optimality within 1e-10."""
 
 _SETTINGS = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
@@ -41,7 +43,7 @@ Acceptance = Sequence[tuple[Bools, Sequence[Bools]]]
 
 @dataclass(frozen=True, eq=False)
 class Stay:
-    """States at which a run may settle for good, and what each objective gains by that: bool[n], float64[objectives]."""
+    """States at which a run may settle for ever, bool[n], and gains per objective, float64."""
 
     states: Bools
     gains: Floats
@@ -49,9 +51,13 @@ class Stay:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """The optimum of a linear program: its value (inf where unbounded), and what each objective has there (NaN then).
+    """The optimum of a linear program.
 
-    gap: between the value and the bound that the dual program proves up to rounding; 0 for rationals.
+    Args:
+        value: the optimal value; inf if the program is unbounded.
+        gains: the value of each objective at the optimum; NaN if the program is unbounded.
+        iterations: of the solver.
+        gap: distance to the bound of the dual program; 0 for rationals.
     """
 
     value: Any
@@ -63,11 +69,16 @@ class Outcome:
 def settling(
     source: graph.Source, costless: Bools, acceptances: Sequence[Acceptance | None]
 ) -> list[Stay]:
-    """Where a run may settle, and which objectives that satisfies; each acceptance is of one objective (None: no such).
+    """Where a run may settle, and which objectives that satisfies.
 
-    Rows with costs (outside of `costless`, bool[rows]) are not taken in the end component; an objective with acceptance
-    gains 1. For every subset of these objectives the end components that satisfy all of them are found: exponential in
-    their number. States that satisfy more are not listed with less.
+    Args:
+        source: the matrix of the MDP.
+        costless: bool[rows]; other rows are not taken in an end component.
+        acceptances: per objective, its acceptance condition, which gains 1; None for a reward.
+
+    Returns:
+        End components for each subset of the objectives with a condition, so exponentially many.
+        States that satisfy more objectives are not repeated for fewer.
     """
     chosen = [i for i, a in enumerate(acceptances) if a is not None]
     n = (source.matrix if isinstance(source, graph.Incidence) else source).states
@@ -111,8 +122,12 @@ def _accepting(source: graph.Source, avoid: Bools, visits: Sequence[Bools], rows
 class Flow:
     """The linear equations of an MDP's flow from one initial state.
 
-    rewards: [objectives, rows], what each row gives each objective. banned: states that are not to be entered. Numbers are
-    float64, or all of them rationals.
+    Args:
+        matrix: the MDP; its entries and the rewards are float64, or all of them rationals.
+        initial: the number of the initial state.
+        rewards: [objectives, rows], what each row gains for each objective.
+        stays: where runs may settle.
+        banned: bool[states], states that must not be entered; None for none.
     """
 
     matrix: SparseMatrix
@@ -174,7 +189,7 @@ class Flow:
 
     @cached_property
     def _balance(self) -> tuple[Int64s, Int64s, Numbers]:
-        """The equations, per live state: outflow + settling - inflow = what begins there. Their rows, columns and entries."""
+        """Rows, columns and entries: outflow + settling - inflow = begin, per live state."""
         m, number, rows = self.matrix, np.cumsum(self.live) - 1, self.usable
         entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
         source = np.repeat(np.arange(len(rows)), np.diff(m.indptr)[rows])
@@ -216,7 +231,7 @@ class Flow:
         return np.concatenate(parts, axis=1)
 
     def best(self, weights: Numbers, least: Numbers) -> Outcome | None:
-        """The greatest weighted sum of objectives where each has at least `least` (-inf: any); None where none have."""
+        """The greatest weighted sum of objectives that are at least `least`; None if infeasible."""
         bounded = np.flatnonzero(~is_infinite(least))
         found = self._solve(self.gains.T @ weights, -self.gains[bounded], -least[bounded])
         if found is None:
@@ -226,7 +241,7 @@ class Flow:
         return Outcome(value, gains, iterations, gap)
 
     def margin(self, least: Numbers) -> Outcome | None:
-        """By how much all of `least` can be exceeded at once (at most 1; negative where they cannot be had)."""
+        """By how much all of `least` can be exceeded, at most 1; negative if it cannot be met."""
         bounded = np.flatnonzero(~is_infinite(least))
         objective = np.concatenate((self._full(self.gains.shape[1], 0), self._full(1, 1)))
         extra = self._full(len(bounded), 1)[:, None]
@@ -245,17 +260,17 @@ class Flow:
         limit: Numbers,
         extra: Sequence[tuple[int | None, int]] = (),
     ) -> _Solved | None:
-        """Maximise; columns beyond those of the flow have the bounds `extra`. None: infeasible; no point: unbounded."""
+        """Maximise; `extra`: bounds of variables after those of the flow. None if infeasible."""
         if not self.live[self.initial]:
             return None
         solve = _proved if self.exact else _floating
         return solve(objective, self._balance, self._begin, above, limit, extra)
 
     def connected(self, least: Numbers) -> Flow:
-        """The same without end components where flow could circulate that never comes from the initial state.
+        """The flow without circulation that never comes from the initial state.
 
-        In an end component where some row has a positive reward, circulation is worth something; it stands for strategies
-        (for their limit) only if some strategy that has `least` of the objectives enters the component. Those that none
+        Circulation in an end component with a positive reward has a value. It stands for strategies
+        only if a strategy that meets `least` enters the component. Components that no such strategy
         enters are banned.
         """
         flow = self
@@ -276,7 +291,7 @@ class Flow:
             flow = replace(flow, banned=banned)
 
     def paying(self) -> list[Bools]:
-        """End components with a positive reward of some objective, other than those that hold the initial state."""
+        """End components with a positive reward of some objective and without the initial state."""
         allowed = np.zeros(self.matrix.rows, dtype=np.bool_)
         allowed[self.usable] = True
         parts = graph.maximal_end_components(self.edges, self.live, allowed)
@@ -285,7 +300,7 @@ class Flow:
         return [parts.of == c for c in numbers.tolist() if c >= 0 and parts.of[self.initial] != c]
 
     def _never_entered(self, components: Sequence[Bools], least: Numbers) -> list[Bools]:
-        """Those that no flow enters which has at least `least`; none where there is no such flow."""
+        """The components that no flow with at least `least` enters; none without such a flow."""
         left = list(components)
         while left:
             amounts = self._entered(left, least)
@@ -308,7 +323,7 @@ class Flow:
         return out
 
     def _entered(self, components: Sequence[Bools], least: Numbers) -> Numbers | None:
-        """How much (at most 1) a flow enters each that enters them most in sum; None where no flow has `least`."""
+        """How much the flow enters each, up to 1, where the sum is greatest; None if infeasible."""
         bounded = np.flatnonzero(~is_infinite(least))
         k = len(components)
         objective = np.concatenate((self._full(self.gains.shape[1], 0), self._full(k, 1)))
@@ -425,11 +440,25 @@ def _proved(
     return x, found.value + constant, found.iterations, 0.0
 
 
-def corners(flow: Flow, first: int, second: int, least: Numbers) -> list[tuple[Any, Any]] | None:
-    """The corners of the Pareto curve of two objectives, by falling value of the first; None where `least` cannot be had.
+def pareto_vertices(
+    flow: Flow, first: int, second: int, least: Numbers
+) -> list[tuple[Any, Any]] | None:
+    """The vertices of the Pareto curve of two objectives, by decreasing value of the first.
 
-    Weighted sums are maximised: first those of one objective (ties broken by the other), then those that are constant on
-    the line between two neighbours, until nothing lies beyond it. Raises NumericalError where an objective is unbounded.
+    First each objective is maximised (ties are broken by the other), then, between two neighbours,
+    the weighted sum that is constant on the line through them, until no vertex lies beyond a line.
+
+    Args:
+        flow: the flow of the MDP.
+        first: the number of one objective.
+        second: the number of the other one.
+        least: lower bounds of all objectives.
+
+    Returns:
+        The vertices; None if the bounds cannot be met.
+
+    Raises:
+        NumericalError: an objective is unbounded.
     """
     tolerance = flow.tolerance
 

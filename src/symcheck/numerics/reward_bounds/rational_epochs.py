@@ -1,7 +1,7 @@
-"""Path formulas with bounds on rewards, in rational arithmetic: the budgets one after the other, as in floating point.
+"""Reward-bounded until formulas in rational arithmetic, one epoch after the other.
 
-The structure of a level is that of `symcheck.numerics.reward_bounds.epochs`; its values are computed state by state, and
-cycles without reward by policy iteration.
+The structure of an epoch is that of `symcheck.numerics.reward_bounds.epochs`. Its values are
+computed state by state, and cycles without reward by policy iteration.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class _Levels:
     def phase(
         self, unknown: Bools, first: int, count: int, start: Level, least: int | None
     ) -> None:
-        """Compute levels. start: the values of the states that are not unknown. least: the level that all lower ones are like."""
+        """Compute levels; `start`: known values; `least`: all lower levels equal this one."""
         layer = layer_of(self.shape, unknown)
         parts = _Parts(layer, self.problem.direction, self.problem.rewards.tolist(), self.rows)
         for level in range(first, first + count):
@@ -147,7 +147,7 @@ class _Parts:
             for r in self.row_id[self.row_ptr[i] : self.row_ptr[i + 1]]:
                 inside, constant = self.row(r, begin, end, level, levels, least)
                 loop = sum((p for t, p in inside if t == i - begin), Fraction(0))
-                # States that are one place here may both be successors: the solver wants every place once.
+                # Two successors may be the same place: the solver needs each place once.
                 merged: dict[int, Fraction] = {}
                 for t, p in inside:
                     if t != i - begin:

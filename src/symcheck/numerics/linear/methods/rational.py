@@ -1,7 +1,9 @@
-"""Rational arithmetic: elimination for chains, policy iteration for MDPs, started from the policy found in floating point.
+"""Rational arithmetic: elimination for chains, policy iteration for MDPs.
 
-Policy iteration ends after finitely many steps, and its comparisons are exact, so that nothing in floating point is relied
-on; a good start only saves steps. Sources: Howard (1960); Bertsekas & Tsitsiklis (1991) for least expected rewards.
+Policy iteration starts from the best policy in floating point. It ends after finitely many steps,
+and its comparisons are exact. So the result does not depend on floating point; a good first policy
+only saves steps.
+Sources: Howard (1960); Bertsekas & Tsitsiklis (1991) for least expected rewards.
 """
 
 from __future__ import annotations
@@ -88,7 +90,7 @@ def _policy_iteration(
 
 
 def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
-    """The policy that is best in floating point; for least rewards one that leaves the unknowns almost surely."""
+    """The best policy in floating point; for least rewards, a policy that leaves almost surely."""
     groups = problem.choices
     assert groups is not None
     rounded = replace(
@@ -117,7 +119,7 @@ def _rounded_exits(problem: LinearProblem) -> Floats:
 
 
 def _proper_policy(problem: LinearProblem) -> Int64s:
-    """A policy under which the unknowns are left from every state, and so almost surely: shortest paths."""
+    """A policy that leaves the unknowns almost surely: every state takes a shortest path out."""
     source = graph.Incidence(problem.rows)
     owner = source.owner_of_rows
     policy = np.full(problem.n, -1, dtype=np.int64)
