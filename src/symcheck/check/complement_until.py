@@ -7,12 +7,11 @@ or none. A run misses left U right where it gets to where that cannot be had any
 from __future__ import annotations
 
 from symcheck.check.context import Context
-from symcheck.check.measure_selection import measures
-from symcheck.check.measures import step_bounded
+from symcheck.check.measure_selection import timed_measures
+from symcheck.check.measures.reachability import until
 from symcheck.check.path_formulas import UntilPath
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["complement_until"]
 
@@ -22,26 +21,22 @@ def complement_until(
 ) -> Values:
     """(Least or greatest) probability that a run does not satisfy left U right within the window of `path`.
 
-    certain: where it is 1 without a window. For engines in floating point; accuracy as `Measures` says.
+    certain: where it is 1 without a window. For engines in floating point; accuracy as `options.epsilon` says.
     """
     left, right = path.left, path.right
     if path.window.trivial:
         return (
             _least(context, left, right)
             if direction == Direction.MIN
-            else measures(context).until(context, left - right, certain, direction)
+            else until(context, left - right, certain, direction)
         )
 
     def unbounded(inner: Context) -> Values:
         return complement_until(inner, UntilPath(left, right), direction, certain)
 
-    if context.engine.model.type is not ModelType.CTMC:
-        return step_bounded.bounded_complement(
-            context, left, right, path.window, direction, unbounded
-        )
-    from symcheck.check.measures import ctmc
-
-    return ctmc.bounded_complement(context, left, right, path.window, unbounded)
+    return timed_measures(context).bounded_complement(
+        context, left, right, path.window, direction, unbounded
+    )
 
 
 def _least(context: Context, left: StateSet, right: StateSet) -> Values:

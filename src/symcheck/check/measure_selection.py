@@ -1,31 +1,34 @@
-"""Which implementation of the measures serves an engine, by its model type."""
+"""Which implementation measures on a model: the only place where measures depend on the model type.
+
+Until probabilities, rewards until a set is reached, total rewards and bounds on rewards are the same for all types.
+"""
 
 from __future__ import annotations
 
-from typing import assert_never
-
 from symcheck.check.context import Context
-from symcheck.check.measures.base import Measures
+from symcheck.check.measures.base import LongRunMeasures, TimedMeasures
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["measures"]
+__all__ = ["long_run_measures", "timed_measures"]
 
 
-def measures(context: Context) -> Measures:
-    """Who measures on this engine: by the type of its model (imported when first needed)."""
-    kind = context.engine.model.type
-    match kind:
-        case ModelType.DTMC:
-            from symcheck.check.measures import dtmc
+def timed_measures(context: Context) -> TimedMeasures:
+    """Measures within a time, in steps or continuous (imported when first needed)."""
+    if context.engine.model.type is ModelType.CTMC:
+        from symcheck.check.measures import ctmc
 
-            return dtmc
-        case ModelType.CTMC:
-            from symcheck.check.measures import ctmc
+        return ctmc
+    from symcheck.check.measures import step_bounded
 
-            return ctmc
-        case ModelType.MDP:
-            from symcheck.check.measures import mdp
+    return step_bounded
 
-            return mdp
-        case _:
-            assert_never(kind)
+
+def long_run_measures(context: Context) -> LongRunMeasures:
+    """Long-run averages, of a chain or of an MDP (imported when first needed)."""
+    if context.engine.model.type is ModelType.MDP:
+        from symcheck.check.measures import long_run_mdp
+
+        return long_run_mdp
+    from symcheck.check.measures import long_run
+
+    return long_run

@@ -7,7 +7,8 @@ from fractions import Fraction
 from typing import assert_never
 
 from symcheck.check.context import Context
-from symcheck.check.measure_selection import measures
+from symcheck.check.measure_selection import timed_measures
+from symcheck.check.measures.reachability import until
 from symcheck.check.path_formulas import (
     NextPath,
     Path,
@@ -54,7 +55,9 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
         certain = _zero(context, path.left, path.right, direction and direction.dual)
         return complement_until(context, path, direction, certain)
     if isinstance(path, NextPath) and path.negative and path.window.trivial:
-        return measures(context).next_probability(context, ~path.target, path.window, direction)
+        return timed_measures(context).next_probability(
+            context, ~path.target, path.window, direction
+        )
     if path.negative and not isinstance(path, StatePath | TemporalPath):
         return complement(
             context, probability(context, negated(path), direction and direction.dual)
@@ -63,19 +66,21 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
         case StatePath(states, negative):
             return context.engine.indicator(~states if negative else states)
         case NextPath(target, window):
-            return measures(context).next_probability(context, target, window, direction)
+            return timed_measures(context).next_probability(context, target, window, direction)
         case UntilPath(left, right, window) if not window.trivial:
-            return measures(context).bounded_until(context, left, right, window, direction)
+            return timed_measures(context).bounded_until(context, left, right, window, direction)
         case UntilPath(left, right) if context.options.fairness and direction == Direction.MIN:
             return _fair_minimum(context, left, right)
         case UntilPath(left, right):
-            return measures(context).until(context, left, right, direction)
+            return until(context, left, right, direction)
         case RewardPath(inner, counts):
+            from symcheck.check.measures import reward_bounded_until
+
             if isinstance(inner, NextPath):
-                return measures(context).reward_bounded_next(
+                return reward_bounded_until.reward_bounded_next(
                     context, inner.target, counts, direction
                 )
-            return measures(context).reward_bounded_until(
+            return reward_bounded_until.reward_bounded_until(
                 context, inner.left, inner.right, counts, direction
             )
         case TemporalPath():
@@ -116,9 +121,7 @@ def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:
     probability of the former is 1 - the greatest one of the latter. Source: Baier & Kwiatkowska (1998).
     """
     hopeless = ~context.engine.graph.exists_until(left, right)
-    return complement(
-        context, measures(context).until(context, left - right, hopeless, Direction.MAX)
-    )
+    return complement(context, until(context, left - right, hopeless, Direction.MAX))
 
 
 def qualitative(
@@ -154,7 +157,7 @@ def qualitative(
 def _possibly(context: Context, path: UntilPath, direction: Direction | None) -> StateSet | None:
     """Where the probability is greater than 0."""
     if not path.window.trivial:
-        return measures(context).prob_greater_zero(
+        return timed_measures(context).prob_greater_zero(
             context, path.left, path.right, path.window, direction
         )
     return ~_zero(context, path.left, path.right, direction)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from symcheck.check.context import Context
-from symcheck.check.measure_selection import measures
+from symcheck.check.measure_selection import long_run_measures, timed_measures
+from symcheck.check.measures.reachability import reach_reward
+from symcheck.check.measures.total_reward import total_reward
 from symcheck.check.path_formulas import StatesOf, UntilPath, resolve, temporal
 from symcheck.direction import Direction
 from symcheck.engines.base import Values
@@ -36,29 +38,30 @@ def reward_values(
     direction: Direction | None,
 ) -> Values:
     """The expected reward that a formula asks for, at each state."""
-    who = measures(context)
     query = formula.query
     match query:
         case CumulativeReward(bound):
             time = window(bound)
             if time.upper is None or time.lower or time.lower_strict:
                 raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
-            return who.cumulative_reward(context, reward, time, direction)
+            return timed_measures(context).cumulative_reward(context, reward, time, direction)
         case TotalReward():
             if (
                 direction == Direction.MIN
             ):  # waiting for free for ever is not fair; the greatest is that of all strategies
                 _refuse_fairness(context)
-            return who.total_reward(context, reward, direction)
+            return total_reward(context, reward, direction)
         case InstantaneousReward(time_of):
-            return who.instantaneous_reward(context, reward, bound_value(time_of), direction)
+            return timed_measures(context).instantaneous_reward(
+                context, reward, bound_value(time_of), direction
+            )
         case SteadyStateReward():
-            return who.steady_reward(context, reward, direction)
+            return long_run_measures(context).steady_reward(context, reward, direction)
         case Eventually():
             target = resolve(query, states_of, context.engine)
             if isinstance(target, UntilPath) and target.window.trivial:
                 _refuse_fairness(context)
-                return who.reach_reward(context, reward, target.right, direction)
+                return reach_reward(context, reward, target.right, direction)
             return _until_shown(context, reward, query, states_of, direction)
         case _:
             return _until_shown(context, reward, query, states_of, direction)

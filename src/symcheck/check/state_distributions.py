@@ -6,7 +6,7 @@ Sources: Stewart (1994), 'Introduction to the Numerical Solution of Markov Chain
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from time import perf_counter
 
@@ -184,7 +184,7 @@ def _reached(
     engine: Engine, parts: list[Int32s], start: Floats, options: Options
 ) -> list[tuple[float, float]]:
     """Bounds on the probability of ending in each bottom component."""
-    from symcheck.check.measure_selection import measures
+    from symcheck.check.measures.reachability import until
 
     if len(parts) == 1:
         return [(1.0, 1.0)]
@@ -196,13 +196,12 @@ def _reached(
         start[_outside(parts, engine.states)]
     ):
         return [(w, w) for w in inside]
-    until: Callable[..., object] = measures(context).until
     out = []
     for part in parts:
         members = np.zeros(engine.states, bool)
         members[part] = True
         values = until(context, engine.all, engine.from_bools(members), None)
-        low, high = values.at(begins)  # type: ignore[attr-defined]
+        low, high = values.at(begins)
         # What is 'exact up to rounding' gets room for the rounding.
         out.append(
             (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from symcheck.check.context import Context
-from symcheck.check.measure_selection import measures
+from symcheck.check.measure_selection import long_run_measures
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 
@@ -16,4 +16,4 @@ def steady_values(context: Context, states: StateSet, direction: Direction | Non
         return context.engine.constant(0)
     if states == context.engine.all:
         return context.engine.constant(1)
-    return measures(context).steady_probability(context, states, direction)
+    return long_run_measures(context).steady_probability(context, states, direction)

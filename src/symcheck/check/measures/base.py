@@ -1,8 +1,13 @@
-"""What can be measured on a model, and who measures it for which type of model."""
+"""The measures that depend on the model type: those in time, and long-run averages.
+
+Each gives a value per reachable state. `direction` is minimise or maximise over the strategies of an MDP, and None for a
+chain. Values are certified within `context.options.epsilon`; what graph analysis decides is exact. All raise
+UnsupportedError for what the model type does not have, and NumericalError where the accuracy is missed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Protocol
 
@@ -10,28 +15,18 @@ from symcheck.check.context import Context
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.semantics.rewards import Reward
-from symcheck.semantics.time_bounds import Count, Window
+from symcheck.semantics.time_bounds import Window
 
-__all__ = ["Measures"]
+__all__ = ["LongRunMeasures", "TimedMeasures"]
 
 
-class Measures(Protocol):
-    """The measures of one type of model: each gives a value per reachable state.
-
-    `direction` is 'min' or 'max' over the strategies of an MDP, and None otherwise. Accuracy: `context.options.epsilon`, certified; what graph analysis decides is exact. Raises
-    UnsupportedError for a measure that the type of model does not have, and NumericalError where the accuracy is missed.
-    """
+class TimedMeasures(Protocol):
+    """Measures within a time: counted in steps (step_bounded.py), or continuous (ctmc.py)."""
 
     def next_probability(
         self, context: Context, target: StateSet, window: Window, direction: Direction | None
     ) -> Values:
         """Probability that the next state is in `target` and is reached within the window."""
-        ...
-
-    def until(
-        self, context: Context, left: StateSet, right: StateSet, direction: Direction | None
-    ) -> Values:
-        """Probability of left U right."""
         ...
 
     def bounded_until(
@@ -45,25 +40,16 @@ class Measures(Protocol):
         """Probability of left U right where `right` holds at some time in the window, and `left` before."""
         ...
 
-    def reward_bounded_until(
+    def bounded_complement(
         self,
         context: Context,
         left: StateSet,
         right: StateSet,
-        counts: Sequence[Count],
+        window: Window,
         direction: Direction | None,
+        miss: Callable[[Context], Values],
     ) -> Values:
-        """Probability of left U right where the rewards gathered until `right` are within bounds."""
-        ...
-
-    def reward_bounded_next(
-        self,
-        context: Context,
-        target: StateSet,
-        counts: Sequence[Count],
-        direction: Direction | None,
-    ) -> Values:
-        """Probability that the next state is in `target`, and the rewards of the step are within bounds."""
+        """Probability of the complement of left U right within the window; `miss` is that without a window."""
         ...
 
     def prob_greater_zero(
@@ -74,13 +60,7 @@ class Measures(Protocol):
         window: Window,
         direction: Direction | None,
     ) -> StateSet | None:
-        """Where that probability is greater than 0; None where only numbers tell."""
-        ...
-
-    def reach_reward(
-        self, context: Context, reward: Reward, target: StateSet, direction: Direction | None
-    ) -> Values:
-        """Expected reward until `target`; infinite where it is missed with positive probability."""
+        """States where left U right within the window has a probability above 0; None where only numbers tell."""
         ...
 
     def cumulative_reward(
@@ -89,15 +69,15 @@ class Measures(Protocol):
         """Expected reward up to the end of the window."""
         ...
 
-    def total_reward(self, context: Context, reward: Reward, direction: Direction | None) -> Values:
-        """Expected reward for ever."""
-        ...
-
     def instantaneous_reward(
         self, context: Context, reward: Reward, time: Fraction, direction: Direction | None
     ) -> Values:
         """Expected state reward at a time."""
         ...
+
+
+class LongRunMeasures(Protocol):
+    """Long-run averages: of chains (long_run.py), or least and greatest ones of MDPs (long_run_mdp.py)."""
 
     def steady_probability(
         self, context: Context, states: StateSet, direction: Direction | None

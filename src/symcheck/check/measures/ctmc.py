@@ -13,10 +13,7 @@ from time import perf_counter
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.long_run import steady_probability, steady_reward
-from symcheck.check.measures.reachability import reach_reward, until
-from symcheck.check.measures.reward_bounded_until import reward_bounded_next, reward_bounded_until
-from symcheck.check.measures.total_reward import total_reward
+from symcheck.check.measures.reachability import until
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
@@ -32,13 +29,6 @@ __all__ = [
     "instantaneous_reward",
     "next_probability",
     "prob_greater_zero",
-    "reach_reward",
-    "reward_bounded_next",
-    "reward_bounded_until",
-    "steady_probability",
-    "steady_reward",
-    "total_reward",
-    "until",
 ]
 
 _TINY = 1e-299
@@ -94,6 +84,7 @@ def bounded_complement(
     left: StateSet,
     right: StateSet,
     window: Window,
+    direction: Direction | None,
     miss: Callable[[Context], Values],
 ) -> Values:
     """Probability of not (left U[a,b] right): time b - a without getting there, after time a in which `left` may end too.

@@ -19,6 +19,7 @@ from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.matrices.rows import Bools
+from symcheck.numerics.settings import Accuracy
 from symcheck.semantics.rewards import Reward
 
 if TYPE_CHECKING:
@@ -72,9 +73,14 @@ def _average(
     moved = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
     part = ending(system.matrix, moved, direction)
     given = float(((moved.upper - moved.lower) / np.maximum(moved.upper, 1e-300)).max(initial=0.0))
-    found = solve_linear(
-        part.problem, replace(options, epsilon=max(finer.epsilon, 4.0 * given)), observer
+    accuracy = Accuracy(
+        method=options.method,
+        epsilon=max(finer.epsilon, 4.0 * given),
+        relative=options.relative,
+        certify=options.certify,
+        max_iterations=options.max_iterations,
     )
+    found = solve_linear(part.problem, accuracy, observer)
     lower, upper = found.lower[part.place], found.upper[part.place]
     exact = found.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
     if not exact:

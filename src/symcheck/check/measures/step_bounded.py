@@ -12,6 +12,7 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.reachability import until
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
@@ -21,7 +22,6 @@ from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
 __all__ = [
-    "Until",
     "best",
     "bounded_complement",
     "bounded_until",
@@ -29,9 +29,8 @@ __all__ = [
     "instantaneous_reward",
     "next_probability",
     "per_row",
+    "prob_greater_zero",
 ]
-
-Until = Callable[[Context, StateSet, StateSet, Direction | None], Values]
 
 _UNIT = 2.0**-53
 
@@ -69,7 +68,6 @@ def bounded_until(
     right: StateSet,
     window: Window,
     direction: Direction | None,
-    until: Until,
 ) -> Values:
     """Probability of left U[a,b] right: b - a steps towards `right`, then a steps within `left`.
 
@@ -84,6 +82,13 @@ def bounded_until(
     return (
         values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 0)
     )
+
+
+def prob_greater_zero(
+    context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
+) -> StateSet | None:
+    """None: products of positive numbers are positive and zeros are exact, so that numbers tell."""
+    return None
 
 
 def bounded_complement(

@@ -14,7 +14,7 @@ from symcheck.automata.automaton import Automaton
 from symcheck.automata.formula import Kind, LtlFormula
 from symcheck.automata.ltl import LtlFactory
 from symcheck.check.context import Context
-from symcheck.check.measure_selection import measures
+from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.omega_regular.linear_time import read
 from symcheck.check.path_formulas import TemporalPath, UntilPath
 from symcheck.direction import Direction
@@ -41,7 +41,7 @@ def path_probability_ltl(
     product, pairs = linear_product(context, path)
     inner = replace(context, engine=product.engine)
     good = _accepted(inner, context, product, pairs)
-    return product.project(measures(inner).until(inner, inner.engine.all, good, direction))
+    return product.project(until(inner, inner.engine.all, good, direction))
 
 
 def as_until(context: Context, path: TemporalPath) -> UntilPath | None:
@@ -118,7 +118,7 @@ def co_safe_reward(
     product: Product = context.engine.product(alphabet.sets, automaton)
     inner = replace(context, engine=product.engine)
     target = product.edges(automaton.entering(automaton.accepting))
-    return product.project(measures(inner).reach_reward(inner, reward, target, direction))
+    return product.project(reach_reward(inner, reward, target, direction))
 
 
 @dataclass(frozen=True)
