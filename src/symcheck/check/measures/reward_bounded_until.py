@@ -33,8 +33,8 @@ from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelT
 from symcheck.syntax.operators import Operator
 
 if TYPE_CHECKING:
-    from symcheck.numerics.reward_bounds.epoch_system import Epochs
-    from symcheck.numerics.reward_bounds.epochs import Found
+    from symcheck.numerics.reward_bounds.epoch_system import RewardBoundedReachability
+    from symcheck.numerics.reward_bounds.epochs import EpochValues
 
 __all__ = ["check_even", "reward_bounded_next", "reward_bounded_until"]
 
@@ -60,7 +60,10 @@ def reward_bounded_until(
         from symcheck.check.measures.reachability import until
 
         return until(context, left, right, direction)
-    from symcheck.numerics.reward_bounds.epochs import solve_epochs, unfold  # few runs need it
+    from symcheck.numerics.reward_bounds.epochs import (  # few runs need it
+        solve_epochs,
+        unfold_reward_dimension,
+    )
 
     bounded = any(c.window.upper is not None for c in counts)
     system = engine.system(engine.graph.exists_until(left, right) if bounded else engine.all)
@@ -74,7 +77,7 @@ def reward_bounded_until(
     problem = _problem(context, system, left, right, limits[0], direction)
     n = problem.matrix.states
     for i, limit in enumerate(limits[1:], 1):
-        problem, rows = unfold(problem, limit.rewards, limit.lower, limit.upper)
+        problem, rows = unfold_reward_dimension(problem, limit.rewards, limit.lower, limit.upper)
         limits[i + 1 :] = [replace(later, rewards=later.rewards[rows]) for later in limits[i + 1 :]]
     found = solve_epochs(problem, context.options, context.observer)
     first = slice(None, None, problem.matrix.states // n)
@@ -198,8 +201,8 @@ def _problem(
     right: StateSet,
     limit: Limits,
     direction: Direction | None,
-) -> Epochs:
-    from symcheck.numerics.reward_bounds.epoch_system import Epochs
+) -> RewardBoundedReachability:
+    from symcheck.numerics.reward_bounds.epoch_system import RewardBoundedReachability
 
     matrix, leave = system.matrix, system.one_step_probability(~system.states)
     if context.engine.model.type is ModelType.CTMC:
@@ -210,7 +213,7 @@ def _problem(
     def members(states: StateSet) -> Bools:
         return np.asarray(system.restrict(states) > 0)
 
-    return Epochs(
+    return RewardBoundedReachability(
         matrix,
         leave,
         limit.rewards,
@@ -222,7 +225,9 @@ def _problem(
     )
 
 
-def _note(context: Context, found: Found, problem: Epochs, seconds: float) -> None:
+def _note(
+    context: Context, found: EpochValues, problem: RewardBoundedReachability, seconds: float
+) -> None:
     cycles = f", cycles without reward of up to {found.cycle} states" if found.cycle > 1 else ""
     about = f"{found.levels} levels of the budget{cycles}"
     context.log.runs.append(

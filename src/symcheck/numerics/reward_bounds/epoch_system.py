@@ -1,4 +1,7 @@
-"""The equations of one budget (see `symcheck.numerics.reward_bounds.epochs`): put in order once, solved for each budget."""
+"""The equations of one epoch (see `symcheck.numerics.reward_bounds.epochs`).
+
+They are ordered once and solved for each budget.
+"""
 
 from __future__ import annotations
 
@@ -10,26 +13,20 @@ from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
-from symcheck.numerics import graph
+from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem
 
-__all__ = ["Epochs", "Layer", "layer_of"]
-
-_DENSE = 1_500
-"""States of a cycle without choices up to which its equations are inverted."""
-_SLOW = 30.0
-"""Steps on a cycle from which on that pays."""
-_INVERSES = 512 << 20
-"""Bytes for such inverses."""
-_UNIT = 2.0**-53
+__all__ = ["EpochSystem", "RewardBoundedReachability", "epoch_system"]
 
 
 @dataclass(frozen=True, eq=False)
-class Epochs:
-    """`left U right` with a reward from `lower` to `upper` (None: no end) when `right` holds; rewards are whole numbers.
+class RewardBoundedReachability:
+    """`left U right` with an accumulated reward within bounds when `right` holds.
 
-    matrix: probabilities among n states. exit: per row, what leads elsewhere, to failure (float64[rows]). rewards: int64[rows],
-    what a step by the row adds. direction: None, 'min' or 'max'.
+    matrix: probabilities among n states. exit: the probability of leaving to states where the
+    formula fails, per row. rewards: whole numbers that a step by the row earns, int64[rows].
+    lower, upper: the bounds on the reward, inclusive; `upper` None: no upper bound.
+    direction: minimise or maximise; None without choices.
     """
 
     matrix: SparseMatrix
@@ -49,19 +46,26 @@ class Epochs:
 
     @property
     def levels(self) -> int:
-        """How many levels are computed one after the other."""
+        """The number of epochs that are solved one after the other."""
         return self.lower if self.upper is None else self.upper + 1
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
-    """The equations of one level, in order of evaluation.
+class EpochSystem:
+    """The equations of one epoch, in the order of evaluation.
 
-    Place i (`block[b]` to `block[b+1]` are on a cycle with each other) is state `state[i]`, and has rows `row_ptr[i]` to
-    `row_ptr[i+1]`; its value is that of `members[member_ptr[i]:member_ptr[i+1]]`. Row r has entries `ptr[r]` to `ptr[r+1]`
-    (`idx`, `val`), from `mid[r]` on those on its own cycle; `reward`, and `full` where no mass is missing. `row_id`: the row of
-    the matrix, whose entries were divided by what a self-loop, which is left out, leaves. steps: h >= 1 + A h on cycles.
-    inverse: the entries of (I - A)^-1, in floating point, of block b from `inverse_at[b]` on (-1: none).
+    block: states `block[b]` to `block[b+1]` of the order are strongly connected.
+    state: the state at each place of the order.
+    row_ptr: the place i has the rows `row_ptr[i]` to `row_ptr[i+1]`.
+    member_ptr, members: the value of place i is that of `members[member_ptr[i]:member_ptr[i+1]]`.
+    ptr, mid, idx, val: row r has the entries `ptr[r]` to `ptr[r+1]`, of which those from `mid[r]`
+      on lead to its own block. Self-loops are divided out.
+    reward: the reward of each row. slack: bound on the relative rounding error of each row.
+    full: whether no probability of a row is missing.
+    row_id: the row of the matrix.
+    steps: h with h >= 1 + A h on cycles.
+    inverse, inverse_at: the entries of (I - A)^-1 in floating point, of block b from
+      `inverse_at[b]` on (-1: there is no inverse).
     """
 
     block: Int64s
@@ -83,104 +87,136 @@ class Layer:
 
     @property
     def cycle(self) -> int:
-        """States on the largest cycle (1: there is none)."""
+        """The number of states of the largest block (1: there are no cycles)."""
         return int(np.diff(self.block).max(initial=0))
 
 
-def layer_of(problem: Epochs, unknown: Bools) -> Layer:
-    """The equations of a level over the states `unknown`; those that are not among `Layer.members` have value 0."""
-    lead = _Leaders.of(problem, unknown)
-    m, zero = problem.matrix, problem.rewards == 0
-    lengths = np.diff(m.indptr)[lead.rows]
-    entry = spans(m.indptr[:-1][lead.rows], m.indptr[1:][lead.rows])
-    row = np.repeat(np.arange(len(lead.rows)), lengths)
-    target = lead.number[m.indices[entry]]
-    same_level = zero[lead.rows][row] & (target >= 0)
-    edge = same_level & (target != lead.of_row[row])
-    parts = _components(lead.of_row[row[edge]], target[edge], lead.count)
+def epoch_system(problem: RewardBoundedReachability, unknown: Bools) -> EpochSystem:
+    """The equations of an epoch over the unknown states; states that are no member have value 0."""
+    lead = _Representatives.of(problem, unknown)
+    entries = _Entries.of(problem, lead)
+    blocks = _edge_components(
+        lead.of_row[entries.row[entries.edge]], entries.target[entries.edge], lead.count
+    )
+    system = _ordered(problem, lead, entries, blocks)
+    if system.cycle <= 1:
+        return system
+    return _with_inverses(replace(system, steps=_expected_steps(system)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Entries:
+    """The entries of the rows of representatives.
+
+    row: the row of each entry, counted among those of the representatives. index: the entry of the
+    matrix. target: the representative of the successor, -1 for none. edge: whether the entry leads to
+    another representative in the same epoch. loop: whether it is a self-loop.
+    """
+
+    row: Int64s
+    index: Int64s
+    target: Int64s
+    edge: Bools
+    loop: Bools
+
+    @staticmethod
+    def of(problem: RewardBoundedReachability, lead: _Representatives) -> _Entries:
+        m = problem.matrix
+        index = spans(m.indptr[:-1][lead.rows], m.indptr[1:][lead.rows])
+        row = np.repeat(np.arange(len(lead.rows)), np.diff(m.indptr)[lead.rows])
+        target = lead.number[m.indices[index]]
+        same_epoch = (problem.rewards == 0)[lead.rows][row] & (target >= 0)
+        edge = same_epoch & (target != lead.of_row[row])
+        return _Entries(row, index, target, edge, same_epoch & ~edge)
+
+    def values(self, problem: RewardBoundedReachability, lead: _Representatives) -> Floats:
+        """The probabilities, with self-loops divided out; exactly 1 for deterministic rows."""
+        m, rows = problem.matrix, lead.rows
+        deterministic = (np.diff(m.indptr)[rows] == 1) & (problem.exit[rows] <= 0.0)
+        value = np.where(deterministic[self.row], 1.0, m.data[self.index])
+        looping = np.bincount(self.row[self.loop], minlength=len(rows)) > 0
+        rest = np.bincount(self.row[~self.loop], value[~self.loop], len(rows)) + problem.exit[rows]
+        return np.asarray(value / np.where(looping, np.maximum(rest, 1e-300), 1.0)[self.row])
+
+
+def _ordered(
+    problem: RewardBoundedReachability,
+    lead: _Representatives,
+    entries: _Entries,
+    blocks: graph.Components,
+) -> EpochSystem:
+    """The equations in the order of the blocks, with the entries to the own block last in each row."""
+    m, row, target = problem.matrix, entries.row, entries.target
     rank = np.empty(lead.count, np.int64)
-    rank[parts.order] = np.arange(lead.count)
-    # Rows in the order of their leaders, entries on the own cycle last in each.
+    rank[blocks.order] = np.arange(lead.count)
     order = np.argsort(rank[lead.of_row], kind="stable")
     position = np.empty(len(order), np.int64)
     position[order] = np.arange(len(order))
-    loop = same_level & ~edge
-    own = edge & (parts.of[np.maximum(target, 0)] == parts.of[lead.of_row[row]])
-    value = np.where((lengths == 1) & (problem.exit[lead.rows] <= 0.0), 1.0, 0.0)[row]
-    value = np.where(value > 0.0, value, m.data[entry])
-    looping = np.bincount(row[loop], minlength=len(lead.rows)) > 0
-    rest = np.bincount(row[~loop], value[~loop], len(lead.rows)) + problem.exit[lead.rows]
-    value /= np.where(looping, np.maximum(rest, 1e-300), 1.0)[row]
-    column = np.where(own, lead.state[np.maximum(target, 0)], m.indices[entry])
-    keep = np.flatnonzero(~loop)
+    own = entries.edge & (blocks.of[np.maximum(target, 0)] == blocks.of[lead.of_row[row]])
+    column = np.where(own, lead.state[np.maximum(target, 0)], m.indices[entries.index])
+    keep = np.flatnonzero(~entries.loop)
     keep = keep[np.lexsort((own[keep], position[row[keep]]))]
     count = np.bincount(position[row[keep]], minlength=len(order))
-    ptr = starts_of(count)
     outside = count - np.bincount(position[row[keep[own[keep]]]], minlength=len(order))
-    rows_of = np.bincount(rank[lead.of_row], minlength=lead.count)
-    row_ptr = starts_of(rows_of)
-    sizes = np.diff(lead.member_ptr)[parts.order]
-    layer = Layer(
-        block=parts.start.astype(np.int64),
-        state=lead.state[parts.order],
-        row_ptr=row_ptr,
-        member_ptr=starts_of(sizes),
-        members=lead.members[
-            spans(lead.member_ptr[:-1][parts.order], lead.member_ptr[1:][parts.order])
-        ],
+    ptr = starts_of(count)
+    rows = lead.rows[order]
+    lengths, full = np.diff(m.indptr)[rows], problem.exit[rows] <= 0.0
+    first, last = lead.member_ptr[:-1][blocks.order], lead.member_ptr[1:][blocks.order]
+    return EpochSystem(
+        block=blocks.start.astype(np.int64),
+        state=lead.state[blocks.order],
+        row_ptr=starts_of(np.bincount(rank[lead.of_row], minlength=lead.count)),
+        member_ptr=starts_of(last - first),
+        members=lead.members[spans(first, last)],
         ptr=ptr,
         mid=ptr[:-1] + outside,
         idx=column[keep].astype(np.int32),
-        val=value[keep],
-        reward=problem.rewards[lead.rows][order],
-        # A row with one successor and nothing missing copies a value, which rounds nothing.
-        slack=np.where(
-            (lengths[order] == 1) & (problem.exit[lead.rows][order] <= 0.0),
-            0.0,
-            (2.0 * lengths[order] + 12.0) * _UNIT,
-        ),
-        full=problem.exit[lead.rows][order] <= 0.0,
-        row_id=lead.rows[order],
+        val=entries.values(problem, lead)[keep],
+        reward=problem.rewards[rows],
+        # A deterministic row copies a value, which rounds nothing.
+        slack=np.where((lengths == 1) & full, 0.0, (2.0 * lengths + 12.0) * tuning.UNIT_ROUNDOFF),
+        full=full,
+        row_id=rows,
         steps=np.ones(lead.count),
         inverse=np.zeros(0),
-        inverse_at=np.full(parts.count, -1, np.int64),
+        inverse_at=np.full(blocks.count, -1, np.int64),
     )
-    return _with_inverses(replace(layer, steps=_steps(layer))) if layer.cycle > 1 else layer
 
 
-def _with_inverses(layer: Layer) -> Layer:
-    """With the inverses of cycles without choices that are left slowly: there, sweeps would go on for long."""
+def _with_inverses(system: EpochSystem) -> EpochSystem:
+    """Add the inverses of slowly left blocks without choices, where sweeps would converge slowly."""
     found: list[Floats] = []
-    at, total = layer.inverse_at.copy(), 0
-    place = np.full(int(layer.state.max()) + 1, -1, np.int64)
-    place[layer.state] = np.arange(len(layer.state))
-    for b in np.flatnonzero(np.diff(layer.block) > 1).tolist():
-        begin, end = int(layer.block[b]), int(layer.block[b + 1])
+    at, total = system.inverse_at.copy(), 0
+    place = np.full(int(system.state.max()) + 1, -1, np.int64)
+    place[system.state] = np.arange(len(system.state))
+    for b in np.flatnonzero(np.diff(system.block) > 1).tolist():
+        begin, end = int(system.block[b]), int(system.block[b + 1])
         n = end - begin
-        plain = layer.row_ptr[end] - layer.row_ptr[begin] == n
+        plain = system.row_ptr[end] - system.row_ptr[begin] == n
         if (
             not plain
-            or n > _DENSE
-            or layer.steps[begin:end].max() < _SLOW
-            or (total + n * n) * 8 > _INVERSES
+            or n > tuning.INVERSE_STATES
+            or system.steps[begin:end].max() < tuning.INVERSE_MIN_STEPS
+            or (total + n * n) * 8 > tuning.INVERSE_BYTES
         ):
             continue
         a = np.eye(n)
         for i in range(n):
-            r = int(layer.row_ptr[begin + i])
-            inside = slice(int(layer.mid[r]), int(layer.ptr[r + 1]))
-            np.subtract.at(a[i], place[layer.idx[inside]] - begin, layer.val[inside])
+            r = int(system.row_ptr[begin + i])
+            inside = slice(int(system.mid[r]), int(system.ptr[r + 1]))
+            np.subtract.at(a[i], place[system.idx[inside]] - begin, system.val[inside])
         found.append(np.maximum(np.linalg.inv(a), 0.0).ravel())
         at[b], total = total, total + n * n
-    return replace(layer, inverse=np.concatenate(found), inverse_at=at) if found else layer
+    return replace(system, inverse=np.concatenate(found), inverse_at=at) if found else system
 
 
 @dataclass(frozen=True, eq=False)
-class _Leaders:
-    """States that have equations of their own, with the states that share their value.
+class _Representatives:
+    """Representatives: the states that have equations of their own.
 
-    state: int32[count]. number: a state's leader, -1 for none. members: states by leader. rows: rows of the matrix, in the
-    order of their leaders (`of_row`).
+    state: the representatives, int32[count]. number: the representative of each state, -1 for none.
+    members: states sorted by representative. rows: rows of the matrix, sorted by representative
+    (`of_row`).
     """
 
     state: Int32s
@@ -195,7 +231,7 @@ class _Leaders:
         return len(self.state)
 
     @classmethod
-    def of(cls, problem: Epochs, unknown: Bools) -> _Leaders:
+    def of(cls, problem: RewardBoundedReachability, unknown: Bools) -> _Representatives:
         source = graph.Incidence(problem.matrix)
         owner = source.owner_of_rows
         free = (problem.rewards == 0) & (problem.exit <= 0.0)
@@ -213,7 +249,7 @@ class _Leaders:
         else:
             active = unknown & ~inside
             rows = np.flatnonzero(active[owner])
-        place, copies = _followed(problem, source, place, active, rows)
+        place, copies = _follow_deterministic_rows(problem, source, place, active, rows)
         rows = rows[~copies]
         members = np.flatnonzero(active)
         members = members[np.argsort(place[members], kind="stable")]
@@ -232,10 +268,18 @@ class _Leaders:
         )
 
 
-def _followed(
-    problem: Epochs, source: graph.Incidence, place: Int64s, active: Bools, rows: Int64s
+def _follow_deterministic_rows(
+    problem: RewardBoundedReachability,
+    source: graph.Incidence,
+    place: Int64s,
+    active: Bools,
+    rows: Int64s,
 ) -> tuple[Int64s, Bools]:
-    """Leaders whose only row is a step to one state, without reward, follow that state's leader; and which rows these are."""
+    """Replace representatives with a single deterministic row without reward by their successors.
+
+    Returns:
+        The representative of each state, and which rows are no longer needed (bool[len(rows)]).
+    """
     m, owner = problem.matrix, source.owner_of_rows
     if not m.entries:
         return place, np.zeros(len(rows), np.bool_)
@@ -259,42 +303,43 @@ def _followed(
         follow = further
 
 
-def _components(source: Int64s, target: Int64s, n: int) -> graph.Components:
-    """Strong components of a graph given by its edges, sorted by source; successors first."""
+def _edge_components(source: Int64s, target: Int64s, n: int) -> graph.Components:
+    """Strong components, successors first, of a graph given by its edges, sorted by source."""
     indptr = starts_of(np.bincount(source, minlength=n))
     return graph.sccs(SparseMatrix(indptr, target.astype(np.int32), np.ones(len(target)), n))
 
 
-def _steps(layer: Layer) -> Floats:
-    """Per place, h >= 1 + A h for every choice of rows on its cycle: the greatest expected number of steps within it, or more."""
+def _expected_steps(system: EpochSystem) -> Floats:
+    """Upper bounds h >= 1 + A h on the expected steps within the own block, for all choices."""
     from symcheck.numerics.linear.methods import solve_linear
     from symcheck.numerics.settings import Accuracy
 
-    n = len(layer.state)
-    place = np.full(int(layer.state.max()) + 1, -1, np.int64)
-    place[layer.state] = np.arange(n)
-    count, others = layer.ptr[1:] - layer.mid, layer.mid - layer.ptr[:-1]
-    entries, outside = spans(layer.mid, layer.ptr[1:]), spans(layer.ptr[:-1], layer.mid)
+    n = len(system.state)
+    place = np.full(int(system.state.max()) + 1, -1, np.int64)
+    place[system.state] = np.arange(n)
+    count, others = system.ptr[1:] - system.mid, system.mid - system.ptr[:-1]
+    entries, outside = spans(system.mid, system.ptr[1:]), spans(system.ptr[:-1], system.mid)
     indptr = starts_of(count)
-    data, numbers = layer.val[entries], np.arange(len(count))
+    data, numbers = system.val[entries], np.arange(len(count))
     sums = np.bincount(np.repeat(numbers, count), data, len(count))
-    # What leaves the cycle: all that goes elsewhere, and the rest to 1 (rows with a reward leave for certain).
-    elsewhere = np.bincount(np.repeat(numbers, others), layer.val[outside], len(count))
-    leave = np.where(layer.full, elsewhere, np.maximum(1.0 - sums, elsewhere))
+    # The probability of leaving the block; rows with a reward leave it for certain.
+    elsewhere = np.bincount(np.repeat(numbers, others), system.val[outside], len(count))
+    leave = np.where(system.full, elsewhere, np.maximum(1.0 - sums, elsewhere))
     matrix = SparseMatrix(
-        indptr, place[layer.idx[entries]].astype(np.int32), data, n, layer.row_ptr
+        indptr, place[system.idx[entries]].astype(np.int32), data, n, system.row_ptr
     )
     found = solve_linear(
         LinearProblem(np.ones(len(count)), matrix, None, leave, Direction.MAX, False),
         Accuracy(epsilon=1e-6),
     )
     h = found.upper
-    own = np.repeat(h, np.diff(layer.row_ptr))
+    own = np.repeat(h, np.diff(system.row_ptr))
     rest = own - np.bincount(np.repeat(numbers, count), data * h[matrix.indices], len(count))
-    # h - A h is 1 but for rounding, which counts where h is large; made at least 1, with room for the rounding of the kernel.
-    least = float((rest - (2.0 * count + 6.0) * _UNIT * own).min()) * (1.0 - 1e-9)
+    # h - A h is 1 up to rounding, which matters if h is large. It is made at least 1, with room for
+    # the rounding of the kernel.
+    least = float((rest - (2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF * own).min()) * (1.0 - 1e-9)
     if not least > 1e-3:
         raise NumericalError(
-            "cycles without reward are left too slowly for proved bounds\n  hint: -exact needs none"
+            "cycles without reward are left too slowly for proved bounds\n  hint: use -exact"
         )
     return np.asarray(h / least)

@@ -1,12 +1,15 @@
-"""Probabilities of `left U right` where the reward gathered until then is within bounds.
+"""Reward-bounded reachability: probabilities of `left U right` with an accumulated reward in bounds.
 
-With whole-number rewards, the values for a budget of l depend on those for smaller budgets, through rows with a reward, and on
-each other, through rows without. So the budgets ("epochs") are solved one after the other, each by reachability along the
-rows without reward, whose structure is the same each time and is analysed once. Source: Hartmanns, Junges, Katoen & Quatmann
-(2018), 'Multi-cost bounded reachability in MDP'.
+Rewards are whole numbers. The values for a budget depend on those for smaller budgets, by rows with
+a reward, and on each other, by rows without. So the budgets (epochs) are solved one after the other,
+each by reachability along the rows without reward. The structure of these equations is the same in
+each epoch and is analysed once.
 
-End components without reward have value 0 where a strategy that minimises may stay ('min', and chains), and are single
-states for 'max'; what remains leaves its cycles almost surely, so that the equations of a level have one solution.
+End components without reward have value 0 if a minimising strategy may stay ('min', and chains), and
+are single states for 'max'. All other states leave their cycles almost surely, so the equations of an
+epoch have a unique solution.
+
+Source: Hartmanns, Junges, Katoen & Quatmann (2018), Multi-cost bounded reachability in MDP.
 """
 
 from __future__ import annotations
@@ -20,25 +23,24 @@ from symcheck.errors import MemoryLimitError
 from symcheck.kernels.solve.reward_epochs import Levels
 from symcheck.matrices.numbers import Numbers, numbers
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans, starts_of
-from symcheck.numerics import graph
+from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
-from symcheck.numerics.reward_bounds.epoch_system import Epochs, Layer, layer_of
+from symcheck.numerics.reward_bounds.epoch_system import (
+    EpochSystem,
+    RewardBoundedReachability,
+    epoch_system,
+)
 from symcheck.numerics.reward_bounds.rational_epochs import rational_epochs
 from symcheck.numerics.settings import ROUNDING, Settings
 
-__all__ = ["Found", "solve_epochs", "unfold"]
-
-_MEMORY = 4 << 30
-"""Bytes that the values of the levels that are kept may take."""
-_SWEEPS = 200_000
-"""Sweeps over a cycle at one level; fewer as a rule, as each level begins with the values of the one before."""
-_CHUNK = 50_000_000
-"""Entries that are visited before the observer is asked."""
+__all__ = ["EpochValues", "solve_epochs", "unfold_reward_dimension"]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """Bounds on the probability, float64[n] each; levels that were computed, sweeps over cycles, and the largest cycle."""
+class EpochValues:
+    """Bounds on the probabilities, float64[n] each, the number of epochs solved, of sweeps over cycles,
+    and the number of states of the largest cycle.
+    """
 
     lower: Numbers
     upper: Numbers
@@ -47,32 +49,35 @@ class Found:
     cycle: int
 
 
-def solve_epochs(problem: Epochs, settings: Settings, observer: Observer | None = None) -> Found:
-    """Bounds on the probabilities at every state, proved, rounding included.
+def solve_epochs(
+    problem: RewardBoundedReachability, settings: Settings, observer: Observer | None = None
+) -> EpochValues:
+    """Proved bounds on the probabilities of all states, rounding included.
 
-    Raises MemoryLimitError where the levels that are kept at a time do not fit.
+    Raises:
+        MemoryLimitError: the epochs that are kept at a time do not fit into EPOCH_BYTES.
     """
     n = problem.matrix.states
     if problem.upper is not None and problem.upper < problem.lower:
         nothing = numbers(np.zeros(n, np.bool_), exact=problem.matrix.exact)
-        return Found(nothing, nothing, 0, 0, 0)
+        return EpochValues(nothing, nothing, 0, 0, 0)
     reach = problem.upper if problem.upper is not None else problem.lower
-    # More than the last level is as good as that: it leads below the lowest level, or to where nothing is wanted any more.
+    # Larger rewards have the same effect as the number of epochs: the budget is exhausted.
     rewards = np.minimum(problem.rewards, reach + (problem.upper is not None))
     slots = int(rewards[rewards <= reach].max(initial=0)) + 1
     problem = replace(problem, rewards=rewards)
     if problem.matrix.exact:
         unbounded = None if problem.upper is not None else _unbounded(problem, settings)[0]
         values, levels = rational_epochs(problem, unbounded)
-        return Found(values, values, levels, 0, 0)
+        return EpochValues(values, values, levels, 0, 0)
     if problem.upper is not None and problem.lower == 0:
         return _upper_only(problem, problem.upper, slots, settings, observer)
-    if slots * n * 16 > _MEMORY:
+    if slots * n * 16 > tuning.EPOCH_BYTES:
         raise MemoryLimitError(
             f"rewards of up to {slots - 1} steps of the budget over {n:,} states need more than 4 GB of memory"
         )
     x = np.zeros((slots, n, 2))
-    run = _Run(problem, settings, observer, x)
+    run = _EpochRun(problem, settings, observer, x)
     if problem.upper is None:
         assert not (problem.exit > 0.0).any(), "reachability without limits is for all states"
         run.begin(*_unbounded(problem, settings))
@@ -80,74 +85,94 @@ def solve_epochs(problem: Epochs, settings: Settings, observer: Observer | None 
     else:
         x[:, problem.right, :] = 1.0
         unknown = problem.left & ~problem.right
-        last = run.phase(layer_of(problem, unknown), unknown, 0, problem.upper - problem.lower + 1)
+        last = run.phase(
+            epoch_system(problem, unknown), unknown, 0, problem.upper - problem.lower + 1
+        )
     if problem.lower > 0:
         last = run.phase(
-            layer_of(problem, problem.left), np.ones(n, np.bool_), last + 1, problem.lower
+            epoch_system(problem, problem.left), np.ones(n, np.bool_), last + 1, problem.lower
         )
     return run.found(x[last % slots])
 
 
 def _upper_only(
-    problem: Epochs, upper: int, slots: int, settings: Settings, observer: Observer | None
-) -> Found:
-    """With a bound from above alone, a ring holds a value per place of the layer, in its order, and not one per state."""
-    layer = layer_of(problem, problem.left & ~problem.right)
-    count = len(layer.state)
-    if slots * (count + 2) * 16 > _MEMORY:
+    problem: RewardBoundedReachability,
+    upper: int,
+    slots: int,
+    settings: Settings,
+    observer: Observer | None,
+) -> EpochValues:
+    """With an upper bound only, a ring buffer holds a value per place of the system, not per state."""
+    system = epoch_system(problem, problem.left & ~problem.right)
+    count = len(system.state)
+    if slots * (count + 2) * 16 > tuning.EPOCH_BYTES:
         raise MemoryLimitError(
             f"rewards of up to {slots - 1} steps of the budget over {count:,} states need more than 4 GB of memory"
         )
     place = np.full(problem.matrix.states, count + 1, np.int32)  # value 0
     place[problem.right] = count
-    place[layer.members] = np.repeat(np.arange(count, dtype=np.int32), np.diff(layer.member_ptr))
+    place[system.members] = np.repeat(np.arange(count, dtype=np.int32), np.diff(system.member_ptr))
     own = np.arange(count + 1, dtype=np.int64)
     compact = replace(
-        layer,
-        idx=place[layer.idx],
+        system,
+        idx=place[system.idx],
         state=own[:-1].astype(np.int32),
         members=own[:-1].astype(np.int32),
         member_ptr=own,
     )
     x = np.zeros((slots, count + 2, 2))
     x[:, count, :] = 1.0
-    run = _Run(problem, settings, observer, x)
+    run = _EpochRun(problem, settings, observer, x)
     last = run.phase(compact, np.zeros(0, np.bool_), 0, upper + 1)
     return run.found(x[last % slots][place])
 
 
-class _Run:
-    """The levels that are kept, `x` (float64[slots, n, 2]), and what was done to them."""
+class _EpochRun:
+    """The values of the epochs that are kept, `x` (float64[slots, n, 2]), and the statistics."""
 
     def __init__(
-        self, problem: Epochs, settings: Settings, observer: Observer | None, x: Floats
+        self,
+        problem: RewardBoundedReachability,
+        settings: Settings,
+        observer: Observer | None,
+        x: Floats,
     ) -> None:
         self.problem, self.settings, self.observer, self.x = problem, settings, observer, x
         self.levels = self.sweeps = self.cycle = 0
 
     def begin(self, lower: Floats, upper: Floats) -> None:
-        """All levels so far have these values."""
+        """Set the values of all epochs before the first."""
         self.x[:, :, 0] = lower
         self.x[:, :, 1] = upper
 
-    def found(self, values: Floats) -> Found:
-        """The result, given the last level (float64[n, 2])."""
-        return Found(values[:, 0].copy(), values[:, 1].copy(), self.levels, self.sweeps, self.cycle)
+    def found(self, values: Floats) -> EpochValues:
+        """The result, given the values of the last epoch (float64[n, 2])."""
+        return EpochValues(
+            values[:, 0].copy(), values[:, 1].copy(), self.levels, self.sweeps, self.cycle
+        )
 
-    def phase(self, layer: Layer, clear: Bools, first: int, count: int) -> int:
-        """Compute `count` levels from number `first` on; the number of the last. Of `clear`, what has no equation has value 0."""
+    def phase(self, system: EpochSystem, clear: Bools, first: int, count: int) -> int:
+        """Solve `count` epochs from number `first` on; the number of the last one is returned.
+
+        States of `clear` without an equation have value 0.
+        """
         problem, slots = self.problem, len(self.x)
         mode = 0 if problem.direction is None else 1 if problem.direction == Direction.MIN else 2
         dead = clear.copy()
         if len(dead):
-            dead[layer.members] = False
+            dead[system.members] = False
         tolerance = max(1e-16, self.settings.epsilon / (8.0 * max(1, problem.levels)))
         floor = 0 if problem.upper is not None else -slots
         kernel = Levels(
-            _masked(layer), mode, floor, np.flatnonzero(dead).astype(np.int32), tolerance, _SWEEPS
+            _masked(system),
+            mode,
+            floor,
+            np.flatnonzero(dead).astype(np.int32),
+            tolerance,
+            tuning.EPOCH_SWEEPS,
         )
-        self.cycle = max(self.cycle, layer.cycle)
-        step = max(1, _CHUNK // max(1, len(layer.idx)))
+        self.cycle = max(self.cycle, system.cycle)
+        step = max(1, tuning.EPOCH_ENTRIES_PER_CALL // max(1, len(system.idx)))
         level, stop, same = first, first + count, 0
         while level < stop:
             following = min(stop, level + step)
@@ -155,20 +180,20 @@ class _Run:
             same = same + equal if equal == following - level else equal
             level = following
             if self.observer is not None:
-                self.observer(Progress("budget by budget", level, 0.0, len(layer.state)))
+                self.observer(Progress("budget by budget", level, 0.0, len(system.state)))
             if same > slots and level - first > 2 * slots:
-                break  # as many levels as matter are alike, and so are all that follow
+                break  # all epochs that matter are equal, and so are all that follow
         self.levels += level - first
         self.sweeps += kernel.sweeps
         return level - 1
 
 
-def _masked(layer: Layer) -> Layer:
-    return replace(layer, full=layer.full.view(np.uint8))
+def _masked(system: EpochSystem) -> EpochSystem:
+    return replace(system, full=system.full.view(np.uint8))
 
 
-def _unbounded(problem: Epochs, settings: Settings) -> tuple[Numbers, Numbers]:
-    """Bounds on the probability of `left U right` (no mass may be missing)."""
+def _unbounded(problem: RewardBoundedReachability, settings: Settings) -> tuple[Numbers, Numbers]:
+    """Bounds on the probability of `left U right` without bounds on rewards."""
     from symcheck.numerics.linear.methods import solve_linear
 
     source = graph.Incidence(problem.matrix)
@@ -180,36 +205,46 @@ def _unbounded(problem: Epochs, settings: Settings) -> tuple[Numbers, Numbers]:
     unknown = ~(yes | no)
     if unknown.any():
         enter, leave = (problem.matrix.sums(unknown, target) for target in (yes, ~unknown))
-        part = problem.matrix.among(unknown, _groups_among(problem, unknown))
+        part = problem.matrix.among(unknown, _groups_submatrix(problem, unknown))
         found = solve_linear(
             LinearProblem(enter, part, None, leave, problem.direction, True), settings
         )
-        slip = ROUNDING if found.exact and not exact else 0
+        rounding_error = ROUNDING if found.exact and not exact else 0
         low[unknown], high[unknown] = (
-            found.lower * (1 - slip),
-            np.minimum(found.upper * (1 + slip), 1),
+            found.lower * (1 - rounding_error),
+            np.minimum(found.upper * (1 + rounding_error), 1),
         )
     return low, high
 
 
-def _groups_among(problem: Epochs, states: Bools) -> Int64s | None:
+def _groups_submatrix(problem: RewardBoundedReachability, states: Bools) -> Int64s | None:
     """Where the rows of each of some states begin, counted among theirs; None without choices."""
     if problem.matrix.groups is None:
         return None
     return starts_of(np.diff(problem.groups)[states])
 
 
-def unfold(
-    problem: Epochs, rewards: Int64s, lower: int, upper: int | None
-) -> tuple[Epochs, Int64s]:
-    """The same with a second bound, whose reward (int64[rows]) is counted in the state: state s with count c is s * counts + c.
-    With it, the row that each row comes from.
+def unfold_reward_dimension(
+    problem: RewardBoundedReachability, rewards: Int64s, lower: int, upper: int | None
+) -> tuple[RewardBoundedReachability, Int64s]:
+    """Encode a second reward bound in the states: state s with count c becomes s * counts + c.
 
-    Counts run up to `upper`, beyond which a run has failed, or up to `lower`, which is enough. Raises MemoryLimitError.
+    Counts run up to `upper`, beyond which a run has failed, or up to `lower`, which suffices.
+
+    Args:
+        problem: the problem with its first bound.
+        rewards: the rewards of the second bound, int64[rows].
+        lower, upper: the second bound.
+
+    Returns:
+        The unfolded problem, and the original row of each row.
+
+    Raises:
+        MemoryLimitError: there are too many copies.
     """
     counts = (lower if upper is None else upper) + 1
     m = problem.matrix
-    if max(m.entries, m.states) * counts > 200_000_000:
+    if max(m.entries, m.states) * counts > tuning.UNFOLDED_ENTRIES:
         raise MemoryLimitError(
             f"a second bound unfolds {m.states:,} states into {counts:,} copies each\n  hint: round the rewards"
         )

@@ -17,7 +17,11 @@ from symcheck.matrices.numbers import Numbers, Rationals, doubles, rationals
 from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem
-from symcheck.numerics.reward_bounds.epoch_system import Epochs, Layer, layer_of
+from symcheck.numerics.reward_bounds.epoch_system import (
+    EpochSystem,
+    RewardBoundedReachability,
+    epoch_system,
+)
 from symcheck.numerics.settings import Accuracy
 
 __all__ = ["rational_epochs"]
@@ -26,7 +30,9 @@ Level = list[Fraction]
 Entries = list[tuple[int, Fraction]]
 
 
-def rational_epochs(problem: Epochs, unbounded: Numbers | None) -> tuple[Rationals, int]:
+def rational_epochs(
+    problem: RewardBoundedReachability, unbounded: Numbers | None
+) -> tuple[Rationals, int]:
     """The probability at each state, and the number of levels that were computed.
 
     Args:
@@ -56,7 +62,7 @@ def _cycle(
 class _Levels:
     """The levels, as many as matter."""
 
-    def __init__(self, problem: Epochs) -> None:
+    def __init__(self, problem: RewardBoundedReachability) -> None:
         self.problem, self.count = problem, 0
         m = problem.matrix
         columns, values, starts = m.indices.tolist(), m.data.tolist(), m.indptr.tolist()
@@ -95,8 +101,8 @@ class _Levels:
         self, unknown: Bools, first: int, count: int, start: Level, least: int | None
     ) -> None:
         """Compute levels; `start`: known values; `least`: all lower levels equal this one."""
-        layer = layer_of(self.shape, unknown)
-        parts = _Parts(layer, self.problem.direction, self.problem.rewards.tolist(), self.rows)
+        system = epoch_system(self.shape, unknown)
+        parts = _Parts(system, self.problem.direction, self.problem.rewards.tolist(), self.rows)
         for level in range(first, first + count):
             x = list(start)
             self.levels[level] = x
@@ -111,18 +117,22 @@ class _Parts:
     """The equations of a level, to be filled in again and again."""
 
     def __init__(
-        self, layer: Layer, direction: Direction | None, rewards: list[int], rows: list[Entries]
+        self,
+        system: EpochSystem,
+        direction: Direction | None,
+        rewards: list[int],
+        rows: list[Entries],
     ) -> None:
-        self.layer, self.direction, self.rewards, self.rows = layer, direction, rewards, rows
+        self.system, self.direction, self.rewards, self.rows = system, direction, rewards, rows
         self.block, self.row_ptr, self.row_id = (
-            layer.block.tolist(),
-            layer.row_ptr.tolist(),
-            layer.row_id.tolist(),
+            system.block.tolist(),
+            system.row_ptr.tolist(),
+            system.row_id.tolist(),
         )
-        self.member_ptr, self.members = layer.member_ptr.tolist(), layer.members.tolist()
+        self.member_ptr, self.members = system.member_ptr.tolist(), system.members.tolist()
         self.place = {
             s: i
-            for i in range(len(layer.state))
+            for i in range(len(system.state))
             for s in self.members[self.member_ptr[i] : self.member_ptr[i + 1]]
         }
 
