@@ -1,10 +1,11 @@
-"""Strong bisimulation: the coarsest partition in which states of a block move alike, and the quotient by it.
+"""Strong bisimulation (lumping) on sparse matrices: the coarsest partition and its quotient.
 
-Partition refinement by signatures: blocks are split by where the rows of their states lead, until nothing changes; after
-the first round only states with a successor whose block has changed are looked at. Signatures are hashes of 128 bits, of
-sums rounded to 44 binary digits, so that the order of summation does not tell states apart (and states that differ by less
-than about 6e-14 of a sum may be taken for the same). Sources: Kanellakis & Smolka (1990); Derisavi, Hermanns & Sanders
-(2003); Blom & van de Pol (2009).
+Partition refinement by signatures: blocks are split by the rows of their states until nothing
+changes. After the first round only states with a successor whose block has changed are considered.
+Signatures are 128-bit hashes of sums rounded to 44 binary digits, so that the order of summation does
+not separate states; states whose sums differ by less than about 6e-14 may be merged.
+
+Sources: Kanellakis & Smolka (1990); Derisavi, Hermanns & Sanders (2003); Blom & van de Pol (2009).
 """
 
 from __future__ import annotations
@@ -25,9 +26,12 @@ __all__ = ["Lumping", "lump"]
 
 @dataclass(frozen=True, eq=False)
 class Lumping:
-    """A partition: `block` (int32[n]) of each state, numbered by first member; `first` (int64[blocks]) that member.
+    """A partition and its quotient.
 
-    matrix: the quotient, a row per row of the first members (`rows`, int64), entries summed by block. rounds: of refinement.
+    block: the block of each state, int32[n], numbered in the order of first members.
+    first: the first member of each block, int64[blocks].
+    matrix: the quotient, with the rows of the first members (`rows`, int64), summed by block.
+    rounds: the number of refinement rounds.
     """
 
     block: Int32s
@@ -40,9 +44,12 @@ class Lumping:
 def lump(
     matrix: SparseMatrix, colours: Sequence[NDArray[np.generic]], row_colours: Sequence[Floats] = ()
 ) -> Lumping:
-    """The coarsest bisimulation that keeps apart states of different colours.
+    """The coarsest bisimulation that separates states of different colours.
 
-    colours: arrays with a value per state; row_colours: with a value per row (rewards), which are part of how rows compare.
+    Args:
+        matrix: the model.
+        colours: arrays with a value per state.
+        row_colours: arrays with a value per row (rewards), which are part of the signatures.
     """
     edges = Incidence(matrix)
     n = matrix.states
@@ -73,7 +80,7 @@ def lump(
 
 
 def _numbered(columns: Sequence[NDArray[np.generic]], n: int) -> Int32s:
-    """Numbers of the distinct rows of a table."""
+    """The number of each row of a table, equal for equal rows."""
     block = np.zeros(n, dtype=np.int64)
     for column in columns:
         _, codes = np.unique(column, return_inverse=True)
@@ -96,10 +103,14 @@ def _seeds(columns: Sequence[Floats], rows: int) -> NDArray[np.uint64]:
 def _split(
     block: Int32s, known: NDArray[np.uint64], hashes: NDArray[np.uint64], dirty: Int64s
 ) -> tuple[Int32s, NDArray[np.uint64], Int64s]:
-    """Split blocks by the new hashes of dirty states: the partition, the hash of each block, and the states that moved.
+    """Split blocks by the new hashes of dirty states.
 
-    States that are not dirty have the hash of their block. Those that are keep the block's number if they have it too, or,
-    where all states of the block are dirty, if they are of its largest part; other parts get new numbers.
+    States that are not dirty have the hash of their block. A part of the dirty states of a block
+    keeps its number if it has the same hash, or, if all states of the block are dirty, if it is the
+    largest part. Other parts get new numbers.
+
+    Returns:
+        The partition, the hash of each block, and the states whose block changed.
     """
     of = block[dirty]
     order = np.lexsort((hashes[dirty, 1], hashes[dirty, 0], of))
@@ -131,7 +142,7 @@ def _split(
 
 
 def _predecessors(edges: Incidence, states: Int64s) -> Int64s:
-    """States with a transition into some of the states, ascending."""
+    """The predecessors of some states, ascending."""
     if not len(states):
         return states
     counts = edges.pre[states + 1] - edges.pre[states]

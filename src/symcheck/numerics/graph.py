@@ -1,7 +1,9 @@
-"""Graph questions on sparse matrices: components, reachability, and where probabilities are 0 or 1.
+"""Graph algorithms on sparse matrices: components, reachability, Prob0 and Prob1 precomputation.
 
-Sets of states are bool[n]. A stored entry counts as an edge, whatever its value (do not store zeros). In an MDP (a matrix
-with groups), 'min' and 'max' range over strategies. Sources: Baier & Katoen (2008), chapters 10.1 and 10.6; de Alfaro (1997).
+Sets of states are bool[n]. A stored entry is an edge, whatever its value (zeros must not be stored).
+In an MDP (a matrix with groups), 'min' and 'max' range over strategies.
+
+Sources: Baier & Katoen (2008), 10.1 and 10.6; de Alfaro (1997) for end components.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from symcheck.kernels.graph import components as kernel
 from symcheck.kernels.graph import mdp_graph
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.numerics import tuning
 
 __all__ = [
     "Components",
@@ -39,12 +42,9 @@ __all__ = [
 ]
 
 
-_SLICE = 65536  # components
-
-
 @dataclass(frozen=True, eq=False)
 class Incidence:
-    """A square matrix seen from its columns, made once and shared by several questions (made lazily)."""
+    """A square matrix with its transposed graph, computed on demand and shared by several queries."""
 
     matrix: SparseMatrix
 
@@ -89,7 +89,7 @@ class Incidence:
 
     @cached_property
     def owner_of_rows(self) -> Int32s:
-        """State of each row, also where rows are states."""
+        """The state of each row, also if rows are states."""
         return (
             self.owner
             if self.matrix.groups is not None
@@ -101,8 +101,9 @@ class Incidence:
 class Components:
     """Strong components, numbered so that edges lead to equal or lower numbers.
 
-    `of` (int32[n]): a state's component, -1 outside of the states asked about. Component c consists of the states
-    `order[start[c]:start[c+1]]`, listed successors first as far as possible.
+    of: the component of each state, int32[n]; -1 for states that were not considered.
+    order, start: component c consists of the states `order[start[c]:start[c+1]]`, successors first
+      as far as possible.
     """
 
     of: Int32s
@@ -116,16 +117,16 @@ class Components:
 
     @property
     def sizes(self) -> Int64s:
-        """States of each component."""
+        """The number of states of each component."""
         return np.diff(self.start)
 
     @property
     def largest(self) -> int:
-        """States of the largest component; found without an array of all sizes, which may be as many as states."""
+        """The number of states of the largest component, computed without an array of all sizes."""
         return max(
             (
-                int(np.diff(self.start[i : i + _SLICE + 1]).max())
-                for i in range(0, self.count, _SLICE)
+                int(np.diff(self.start[i : i + tuning.STATES_PER_SLICE + 1]).max())
+                for i in range(0, self.count, tuning.STATES_PER_SLICE)
             ),
             default=0,
         )
@@ -137,7 +138,11 @@ class Components:
 
 @dataclass(frozen=True, eq=False)
 class EndComponents:
-    """Maximal end components: `of` (int32[n], -1 for none) and the rows that stay inside (`rows`, bool[rows])."""
+    """Maximal end components.
+
+    of: the component of each state, int32[n], -1 for none. rows: bool[rows], the rows that stay
+    inside a component. count: the number of components.
+    """
 
     of: Int32s
     rows: Bools
@@ -156,7 +161,7 @@ def _mask(states: Bools) -> np.ndarray[tuple[int], np.dtype[np.uint8]]:
 
 
 def sccs(source: Source, within: Bools | None = None) -> Components:
-    """Strongly connected components, successors first (Tarjan 1972). Edges to states outside of `within` are ignored."""
+    """Strong components, successors first (Tarjan 1972); edges that leave `within` are ignored."""
     graph = _incidence(source)
     return Components(
         *kernel.components(
@@ -166,7 +171,7 @@ def sccs(source: Source, within: Bools | None = None) -> Components:
 
 
 def bsccs(source: Source, within: Bools | None = None) -> list[Int32s]:
-    """Components that nothing leaves, as arrays of states in ascending order. An edge out of `within` counts as leaving."""
+    """Bottom strong components, as ascending arrays of states; edges out of `within` leave them."""
     graph = _incidence(source)
     parts = sccs(graph, within)
     closed = kernel.bottom_components(graph.edges, graph.matrix.indices, parts.of, parts.count)
@@ -183,7 +188,7 @@ def forward_reachable(source: Source, sources: Bools, through: Bools | None = No
 
 
 def backward_reachable(source: Source, target: Bools, through: Bools | None = None) -> Bools:
-    """States from which some path (of some strategy) leads into `target`, through states of `through`; with `target` itself."""
+    """The target, and the states with a path (of some strategy) into it through `through`."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
     return kernel.backward_reachable(
@@ -192,26 +197,26 @@ def backward_reachable(source: Source, target: Bools, through: Bools | None = No
 
 
 def prob0(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
-    """States whose probability of `left U right` is 0: the only one (None), the least ('min') or the greatest ('max')."""
+    """States whose (None), minimal or maximal probability of `left U right` is 0."""
     return (
         prob0e(source, left, right) if direction == Direction.MIN else prob0a(source, left, right)
     )
 
 
 def prob1(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
-    """States whose probability of `left U right` is 1: the only one (None), the least ('min') or the greatest ('max')."""
+    """States whose (None), minimal or maximal probability of `left U right` is 1."""
     return (
         prob1e(source, left, right) if direction == Direction.MAX else prob1a(source, left, right)
     )
 
 
 def prob0a(source: Source, left: Bools, right: Bools) -> Bools:
-    """States from which no strategy reaches: the greatest probability of `left U right` is 0. Linear time."""
+    """States whose maximal probability of `left U right` is 0 (no strategy reaches). Linear time."""
     return ~backward_reachable(source, right, left)
 
 
 def prob0e(source: Source, left: Bools, right: Bools) -> Bools:
-    """States with a strategy that never reaches: the least probability of `left U right` is 0. Linear time."""
+    """States whose minimal probability of `left U right` is 0 (some strategy avoids). Linear time."""
     graph = _incidence(source)
     if graph.matrix.groups is None:
         return prob0a(graph, left, right)
@@ -222,20 +227,23 @@ def prob0e(source: Source, left: Bools, right: Bools) -> Bools:
 
 
 def prob1a(source: Source, left: Bools, right: Bools) -> Bools:
-    """States from which every strategy reaches almost surely: the least probability of `left U right` is 1. Linear time."""
+    """States whose minimal probability of `left U right` is 1. Linear time."""
     graph = _incidence(source)
     return ~backward_reachable(graph, prob0e(graph, left, right), left & ~right)
 
 
 def prob1e(source: Source, left: Bools, right: Bools) -> Bools:
-    """States with a strategy that reaches almost surely: the greatest probability of `left U right` is 1."""
+    """States whose maximal probability of `left U right` is 1."""
     if _incidence(source).matrix.groups is None:
         return prob1a(source, left, right)
     return prob1e_strategy(source, left, right)[0]
 
 
 def prob1e_strategy(source: Source, left: Bools, right: Bools) -> tuple[Bools, Int64s]:
-    """`prob1e`, and a row per state that stays within the set and moves nearer to `right` (-1 at `right` and outside)."""
+    """`prob1e` with a strategy: a row per state that stays in the set and approaches `right`.
+
+    The row is -1 at `right` and outside of the set.
+    """
     graph = _incidence(source)
     matrix = graph.matrix
     alive, rows = mdp_graph.almost_sure_reachability(
@@ -254,9 +262,10 @@ def prob1e_strategy(source: Source, left: Bools, right: Bools) -> tuple[Bools, I
 def maximal_end_components(
     source: Source, within: Bools, rows: Bools | None = None
 ) -> EndComponents:
-    """Maximal end components made of states of `within` and of `rows` (default: all).
+    """Maximal end components of states of `within` and of rows of `rows` (default: all).
 
-    A row that may leave `within` is never part of one; mass missing from a row is not seen here: exclude such rows.
+    Rows that may leave `within` belong to none. Rows whose probabilities sum to less than 1 must be
+    excluded by the caller.
     """
     graph = _incidence(source)
     matrix = graph.matrix
@@ -277,7 +286,7 @@ def maximal_end_components(
 def accepting_end_components(
     source: Source, pairs: Sequence[tuple[Bools, Sequence[Bools]]]
 ) -> Bools:
-    """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
+    """States in an accepting end component: for some pair, it avoids `avoid` and meets all `visits`."""
     graph = _incidence(source)
     found = np.zeros(graph.matrix.states, dtype=np.bool_)
     for avoid, visits in pairs:
@@ -295,7 +304,7 @@ def accepting_end_components(
 def shortest_path(
     source: Source, sources: Bools, target: Bools, through: Bools | None = None
 ) -> Int64s | None:
-    """States of a shortest path from `sources` into `target` through states of `through`; None if there is none."""
+    """The states of a shortest path from `sources` into `target` through `through`; None if none."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
     path = kernel.shortest_path(
