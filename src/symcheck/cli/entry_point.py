@@ -155,7 +155,7 @@ def _as_resource_error(error: BaseException, signals: StopSignals) -> ResourceEr
         case MemoryError():
             return out_of_memory()
         case _:
-            return Interrupted(f"stopped by {signals.name}{signals.advice}")
+            return Interrupted(f"interrupted by {signals.name}{signals.advice}")
 
 
 def _stopped(state: RunState | None, error: ResourceError, signals: StopSignals) -> int:
