@@ -97,6 +97,8 @@ def scalar(expression, state):
 @example(-(2**63) + 2, 0, "x * y - 1")
 @example(2**32, 2**31, "x * y")
 @example(2**53, 0, "y = 0 | pow(y, x) = 1")
+@example(2**62, 0, "y = 0 | x + x > 0")
+@example(-(2**63) + 2, 0, "y = 0 | -x > 0")
 @example(2**62, 0, "(y = 0 ? 1 : x * y) > 1")
 def test_evaluators_agree_on_the_whole_range_of_ints(x, y, text):
     model, expression = model_around(x, y), parse_expression(text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import partial
+from typing import assert_never
 
 from symcheck.check.context import Context
 from symcheck.check.filters import FilterResult, apply_filter
@@ -27,6 +28,7 @@ from symcheck.syntax.ast import (
     Filter,
     LabelReference,
     Literal,
+    Measure,
     ModelType,
     MultiObjective,
     Name,
@@ -34,6 +36,7 @@ from symcheck.syntax.ast import (
     ProbabilityOperator,
     RewardOperator,
     StateFilter,
+    StateOperator,
     SteadyState,
     Type,
     Unary,
@@ -56,8 +59,10 @@ def is_plain(expression: Expression) -> bool:
             return is_plain(condition) and is_plain(then) and is_plain(otherwise)
         case Call(_, arguments):
             return all(is_plain(a) for a in arguments)
-        case _:
+        case LabelReference() | StateOperator():
             return False
+        case _:
+            assert_never(expression)
 
 
 def satisfying(context: Context, formula: Expression, matter: StateSet) -> StateSet:
@@ -82,9 +87,9 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
             return _reference(context, formula, matter)
         case ProbabilityOperator(_, Bound(), _):
             return _bounded_probability(context, formula, matter)
-        case RewardOperator(_, _, Bound(), _):
+        case RewardOperator(_, Bound()):
             return _bounded_reward(context, formula, matter)
-        case SteadyState(Bound()):
+        case SteadyState(_, Bound()):
             return _bounded_steady(context, formula, matter)
         case PathQuantifier(quantifier, path):
             read = resolve(path, states_of(context), context.engine)
@@ -114,22 +119,20 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
             return here(then).choose(satisfying(context, condition, matter), here(otherwise))
         case LabelReference():
             return numbers(context.inside(formula), context.referred(formula), matter)
-        case ProbabilityOperator(direction, _, path):
+        case ProbabilityOperator(_, _, path):
             read = resolve(path, states_of(context), context.engine)
-            return _clipped(
-                context, probability(context, read, _direction(context, formula, direction, None))
-            )
-        case RewardOperator(_, direction, _, _):
+            return _clipped(context, probability(context, read, _direction(context, formula, None)))
+        case RewardOperator():
             reward = reward_of(context, formula)
             return reward_values(
                 context,
                 formula,
                 reward,
                 states_of(context),
-                _direction(context, formula, direction, None),
+                _direction(context, formula, None),
             )
-        case SteadyState(_, inner, direction):
-            chosen = _direction(context, formula, direction, None)
+        case SteadyState(_, _, inner):
+            chosen = _direction(context, formula, None)
             return _clipped(context, steady_values(context, states_of(context)(inner), chosen))
         case Filter() | StateFilter():
             return filter_result(context, formula, matter).per_state  # type: ignore[return-value]
@@ -217,7 +220,7 @@ def _bounded_probability(
 ) -> StateSet:
     assert formula.bound is not None
     operator, threshold = formula.bound.operator.value, _threshold(formula.bound)
-    direction = _direction(context, formula, formula.direction, operator)
+    direction = _direction(context, formula, operator)
     path = resolve(formula.path, states_of(context), context.engine)
     context = context.relevant_at(matter)
     by_graph = qualitative(context, path, operator, threshold, direction)
@@ -236,7 +239,7 @@ def _bounded_probability(
 def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet) -> StateSet:
     assert formula.bound is not None
     operator, threshold = formula.bound.operator.value, _threshold(formula.bound)
-    direction = _direction(context, formula, formula.direction, operator)
+    direction = _direction(context, formula, operator)
     reward = reward_of(context, formula)
     context = context.relevant_at(matter)
 
@@ -253,7 +256,7 @@ def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) ->
     states = states_of(context)(formula.formula)
     context = context.relevant_at(matter)
     threshold, operator = _threshold(formula.bound), formula.bound.operator.value
-    direction = _direction(context, formula, formula.direction, operator)
+    direction = _direction(context, formula, operator)
     return decide(
         context,
         lambda c: steady_values(c, states, direction),
@@ -284,18 +287,13 @@ def _threshold(bound: Bound) -> Fraction:
     return Fraction(value)
 
 
-def _direction(
-    context: Context,
-    formula: ProbabilityOperator | RewardOperator | SteadyState,
-    given: str | None,
-    operator: str | None,
-) -> Direction | None:
+def _direction(context: Context, formula: Measure, operator: str | None) -> Direction | None:
     """Over which strategies: as given; for a bound without it over all, so that the worst one decides. None without choices."""
     if context.engine.model.type is not ModelType.MDP:
         return None
+    given, letter = formula.direction, formula.letter
     if given in ("min", "max"):
         return Direction(given)
-    letter = {ProbabilityOperator: "P", RewardOperator: "R", SteadyState: "S"}[type(formula)]
     if given is not None:
         raise UnsupportedError(
             f"{letter}{given} is not supported on an mdp; {letter}min and {letter}max are"

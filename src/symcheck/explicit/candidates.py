@@ -19,8 +19,9 @@ from symcheck.explicit import tuning
 from symcheck.explicit.compile import compile_expression
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import Variable
-from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import UnaryOperator
+from symcheck.syntax.traversal import names
 
 __all__ = ["Forest", "Masks", "all_of", "any_of", "conjuncts", "guard_masks"]
 
@@ -65,24 +66,8 @@ def guard_masks(
 
 def _single(part: Expression, index: Mapping[str, int]) -> int | None:
     """The only variable that an expression reads, if there is exactly one."""
-    names = _names(part)
-    return index[names.pop()] if len(names) == 1 else None
-
-
-def _names(expression: Expression) -> set[str]:
-    match expression:
-        case Name(name):
-            return {name}
-        case Unary(_, operand):
-            return _names(operand)
-        case Binary(_, left, right):
-            return _names(left) | _names(right)
-        case Conditional(condition, then, otherwise):
-            return _names(condition) | _names(then) | _names(otherwise)
-        case Call(_, arguments):
-            return set().union(*map(_names, arguments))
-        case _:
-            return set()
+    read = names(part)
+    return index[read.pop()] if len(read) == 1 else None
 
 
 def _mask(part: Expression, variables: tuple[Variable, ...], v: int, low: int, high: int) -> Bools:

@@ -20,20 +20,15 @@ from symcheck.syntax.ast import (
     Call,
     Conditional,
     Expression,
-    Filter,
     LabelReference,
     Literal,
-    MultiObjective,
     Name,
-    PathQuantifier,
-    ProbabilityOperator,
-    RewardOperator,
-    StateFilter,
-    SteadyState,
+    StateOperator,
     Type,
     Unary,
 )
 from symcheck.syntax.operators import Function, Operator, Signature, UnaryOperator, connect
+from symcheck.syntax.traversal import Tree, nodes
 
 __all__ = ["ARITHMETIC", "COMPARISONS", "FUNCTIONS", "CodeGenerator", "Value"]
 
@@ -76,6 +71,7 @@ _JUMP_REAL = {
     Op.LED: (Op.JLED, Op.JNLED),
 }
 _EXPENSIVE = frozenset({Operator.POWER, Function.POW, Function.LOG})
+_NARROW = 2**53
 _PARTIAL = frozenset({Operator.POWER, Function.POW, Function.MOD})
 """Operators and functions that have no value for some ints."""
 
@@ -87,6 +83,11 @@ class CodeGenerator:
         self.assembler = assembler
         self._variables: Mapping[str, Value] = {
             v.name: (i, v.type) for i, v in enumerate(variables)
+        }
+        self._wide = {
+            v.name
+            for v in variables
+            if v.low is None or v.high is None or max(-v.low, v.high) > _NARROW
         }
 
     # --------------------------------------------------------------------------------------- values
@@ -114,16 +115,7 @@ class CodeGenerator:
                 return self._conditional(expression)
             case Call(function, arguments):
                 return self._call(function, [self.value(a) for a in arguments])
-            case (
-                LabelReference()
-                | ProbabilityOperator()
-                | RewardOperator()
-                | SteadyState()
-                | PathQuantifier()
-                | Filter()
-                | StateFilter()
-                | MultiObjective()
-            ):
+            case LabelReference() | StateOperator():
                 raise UnsupportedError(
                     f"{type_name(expression)} has no value at a single state by itself: check it "
                     "on the model"
@@ -340,8 +332,10 @@ class CodeGenerator:
                 return self._join(*arguments)
             case Call():
                 return Type.INT
-            case _:
+            case LabelReference() | StateOperator():
                 return Type.BOOL
+            case _:
+                assert_never(expression)
 
     def _join(self, *expressions: Expression) -> Type:
         types = [self.type_of(e) for e in expressions]
@@ -350,7 +344,7 @@ class CodeGenerator:
     def total(self, expression: Expression) -> bool:
         """Whether the expression has a value in every state.
 
-        Sums of integer variables do, as they cannot leave 64 bits.
+        Sums of few integer variables with bounds do, as they cannot leave 64 bits.
         """
         match expression:
             case Binary(Operator.TIMES, left, right):
@@ -360,6 +354,10 @@ class CodeGenerator:
                     and self.total(right)
                 )
             case Binary(operator) | Call(operator) if operator in _PARTIAL:
+                return False
+            case Binary(Operator.PLUS | Operator.MINUS) | Unary(UnaryOperator.MINUS) if (
+                self.type_of(expression) is Type.INT and any(map(self._is_wide, nodes(expression)))
+            ):
                 return False
             case Binary(_, left, right):
                 return self.total(left) and self.total(right)
@@ -373,6 +371,18 @@ class CodeGenerator:
                 return all(self.total(a) for a in arguments)
             case Literal() | Name():
                 return True
+            case LabelReference() | StateOperator():
+                return False
+            case _:
+                assert_never(expression)
+
+    def _is_wide(self, node: Tree) -> bool:
+        """Whether a sum of a few such ints may leave 64 bits."""
+        match node:
+            case Name(name):
+                return name in self._wide
+            case Literal(int(value), Type.INT):
+                return not -_NARROW <= value <= _NARROW
             case _:
                 return False
 
@@ -389,8 +399,10 @@ class CodeGenerator:
                 return self.cost(condition) + self.cost(then) + self.cost(otherwise) + 2
             case Call(function, arguments):
                 return sum(map(self.cost, arguments)) + (20 if function in _EXPENSIVE else 2)
-            case _:
+            case LabelReference() | StateOperator():
                 return 1
+            case _:
+                assert_never(expression)
 
 
 def type_name(node: Expression) -> str:

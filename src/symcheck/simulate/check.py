@@ -103,7 +103,7 @@ def _read(model: BoundModel, formula: Expression) -> tuple[Question, Reward | No
     match formula:
         case ProbabilityOperator(_, bound, path):
             return path_question(path, model), None, bound
-        case RewardOperator(_, _, bound, query):
+        case RewardOperator(_, bound, _, query):
             return reward_question(query, model), operator_reward(formula, model), bound
         case _:
             raise UnsupportedError(

@@ -16,30 +16,14 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Binary,
     Expression,
-    Filter,
     LabelReference,
-    MultiObjective,
-    PathQuantifier,
-    ProbabilityOperator,
-    RewardOperator,
-    StateFilter,
-    SteadyState,
+    StateOperator,
     Unary,
 )
 from symcheck.syntax.operators import Operator, UnaryOperator, connect
 from symcheck.syntax.traversal import nodes
 
 __all__ = ["StatePredicate", "compile_predicate"]
-
-_OPERATORS = (
-    ProbabilityOperator,
-    RewardOperator,
-    SteadyState,
-    PathQuantifier,
-    Filter,
-    StateFilter,
-    MultiObjective,
-)
 
 StatePredicate = Callable[[Rows, Bools], Bools]
 """Packed states (uint64[n, words]) and which of them are deadlocks (bool[n]) to bool[n]."""
@@ -92,7 +76,7 @@ def _compile_expression(
     formula: Expression, model: BoundModel, layout: StateLayout
 ) -> StatePredicate:
     for node in nodes(formula):
-        if isinstance(node, _OPERATORS):
+        if isinstance(node, StateOperator):
             raise UnsupportedError(
                 "-sim does not estimate an operator inside another one (paths would have to be "
                 "sampled from every state on "

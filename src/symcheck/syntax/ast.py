@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from typing import ClassVar
 from typing import Literal as Choice
 
 from symcheck.errors import NO_SPAN, Span
@@ -29,6 +30,7 @@ __all__ = [
     "InstantaneousReward",
     "LabelReference",
     "Literal",
+    "Measure",
     "ModelType",
     "MultiObjective",
     "Name",
@@ -44,6 +46,7 @@ __all__ = [
     "RewardOperator",
     "RewardQuery",
     "StateFilter",
+    "StateOperator",
     "SteadyState",
     "SteadyStateReward",
     "TimeBound",
@@ -139,8 +142,6 @@ class LabelReference(Node):
 
 # ---------------------------------------------------------------------------------- state operators
 
-DirectionWord = Choice["min", "max", "minmax", "maxmin"]
-
 
 @dataclass(frozen=True, slots=True)
 class Bound(Node):
@@ -151,54 +152,88 @@ class Bound(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class ProbabilityOperator(Node):
-    """`P bound [ path ]` or `P=? [ path ]` (bound None)."""
+class StateOperator(Node):
+    """Base of the operators whose value at a state depends on the paths from it, or on other states.
 
-    direction: DirectionWord | None
+    What others ask of an operator, apart from the formulas within it; the defaults are right for any operator.
+    counts_steps: whether it may tell one step from two.
+    reads_rewards: whether it may read the rewards of the model.
+    """
+
+    counts_steps: ClassVar[bool] = True
+    reads_rewards: ClassVar[bool] = True
+
+
+@dataclass(frozen=True, slots=True)
+class Measure(StateOperator):
+    """Base of the operators that measure something: a value with a direction (of an MDP), or a bound on it.
+
+    letter: how the operator is written. bound None: a query, `=?`.
+    """
+
+    letter: ClassVar[str]
+
+    direction: str | None
     bound: Bound | None
+
+
+@dataclass(frozen=True, slots=True)
+class ProbabilityOperator(Measure):
+    """`P bound [ path ]` or `P=? [ path ]`."""
+
+    letter = "P"
+    counts_steps = False
+    reads_rewards = False
+
     path: PathFormula
 
 
 @dataclass(frozen=True, slots=True)
-class RewardOperator(Node):
+class RewardOperator(Measure):
     """`R{"name"} bound [ query ]`.
 
     `structure` is a name, an index from 1 as an expression, or None for the first structure.
     """
 
+    letter = "R"
+
     structure: str | Expression | None
-    direction: DirectionWord | None
-    bound: Bound | None
     query: RewardQuery
 
 
 @dataclass(frozen=True, slots=True)
-class SteadyState(Node):
+class SteadyState(Measure):
     """`S bound [ formula ]` or `S=? [ formula ]` (bound None).
 
     An MDP needs a direction: `Smax=?`, or `LRAmax=?` as Storm writes it.
     """
 
-    bound: Bound | None
+    letter = "S"
+    reads_rewards = False
+
     formula: Expression
-    direction: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class PathQuantifier(Node):
+class PathQuantifier(StateOperator):
     """CTL's `A [ path ]` and `E [ path ]`."""
+
+    counts_steps = False
+    reads_rewards = False
 
     quantifier: Choice["A", "E"]
     path: PathFormula
 
 
 @dataclass(frozen=True, slots=True)
-class Filter(Node):
+class Filter(StateOperator):
     """`filter(operator, formula, states)`; `states` None means all states.
 
     `operator` is one of min max sum avg count range forall exists first state argmin argmax print
     printall; the signs + & | are spelled out as sum, forall and exists.
     """
+
+    reads_rewards = False
 
     operator: str
     formula: Expression
@@ -206,8 +241,10 @@ class Filter(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class StateFilter(Node):
+class StateFilter(StateOperator):
     """The older `P=? [ path {states}{min}{max} ]`: the first, least or largest value there."""
+
+    reads_rewards = False
 
     operators: tuple[Choice["min", "max"], ...]
     formula: Expression
@@ -215,8 +252,10 @@ class StateFilter(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class MultiObjective(Node):
+class MultiObjective(StateOperator):
     """`multi(objective, …)` of an MDP."""
+
+    reads_rewards = False
 
     objectives: tuple[Expression, ...]
 

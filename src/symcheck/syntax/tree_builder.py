@@ -588,19 +588,19 @@ class PropertiesBuilder(Builder):
         self, structure: Any, direction: Any, bound: Any, query: Any, old: Any, values: Values
     ) -> Expression:
         span = self._words(values)
-        return _filtered(ast.RewardOperator(structure, direction, bound, query, span=span), old)
+        return _filtered(ast.RewardOperator(direction, bound, structure, query, span=span), old)
 
     def steady(self, values: Values) -> Expression:
         _, direction, bound, _, formula, old, _ = values
         span = self._words(values)
         word = direction and direction.value
-        return _filtered(ast.SteadyState(bound, formula, word, span=span), old)
+        return _filtered(ast.SteadyState(word, bound, formula, span=span), old)
 
     def steady_glued(self, values: Values) -> Expression:
         word, bound, _, formula, old, _ = values
         direction = word.value.removeprefix("S").removeprefix("LRA") or None
         span = self._words(values)
-        return _filtered(ast.SteadyState(bound, formula, direction, span=span), old)
+        return _filtered(ast.SteadyState(direction, bound, formula, span=span), old)
 
     def quantifier(self, values: Values) -> ast.PathQuantifier:
         return ast.PathQuantifier(values[0].value, values[2], span=self._words(values))

@@ -31,7 +31,7 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.operators import UnaryOperator
 from symcheck.syntax.printer import pretty
-from symcheck.syntax.traversal import children, names
+from symcheck.syntax.traversal import Tree, children, names
 
 __all__ = ["AtomicObservations", "atomic_observations", "union"]
 
@@ -91,7 +91,7 @@ def atomic_observations(context: Context, formula: Expression) -> AtomicObservat
     return union(o for part in parts if part is not None for o in _parts(context, part))
 
 
-def _parts(context: Context, formula: Expression) -> Iterator[AtomicObservations]:
+def _parts(context: Context, formula: Tree) -> Iterator[AtomicObservations]:
     """Maximal expressions over variables, initial and deadlock states, and reward structures."""
     condition = _condition(context, formula)
     if condition is not None:
@@ -118,7 +118,7 @@ def _parts(context: Context, formula: Expression) -> Iterator[AtomicObservations
         case _:
             pass
     for child in children(formula):
-        yield from _parts(context, child)  # type: ignore[arg-type]
+        yield from _parts(context, child)
 
 
 def _earned(reward: Reward) -> AtomicObservations:
@@ -132,7 +132,7 @@ def _earned(reward: Reward) -> AtomicObservations:
             assert_never(reward)
 
 
-def _condition(context: Context, formula: Expression) -> Expression | None:
+def _condition(context: Context, formula: Tree) -> Expression | None:
     """The formula with labels expanded if it is over variables only; None otherwise."""
     match formula:
         case LabelReference("init" | "deadlock"):
@@ -145,5 +145,5 @@ def _condition(context: Context, formula: Expression) -> Expression | None:
         case Binary(operator, left, right) if operator.is_logical:
             one, other = _condition(context, left), _condition(context, right)
             return None if one is None or other is None else replace(formula, left=one, right=other)
-        case _:
-            return formula if is_plain(formula) else None
+        case _:  # also the path formulas and bounds below an operator
+            return formula if isinstance(formula, Expression) and is_plain(formula) else None

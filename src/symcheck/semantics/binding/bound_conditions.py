@@ -18,6 +18,7 @@ from symcheck.syntax.ast import (
     Expression,
     InstantaneousReward,
     Literal,
+    Measure,
     ModelType,
     ProbabilityOperator,
     RewardBound,
@@ -53,14 +54,11 @@ class _Conditions:
 
     def node(self, node: Tree) -> None:
         match node:
-            case ProbabilityOperator(direction, bound, _):
-                self._direction("P", direction, bound, node)
-                self._probability("P", bound)
-            case SteadyState(bound, _, direction):
-                self._direction("S", direction, bound, node)
-                self._probability("S", bound)
-            case RewardOperator(structure, direction, bound, _):
-                self._direction("R", direction, bound, node)
+            case ProbabilityOperator() | SteadyState():
+                self._direction(node)
+                self._probability(node.letter, node.bound)
+            case RewardOperator(_, bound, structure, _):
+                self._direction(node)
                 self._structure(structure, node)
                 if bound is not None:
                     self._constant(bound.threshold, "a threshold")
@@ -90,14 +88,12 @@ class _Conditions:
             self.report.absorb(fault)
             return None
 
-    def _direction(
-        self, operator: str, direction: str | None, bound: Bound | None, node: Tree
-    ) -> None:
-        if self.model.type is ModelType.MDP and direction is None and bound is None:
-            hint = f"ask {operator}min=? or {operator}max=?"
+    def _direction(self, node: Measure) -> None:
+        if self.model.type is ModelType.MDP and node.direction is None and node.bound is None:
+            hint = f"ask {node.letter}min=? or {node.letter}max=?"
             self.report.input(
                 "direction",
-                f"{operator}=? has no single answer in an MDP: it depends on the choices",
+                f"{node.letter}=? has no single answer in an MDP: it depends on the choices",
                 node.span,
                 hint,
             )

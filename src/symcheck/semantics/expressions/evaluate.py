@@ -33,17 +33,11 @@ from symcheck.syntax.ast import (
     Call,
     Conditional,
     Expression,
-    Filter,
     LabelReference,
     Literal,
-    MultiObjective,
     Name,
     Node,
-    PathQuantifier,
-    ProbabilityOperator,
-    RewardOperator,
-    StateFilter,
-    SteadyState,
+    StateOperator,
     Type,
     Unary,
 )
@@ -99,16 +93,7 @@ def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: boo
         case Call(function, arguments):
             values = [_evaluate(a, valuation, exact) for a in arguments]
             return FUNCTIONS[function](values, exact, expression)
-        case (
-            LabelReference()
-            | ProbabilityOperator()
-            | RewardOperator()
-            | SteadyState()
-            | PathQuantifier()
-            | Filter()
-            | StateFilter()
-            | MultiObjective()
-        ):
+        case LabelReference() | StateOperator():
             raise UnsupportedError(
                 f"{_describe(expression)} has no value at a single state by itself: check it on the model"
             )

@@ -36,6 +36,7 @@ from symcheck.syntax.ast import (
     RewardOperator,
     RewardQuery,
     StateFilter,
+    StateOperator,
     SteadyState,
     SteadyStateReward,
     TimeBound,
@@ -192,15 +193,7 @@ class Typer:
                     "a label cannot be used here", expression.span, "use a formula instead", "label"
                 )
                 return None
-            case (
-                ProbabilityOperator()
-                | RewardOperator()
-                | SteadyState()
-                | PathQuantifier()
-                | Filter()
-                | StateFilter()
-                | MultiObjective()
-            ):
+            case StateOperator():
                 if self._label is not None:
                     return self._operator(expression)
                 self._report.type(
@@ -316,11 +309,11 @@ class Typer:
             case ProbabilityOperator(_, bound, path):
                 self.path(path)
                 return self._bounded(bound)
-            case RewardOperator(structure, _, bound, query):
+            case RewardOperator(_, bound, structure, query):
                 self._structure(structure)
                 self._query(query)
                 return self._bounded(bound)
-            case SteadyState(bound, formula, _):
+            case SteadyState(_, bound, formula):
                 self.boolean(formula, "what S is asked about")
                 return self._bounded(bound)
             case PathQuantifier(_, path):

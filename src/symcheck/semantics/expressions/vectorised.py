@@ -26,16 +26,10 @@ from symcheck.syntax.ast import (
     Call,
     Conditional,
     Expression,
-    Filter,
     LabelReference,
     Literal,
-    MultiObjective,
     Name,
-    PathQuantifier,
-    ProbabilityOperator,
-    RewardOperator,
-    StateFilter,
-    SteadyState,
+    StateOperator,
     Type,
     Unary,
 )
@@ -122,16 +116,7 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
             return Lanes(np.where(chosen.values, a.values, b.values), faults)
         case Call(function, arguments):
             return _apply(FUNCTIONS[function], *(_evaluate(a, columns) for a in arguments))
-        case (
-            LabelReference()
-            | ProbabilityOperator()
-            | RewardOperator()
-            | SteadyState()
-            | PathQuantifier()
-            | Filter()
-            | StateFilter()
-            | MultiObjective()
-        ):
+        case LabelReference() | StateOperator():
             raise TypeError(f"not an arithmetic expression: {type(expression).__name__}")
         case _:
             assert_never(expression)

@@ -160,15 +160,21 @@ def harmless(value: Expression, variable: Variable, variables: Sequence[Variable
     return within and not any(partial(n) for n in nodes(value))
 
 
+_DEFINED = frozenset(
+    {
+        *(o for o in Operator if o.is_boolean),
+        *(Operator.PLUS, Operator.MINUS, Operator.TIMES),
+        *(Function.MIN, Function.MAX, Function.FLOOR, Function.CEIL, Function.ROUND),
+    }
+)
+"""Operators and functions that have a finite value wherever their operands have one."""
+
+
 def partial(node: object) -> bool:
-    """Whether an operator may have no value (or no finite one) for some operands."""
-    match node:
-        case Binary(Operator.DIVIDE | Operator.POWER, _, _) | Call(
-            Function.POW | Function.LOG | Function.MOD, _
-        ):
-            return True
-        case _:
-            return False
+    """Whether an operator may have no value (or no finite one) for some operands: true of unknown ones."""
+    return (isinstance(node, Binary) and node.operator not in _DEFINED) or (
+        isinstance(node, Call) and node.function not in _DEFINED
+    )
 
 
 Interval = tuple[int | None, int | None]

@@ -26,14 +26,10 @@ from symcheck.syntax.ast import (
     Filter,
     LabelReference,
     Literal,
-    MultiObjective,
     Name,
-    PathQuantifier,
-    ProbabilityOperator,
     RewardBound,
-    RewardOperator,
     StateFilter,
-    SteadyState,
+    StateOperator,
     Type,
 )
 from symcheck.syntax.operators import Operator
@@ -67,9 +63,7 @@ def observe(
         if any(e is None for e in own):
             return Observed(tuple(Name(v.name) for v in model.variables), True)
         found += [e for e in own if e is not None]
-        rewards = rewards or any(
-            isinstance(n, RewardOperator | RewardBound) for n in nodes(formula)
-        )
+        rewards = rewards or any(map(_reads_rewards, nodes(formula)))
     return Observed(tuple(dict.fromkeys(found)), rewards, steps)
 
 
@@ -93,17 +87,12 @@ def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Exp
                     stack += children(node)
 
 
+def _reads_rewards(node: Tree) -> bool:
+    return isinstance(node, RewardBound) or (isinstance(node, StateOperator) and node.reads_rewards)
+
+
 def _is_state_expression(below: Sequence[Tree]) -> bool:
-    operators = (
-        ProbabilityOperator,
-        RewardOperator,
-        SteadyState,
-        PathQuantifier,
-        Filter,
-        StateFilter,
-        MultiObjective,
-    )
-    return all(isinstance(n, Expression) and not isinstance(n, operators) for n in below)
+    return all(isinstance(n, Expression) and not isinstance(n, StateOperator) for n in below)
 
 
 def _expanded(expression: Expression, labels: Mapping[str, Expression]) -> Expression | None:

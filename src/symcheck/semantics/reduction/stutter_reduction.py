@@ -17,24 +17,24 @@ from symcheck.semantics.model import BoundModel, BoundUpdate, Event
 from symcheck.semantics.reduction.control_locations import Location, Locations, folded
 from symcheck.semantics.reduction.live_variables import harmless, partial
 from symcheck.syntax.ast import (
+    Binary,
+    Bound,
+    Call,
+    Conditional,
     Eventually,
     Expression,
-    Filter,
     Globally,
+    LabelReference,
     Literal,
     ModelType,
-    MultiObjective,
     Name,
-    Next,
     Release,
-    RewardBound,
-    RewardOperator,
-    StateFilter,
-    SteadyState,
+    StateOperator,
+    Unary,
     Until,
     WeakUntil,
 )
-from symcheck.syntax.traversal import names, nodes, substitute
+from symcheck.syntax.traversal import Tree, names, nodes, substitute
 
 __all__ = ["Shortened", "counts_steps", "shorten"]
 
@@ -45,24 +45,22 @@ Assignments = dict[int, Expression]
 
 
 def counts_steps(formula: Expression) -> bool:
-    """Whether a formula may tell one step from two; true also of what speaks of sets of states or the long run."""
-    for node in nodes(formula):
-        match node:
-            case (
-                Next()
-                | RewardOperator()
-                | RewardBound()
-                | SteadyState()
-                | MultiObjective()
-                | Filter()
-                | StateFilter()
-            ):
-                return True
-            case Eventually() | Globally() | Until() | WeakUntil() | Release() if (
-                node.bound is not None
-            ):
-                return True
-    return False
+    """Whether a formula may tell one step from two: true unless each of its nodes is known not to."""
+    return any(map(_may_count, nodes(formula)))
+
+
+def _may_count(node: Tree) -> bool:
+    match node:
+        case Literal() | Name() | Unary() | Binary() | Conditional() | Call() | LabelReference():
+            return False
+        case StateOperator():
+            return node.counts_steps
+        case Eventually() | Globally() | Until() | WeakUntil() | Release():
+            return node.bound is not None
+        case Bound():
+            return False
+        case _:  # also a node that is not known here
+            return True
 
 
 @dataclass(frozen=True, eq=False)

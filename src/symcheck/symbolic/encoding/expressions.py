@@ -5,13 +5,24 @@ values.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.semantics.expressions.vectorised import Column
 from symcheck.symbolic.encoding.variables import EncodedVariable
-from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Name, Unary
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    LabelReference,
+    Literal,
+    Name,
+    StateOperator,
+    Unary,
+)
 
 __all__ = ["children", "contains", "leaf_bound", "mesh", "support"]
 
@@ -60,5 +71,7 @@ def children(expression: Expression) -> tuple[Expression, ...]:
             return (condition, then, otherwise)
         case Call(_, arguments):
             return arguments
-        case _:
+        case Literal() | Name() | LabelReference() | StateOperator():
             return ()
+        case _:
+            assert_never(expression)

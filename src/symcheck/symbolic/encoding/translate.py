@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
@@ -34,7 +34,18 @@ from symcheck.symbolic.encoding.on_the_fly_relations import (
 )
 from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
 from symcheck.symbolic.tuning import EncodingLimits
-from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    LabelReference,
+    Literal,
+    Name,
+    StateOperator,
+    Type,
+    Unary,
+)
 from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
 
 if TYPE_CHECKING:
@@ -202,8 +213,8 @@ class Translator:
 
     def _is_boolean(self, expression: Expression) -> bool:
         match expression:
-            case Literal(_, type):
-                return type is Type.BOOL
+            case Literal(_, kind):
+                return kind is Type.BOOL
             case Name(name):
                 return self.encoding.by_name[name].is_bool
             case Unary(sign, _):
@@ -212,8 +223,12 @@ class Translator:
                 return operator.is_boolean
             case Conditional(_, then, _):
                 return self._is_boolean(then)
-            case _:
+            case Call():
                 return False
+            case LabelReference() | StateOperator():
+                raise TypeError(f"not an arithmetic expression: {type(expression).__name__}")
+            case _:
+                assert_never(expression)
 
     def _bdd_table(self, expression: Expression) -> Bdd:
         variables, lanes = self._tabulate(expression)
