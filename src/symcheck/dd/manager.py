@@ -15,10 +15,10 @@ McMillan, Yang and Zhao (1993), Spectral transforms for large Boolean functions;
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import add, and_, or_
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,24 +54,12 @@ __all__ = [
 Variables = Sequence[str] | Cube
 """Variables by name, or prepared."""
 
-D = TypeVar("D", Bdd, Mtbdd)
-
 
 def default_memory() -> int:
     """Three quarters of the memory available to this process, in bytes: an error with advice is
     better than being killed.
     """
     return memory() * 3 // 4
-
-
-def _balanced(operation: Callable[[D, D], D], diagrams: list[D]) -> D:
-    """Combine at least one diagram pairwise, as a balanced tree, which keeps intermediate results
-    small.
-    """
-    while len(diagrams) > 1:
-        pairs = zip(diagrams[::2], diagrams[1::2], strict=False)
-        diagrams = [operation(a, b) for a, b in pairs] + diagrams[len(diagrams) & ~1 :]
-    return diagrams[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,17 +264,17 @@ class DiagramManager:
     def conjunction(self, sets: Iterable[Bdd]) -> Bdd:
         """Intersection of many sets; all assignments if there is none."""
         diagrams = list(map(self.core.from_any, sets))
-        return _balanced(and_, diagrams) if diagrams else self.true
+        return extension.combine(and_, diagrams) if diagrams else self.true
 
     def disjunction(self, sets: Iterable[Bdd]) -> Bdd:
         """Union of many sets; empty if there is none."""
         diagrams = list(map(self.core.from_any, sets))
-        return _balanced(or_, diagrams) if diagrams else self.false
+        return extension.combine(or_, diagrams) if diagrams else self.false
 
     def sum(self, diagrams: Iterable[Mtbdd]) -> Mtbdd:
         """Sum of many functions; 0 if there is none."""
         summands = list(diagrams)
-        return _balanced(add, summands) if summands else self.zero
+        return extension.combine(add, summands) if summands else self.zero
 
     def multiply_sum(self, left: Mtbdd, right: Mtbdd, variables: Variables) -> Mtbdd:
         """Sum of left * right over the variables: the product of a matrix with a vector or a

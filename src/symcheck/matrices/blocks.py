@@ -92,14 +92,6 @@ class RowLayout:
             yield here, following[here]
             following += here
 
-    @property
-    def classes(self) -> NDArray[np.int32]:
-        """The choice class of each row: int32[rows]."""
-        out = np.empty(self.rows, np.int32)
-        for choice_class, (_, rows) in enumerate(self.each()):
-            out[rows] = choice_class
-        return out
-
 
 def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence[str]) -> Quad:
     """The quad-DAG of matrices over the bits `row.rows` and `columns`, which alternate from the top

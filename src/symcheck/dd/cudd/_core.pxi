@@ -13,7 +13,7 @@ cdef extern from "<time.h>" nogil:
 
 cdef enum:
     CONSTANT = 0x7FFFFFFF            # index and level of a terminal node
-    # Steps of our recursions between checks of the clock and of signals (a mask): 0.1 s at most.
+    # Steps of our recursions between checks of the clock and of signals (a mask): about 0.1 s.
     STEPS_PER_CHECK = 0x3FFFF
     # Calls of handles between checks of the clock (a mask): each may be long.
     CALLS_PER_CHECK = 0x3FF

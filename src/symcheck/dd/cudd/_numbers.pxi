@@ -234,6 +234,19 @@ def _assignments(Core core, bits):
     return rows
 
 
+def combine(operation, list diagrams not None):
+    """Combine at least one diagram pairwise, as a balanced tree, which keeps intermediate results small."""
+    cdef Py_ssize_t i, n = len(diagrams)
+    cdef list following
+    while n > 1:
+        following = [operation(diagrams[i], diagrams[i + 1]) for i in range(0, n - 1, 2)]
+        if n & 1:
+            following.append(diagrams[n - 1])
+        diagrams = following
+        n = len(diagrams)
+    return diagrams[0]
+
+
 def shared_size(Core core not None, handles):
     """Number of distinct nodes of several diagrams together."""
     cdef list alive = [h if type(h) is Mtbdd else as_bdd(core, h) for h in handles]

@@ -1,7 +1,7 @@
 """Types of the compiled module, whose docstrings say what each function does."""
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, SupportsFloat, overload
+from typing import Any, SupportsFloat, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ __all__ = [
     "Renaming",
     "Saturation",
     "Transition",
+    "combine",
     "count",
     "export_nodes",
     "export_sets",
@@ -26,6 +27,7 @@ __all__ = [
     "shared_size",
 ]
 
+D = TypeVar("D", Bdd, Mtbdd)
 _Ints = NDArray[np.int32]
 _Doubles = NDArray[np.float64]
 
@@ -201,6 +203,7 @@ class Mtbdd:
     @overload
     def evaluate(self, bits: ArrayLike) -> Any: ...
 
+def combine(operation: Callable[[D, D], D], diagrams: list[D]) -> D: ...
 def shared_size(core: Core, handles: Sequence[Bdd | Mtbdd]) -> int: ...
 def export_sets(core: Core, sets: Iterable[Bdd]) -> tuple[_Ints, _Ints, _Ints, _Ints]: ...
 def export_nodes(
