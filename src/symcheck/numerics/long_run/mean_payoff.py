@@ -21,20 +21,12 @@ from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
-from symcheck.numerics import graph
+from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy, Settings
 
 __all__ = ["Gain", "Gains", "component_gains", "ending"]
-
-_PATIENCE = 2_000
-"""Value iterations before policy iteration is tried."""
-_POLICIES = 60
-_SOLVED = 100_000
-"""States up to which a policy is evaluated by a direct solution."""
-_STAY = 0.5
-"""Probability with which the aperiodic variant stays where it is."""
 
 
 @dataclass(frozen=True)
@@ -157,13 +149,19 @@ def _gain(part: _Part, settings: Settings, observer: Observer | None) -> Gain:
             observer(Progress("value iteration", count, high - low, n))
         if _near(low, high, part.slip(h), settings):
             return Gain(low, high, count)
-        if count % _PATIENCE == 0 and n <= _SOLVED:
+        if (
+            count % tuning.VALUE_ITERATIONS_BEFORE_POLICIES == 0
+            and n <= tuning.DIRECT_EVALUATION_STATES
+        ):
             better = _policies(part, h, settings)
             low, high, h = max(low, better[0]), min(high, better[1]), better[2]
-            if _near(low, high, part.slip(h), settings) or count >= 5 * _PATIENCE:
+            if (
+                _near(low, high, part.slip(h), settings)
+                or count >= 5 * tuning.VALUE_ITERATIONS_BEFORE_POLICIES
+            ):
                 break
             continue
-        h = _STAY * h + (1.0 - _STAY) * following
+        h = tuning.APERIODIC_STAY * h + (1.0 - tuning.APERIODIC_STAY) * following
         h -= h[0]
     return Gain(low, high, count)
 
@@ -186,7 +184,7 @@ def _policies(part: _Part, h: Numbers, settings: Settings) -> tuple[float, float
     low, high = -np.inf, np.inf
     values = part.rows(h)
     policy = _first_best(values, part, part.best(values))
-    for _ in range(_POLICIES):
+    for _ in range(tuning.MEAN_PAYOFF_POLICIES):
         policy = _unichain(part, policy, settings)
         bias = _bias(part, policy)
         if bias is None:
