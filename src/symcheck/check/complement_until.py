@@ -1,7 +1,8 @@
-"""The probability of not (left U right), found from its own side.
+"""The probability of the complement of `left U right`, computed directly instead of as a difference.
 
 1 minus the probability of left U right is the same number; but where that is small, the subtraction leaves it few digits,
-or none. A run misses left U right where it gets to where that cannot be had any more, or stays within the window's end.
+or none. The complement of left U right: reaching a state from which the until formula can no longer be satisfied, or staying
+between until the end of the window.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def complement_until(
     if path.window.trivial:
         return (
             _least(context, left, right)
-            if direction == Direction.MIN
+            if direction is Direction.MIN
             else until(context, left - right, certain, direction)
         )
 

@@ -69,7 +69,7 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
             return timed_measures(context).next_probability(context, target, window, direction)
         case UntilPath(left, right, window) if not window.trivial:
             return timed_measures(context).bounded_until(context, left, right, window, direction)
-        case UntilPath(left, right) if context.options.fairness and direction == Direction.MIN:
+        case UntilPath(left, right) if context.options.fairness and direction is Direction.MIN:
             return _fair_minimum(context, left, right)
         case UntilPath(left, right):
             return until(context, left, right, direction)
@@ -106,7 +106,7 @@ def _linear_time(context: Context, path: TemporalPath, direction: Direction | No
     simple = as_until(context, path)
     if simple is not None:
         return probability(context, simple, direction)
-    if direction == Direction.MIN:
+    if direction is Direction.MIN:
         return complement(
             context,
             path_probability_ltl(context, replace(path, negative=not path.negative), Direction.MAX),
@@ -167,7 +167,7 @@ def _zero(
     context: Context, left: StateSet, right: StateSet, direction: Direction | None
 ) -> StateSet:
     graph = context.engine.graph
-    if context.options.fairness and direction == Direction.MIN:
+    if context.options.fairness and direction is Direction.MIN:
         return graph.prob1(left - right, ~graph.exists_until(left, right), Direction.MAX)
     return graph.prob0(left, right, direction)
 
@@ -177,7 +177,7 @@ def _surely(context: Context, path: UntilPath, direction: Direction | None) -> S
     if not path.window.trivial:
         return None
     graph = context.engine.graph
-    if context.options.fairness and direction == Direction.MIN:
+    if context.options.fairness and direction is Direction.MIN:
         return graph.prob0(
             path.left - path.right, ~graph.exists_until(path.left, path.right), Direction.MAX
         )

@@ -47,7 +47,7 @@ def reward_values(
             return timed_measures(context).cumulative_reward(context, reward, time, direction)
         case TotalReward():
             if (
-                direction == Direction.MIN
+                direction is Direction.MIN
             ):  # waiting for free for ever is not fair; the greatest is that of all strategies
                 _refuse_fairness(context)
             return total_reward(context, reward, direction)

@@ -2,13 +2,13 @@
 
 1. A short explicit search, a little longer where there are few transitions. A model that ends within it is small: no diagram
    is worth its while.
-2. Diagrams, for a limited time. If they compress the states, the model is explored with them. An MDP is then written out as
+2. Diagrams, with a budget of look-ups in their cache. If they compress the states, the model is explored with them. An MDP is then written out as
    compressed rows, where those fit well into memory: prob0 and prob1 are fixpoints within fixpoints, which diagrams are slow at.
    Of a chain, where they are closures, only the rows of what is asked are written; and blocks stand for rows that do not fit.
-3. If the diagrams do not compress, or time runs out, the explicit search goes on where it stopped, up to a number of states;
-   then the diagrams get a longer turn, and so on. In the end, or once they have found more states than the search would
-   ever list, the diagrams get all the time there is; but where they were finished and compressed nothing, would have to learn
-   what updates do, or found less in the long turn than the search had, the search goes on as far as memory reaches.
+3. If the diagrams do not compress, or the budget is used up, the explicit search goes on where it stopped, up to a number of states;
+   then the diagrams get a larger budget, and so on. In the end, or once they have found more states than the search would
+   ever list, the diagrams have no limit any more; but where they were finished and compressed nothing, would have to learn
+   what updates do, or found less with the large budget than the search had, the search goes on as far as memory reaches.
 
 So a wrong guess costs a bounded share of the run, and what the search has explored is kept.
 """

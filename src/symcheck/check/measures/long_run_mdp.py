@@ -112,7 +112,7 @@ def _certain(context: Context, gains: Gains, values: Values, direction: Directio
     """Shares with 0 and 1 exactly where the graph gives them: all ends are such, or (the best) some that are reached for certain."""
     graph = context.engine.graph
     sure = {v: (gains.lower == v) & (gains.upper == v) for v in (0.0, 1.0)}
-    best, worst = (1.0, 0.0) if direction == Direction.MAX else (0.0, 1.0)
+    best, worst = (1.0, 0.0) if direction is Direction.MAX else (0.0, 1.0)
     found = {
         best: graph.prob1(context.engine.all, _ends(context, gains, sure[best]), Direction.MAX),
         worst: ~graph.exists_until(context.engine.all, _ends(context, gains, ~sure[worst])),

@@ -40,7 +40,7 @@ def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
     groups = system.groups
     if groups is None or len(rows) == 0:
         return rows
-    fold = np.minimum if direction == Direction.MIN else np.maximum
+    fold = np.minimum if direction is Direction.MIN else np.maximum
     return np.asarray(fold.reduceat(rows, groups[:-1]))
 
 

@@ -31,9 +31,9 @@ def total_reward(context: Context, reward: Reward, direction: Direction | None) 
     per_step = per_row(whole, states) + rows
     if len(per_step) and per_step.min() < 0:
         raise UnsupportedError("a total reward with negative rewards is not supported; C<=k is")
-    if direction == Direction.MAX:
+    if direction is Direction.MAX:
         return _greatest(context, reward, whole, per_step)
-    if direction == Direction.MIN:
+    if direction is Direction.MIN:
         return reach_reward(context, reward, _free(context, whole, per_step == 0), direction)
     rewarding = engine.from_bools(per_step > 0)
     return reach_reward(context, reward, ~engine.graph.exists_until(engine.all, rewarding), None)

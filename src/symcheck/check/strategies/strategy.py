@@ -174,7 +174,7 @@ def _with_memory(context: Context, path: TemporalPath, direction: Direction) -> 
     from symcheck.engines.explicit.product import ExplicitProduct
 
     product, pairs = linear_product(
-        context, replace(path, negative=direction == Direction.MIN), degeneralize
+        context, replace(path, negative=direction is Direction.MIN), degeneralize
     )
     assert isinstance(product, ExplicitProduct)
     inner = replace(context, engine=product.engine, relevant_states=None)
@@ -217,7 +217,7 @@ class _StrategyBuilder:
     def next(self, target: OwnSet) -> None:
         """Choose rows with maximal (minimal) probability of entering the target."""
         values = self.engine.system(self.engine.all).one_step_probability(target)
-        values = values if self.direction == Direction.MAX else -values
+        values = values if self.direction is Direction.MAX else -values
         best = np.maximum.reduceat(values, self.edges.groups[:-1])
         first = np.flatnonzero(values == np.repeat(best, np.diff(self.edges.groups)))
         self.rows[self.edges.owner[first[::-1]]] = first[::-1]
@@ -229,7 +229,7 @@ class _StrategyBuilder:
             questions.prob1(left, right, self.direction),
             questions.prob0(left, right, self.direction),
         )
-        if self.direction == Direction.MAX:
+        if self.direction is Direction.MAX:
             to = self.engine.to_bools
             _, rows = graph.prob1e_strategy(self.edges, to(left), to(right))
             self._take(to(yes - right), rows)

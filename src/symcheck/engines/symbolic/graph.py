@@ -1,4 +1,4 @@
-"""Graph questions on diagrams: fixpoints of images and preimages; on rows where these are few, or few are left without forced states.
+"""Graph questions on diagrams: fixpoints of images and preimages; on rows where these are few, or on a reduced system.
 
 Source: Bianco & de Alfaro (1995) for prob0/prob1 of MDPs.
 """
