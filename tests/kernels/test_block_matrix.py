@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.diagrams import Builder
-from symcheck.kernels.blocks.block_matrix import Blocks
+from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.kernels.diagrams import odd
-from symcheck.kernels.diagrams.quad_dag import Quad
+from symcheck.kernels.diagrams.quad_dag import QuadDag
 
 
 @dataclass
 class Case:
-    quad: Quad
+    quad: QuadDag
     dense: list[np.ndarray]
 
 
@@ -39,9 +39,9 @@ def make(k: int, matrices: list[np.ndarray], rows: np.ndarray, columns: np.ndarr
     col_root = builder.dense(col_levels.tolist(), columns.astype(float))
     roots = [builder.dense(levels, interleave(m, k)) for m in matrices]
     *table, numbers = builder.arrays(row_root, col_root, *roots)
-    row = odd.build(*table, numbers[0], row_levels)
-    col = odd.build(*table, numbers[1], col_levels)
-    quad = Quad(*table, numbers[2:], row, col, row_levels, col_levels)
+    row = odd.build((*table, numbers[0]), row_levels)
+    col = odd.build((*table, numbers[1]), col_levels)
+    quad = QuadDag(*table, numbers[2:], row, col, row_levels, col_levels)
     return Case(quad, [m[np.ix_(rows, columns)] for m in matrices])
 
 
@@ -82,13 +82,13 @@ def cases(draw: st.DrawFn) -> Case:
     return make(k, matrices, rows, columns)
 
 
-def flatten(blocks: Blocks, root: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def flatten(blocks: BlockOperations, root: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     counts = np.zeros(blocks.rows, np.int32)
-    blocks.count_rows(root, counts)
+    blocks.count_entries(root, counts)
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     following = indptr[:-1].copy()
     indices, data = np.empty(indptr[-1], np.int32), np.empty(indptr[-1])
-    blocks.fill(root, following, indices, data)
+    blocks.fill_rows(root, following, indices, data)
     np.testing.assert_array_equal(following, indptr[1:])
     return indptr, indices, data
 
@@ -96,7 +96,7 @@ def flatten(blocks: Blocks, root: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
 @settings(deadline=None)
 @given(cases(), st.sampled_from([1, 3, 10, 10**6]))
 def test_flattened_rows_are_the_matrix(case: Case, budget: int) -> None:
-    blocks = Blocks(case.quad, budget, ordered=True)
+    blocks = BlockOperations(case.quad, budget, ordered=True)
     for root, dense in enumerate(case.dense):
         indptr, indices, data = flatten(blocks, root)
         r, c = np.nonzero(dense)  # in row order, columns ascending: the very arrays
@@ -114,10 +114,10 @@ def test_flattened_rows_are_the_matrix(case: Case, budget: int) -> None:
     st.sampled_from([1, 2, 5, 32768]),
 )
 def test_products(case: Case, budget: int, seed: int, range_rows: int) -> None:
-    blocks = Blocks(case.quad, budget, range_rows=range_rows)
-    assert blocks.part_rows[0] == 0
-    assert blocks.part_rows[-1] == blocks.rows
-    assert (np.diff(blocks.part_rows) >= 0).all()
+    blocks = BlockOperations(case.quad, budget, range_rows=range_rows)
+    assert blocks.range_bounds[0] == 0
+    assert blocks.range_bounds[-1] == blocks.rows
+    assert (np.diff(blocks.range_bounds) >= 0).all()
     rng = np.random.default_rng(seed)
     for root, dense in enumerate(case.dense):
         x, z = rng.random(dense.shape[1]), rng.random(dense.shape[0])
@@ -136,7 +136,7 @@ def test_products(case: Case, budget: int, seed: int, range_rows: int) -> None:
 @settings(deadline=None)
 @given(cases(), st.integers(0, 2**32 - 1), st.sampled_from([1, 3, 32768]))
 def test_choices(case: Case, seed: int, range_rows: int) -> None:
-    blocks = Blocks(case.quad, 10, range_rows=range_rows)
+    blocks = BlockOperations(case.quad, 10, range_rows=range_rows)
     rng = np.random.default_rng(seed)
     present = np.array([rng.random(blocks.rows) < 0.7 for _ in case.dense])
     groups = np.concatenate([[0], np.cumsum(present.sum(axis=0))]).astype(np.int64)
@@ -173,11 +173,11 @@ def test_parts_do_not_change_a_digit() -> None:
     x = rng.random(case.dense[0].shape[1])
     results = []
     for first in (True, False):
-        blocks = Blocks(case.quad, 50, range_rows=20)
-        assert blocks.parts > 5
+        blocks = BlockOperations(case.quad, 50, range_rows=20)
+        assert blocks.ranges > 5
         y = np.empty(blocks.rows)
         parts = (
-            [(0, blocks.parts)] if first else [(p, p + 1) for p in reversed(range(blocks.parts))]
+            [(0, blocks.ranges)] if first else [(p, p + 1) for p in reversed(range(blocks.ranges))]
         )
         for a, b in parts:
             blocks.multiply(0, x, y, a, b)
@@ -189,8 +189,8 @@ def test_unchanged_variables_are_one_run() -> None:
     k = 8
     rows = np.random.default_rng(1).random(2**k) < 0.7
     case = make(k, [0.5 * np.eye(2**k)], rows, rows)
-    blocks = Blocks(case.quad, 1)
-    assert blocks.statistics["runs"] == blocks.statistics["places"] == 1
+    blocks = BlockOperations(case.quad, 1)
+    assert blocks.statistics["runs"] == blocks.statistics["occurrences"] == 1
     assert blocks.entries.tolist() == [rows.sum()]
 
 
@@ -201,14 +201,14 @@ def test_repeated_blocks_are_stored_once() -> None:
     case = make(
         k, [np.kron(rng.random((16, 16)) < 0.7, small)], np.ones(2**k, bool), np.ones(2**k, bool)
     )
-    blocks = Blocks(case.quad, 200)
+    blocks = BlockOperations(case.quad, 200)
     assert blocks.statistics["runs"] <= np.count_nonzero(small)
     assert blocks.nbytes < 0.1 * 12 * blocks.statistics["entries"]
 
 
 def test_arrays_of_another_length_are_refused() -> None:
     case = make(2, [np.eye(4)], np.ones(4, bool), np.ones(4, bool))
-    blocks = Blocks(case.quad, 10)
+    blocks = BlockOperations(case.quad, 10)
     with pytest.raises(ValueError, match="rows"):
         blocks.multiply(0, np.zeros(4), np.zeros(3))
     with pytest.raises(IndexError):
@@ -222,6 +222,6 @@ def test_a_foreign_variable_is_refused() -> None:
     root = builder.dense([0, 1], np.array([0.0, 1, 1, 0]))
     *table, numbers = builder.arrays(root, builder.leaf(1))
     levels = np.array([1], np.int32)
-    o = odd.build(*table, numbers[1], levels)
+    o = odd.build((*table, numbers[1]), levels)
     with pytest.raises(ValueError, match="neither"):
-        Quad(*table, numbers[:1], o, o, levels, np.array([2], np.int32))
+        QuadDag(*table, numbers[:1], o, o, levels, np.array([2], np.int32))

@@ -31,7 +31,7 @@ def levels_of(k: int) -> np.ndarray:
 
 def odd_of(builder: Builder, root: int, levels: np.ndarray) -> tuple:
     *table, roots = builder.arrays(root)
-    return odd.build(*table, roots[0], levels)
+    return odd.build((*table, roots[0]), levels)
 
 
 def build(k: int, member: np.ndarray) -> tuple[tuple, Builder, np.ndarray]:
@@ -55,10 +55,10 @@ def test_counts_and_numbers(case: tuple[int, np.ndarray]) -> None:
     bits = points(k)
     expected = np.where(member, np.cumsum(member) - 1, -1)
     ranks = np.empty(2**k, np.int64)
-    odd.rank(*o, bits, ranks)
+    odd.rank(o, bits, ranks)
     np.testing.assert_array_equal(ranks, expected)
     back = np.empty((member.sum(), k), np.uint8)
-    odd.unrank(*o, np.arange(member.sum()), back)
+    odd.unrank(o, np.arange(member.sum()), back)
     np.testing.assert_array_equal(back, bits[member])
 
 
@@ -69,7 +69,7 @@ def test_emit_adds_weights_of_set_bits(case: tuple[int, np.ndarray], seed: int) 
     rng = np.random.default_rng(seed)
     weights = rng.integers(-(2**40), 2**40, k) * (rng.random(k) < 0.5)
     out = np.empty(member.sum(), np.int64)
-    odd.emit(*o, weights.astype(np.int64), 17, out)
+    odd.weigh_bits(o, weights.astype(np.int64), 17, out)
     np.testing.assert_array_equal(out, 17 + points(k)[member].astype(np.int64) @ weights)
 
 
@@ -100,12 +100,12 @@ def test_expand_and_collapse_are_inverse(case: tuple[int, np.ndarray], data: st.
     root = builder.dense(levels.tolist(), sub.astype(float))
     out = np.zeros(member.sum(), np.uint8)
     *table, roots = builder.arrays(root)
-    vectors.expand(*o, *table, roots[0], levels, out)
+    vectors.diagram_to_array(o, (*table, roots[0]), levels, out)
     np.testing.assert_array_equal(out, sub[member])
 
     words = np.zeros(len(out) // 64 + 2, np.uint64)
     words.view(np.uint8)[: (len(out) + 7) // 8] = np.packbits(out, bitorder="little")
-    level, low, high, croot = vectors.collapse(*o, words, levels, 99)
+    level, low, high, croot = vectors.mask_to_diagram(o, words, levels, 99)
     # the same, node by node: the diagram of (sub & member) is unique
     again = Builder()
     again.leaf(0)
@@ -125,12 +125,12 @@ def test_vectors_there_and_back(case: tuple[int, np.ndarray], seed: int, distinc
     if seed % 2:
         rng.shuffle(values)
     ids = np.empty(len(values), np.int32)
-    leaves = vectors.number(values, ids)
+    leaves = vectors.number_values(values, ids)
     np.testing.assert_array_equal(leaves[ids], values)
     assert len(set(leaves.tolist())) == len(leaves)
-    level, low, high, root = vectors.vector_table(*o, ids, len(leaves), levels, 99)
+    level, low, high, root = vectors.array_to_diagram(o, ids, len(leaves), levels, 99)
     out = np.zeros(len(values))
-    vectors.expand(*o, level, low, high, leaves, root, levels, out)
+    vectors.diagram_to_array(o, (level, low, high, leaves, root), levels, out)
     np.testing.assert_array_equal(out, values)
     assert len(
         set(zip(level[len(leaves) :], low[len(leaves) :], high[len(leaves) :], strict=True))
@@ -140,7 +140,7 @@ def test_vectors_there_and_back(case: tuple[int, np.ndarray], seed: int, distinc
 
 def test_number_joins_signed_zeros_and_keeps_nan_apart() -> None:
     ids = np.empty(5, np.int32)
-    leaves = vectors.number(np.array([-0.0, 0.0, np.nan, 1.0, np.inf]), ids)
+    leaves = vectors.number_values(np.array([-0.0, 0.0, np.nan, 1.0, np.inf]), ids)
     assert ids.tolist() == [0, 0, 1, 2, 3]
     assert np.isnan(leaves[1])
 
@@ -161,11 +161,11 @@ def test_huge_sets_are_counted_or_refused() -> None:
     depth, low, high, count, root = odd_of(builder, one, levels_of(62))
     assert count[root] == 2**62
     bits = np.empty((2, 62), np.uint8)
-    odd.unrank(depth, low, high, count, root, np.array([0, 2**62 - 1]), bits)
+    odd.unrank((depth, low, high, count, root), np.array([0, 2**62 - 1]), bits)
     assert bits[0].sum() == 0
     assert bits[1].sum() == 62
     with pytest.raises(IndexError):
-        odd.unrank(depth, low, high, count, root, np.array([2**62]), bits[:1])
+        odd.unrank((depth, low, high, count, root), np.array([2**62]), bits[:1])
     with pytest.raises(OverflowError):
         odd_of(builder, one, levels_of(63))
 
@@ -185,7 +185,7 @@ def test_a_small_subset_of_a_huge_set_needs_its_own_odd_only() -> None:
     bits = np.ones((8, 60), np.uint8)
     bits[:, [3, 20, 41]] = points(3)
     expected = np.empty(8, np.int64)
-    odd.rank(*sup, bits, expected)
+    odd.rank(sup, bits, expected)
     np.testing.assert_array_equal(out, expected)
 
 
@@ -205,7 +205,7 @@ def test_long_blocks_collapse(seed: int) -> None:
         flags[a:b] = 1
     words = np.zeros(n // 64 + 2, np.uint64)
     words.view(np.uint8)[: (n + 7) // 8] = np.packbits(flags, bitorder="little")
-    level, low, high, root = vectors.collapse(*o, words, levels, 99)
+    level, low, high, root = vectors.mask_to_diagram(o, words, levels, 99)
     out = np.zeros(n, np.uint8)
-    vectors.expand(*o, level, low, high, np.array([0.0, 1]), root, levels, out)
+    vectors.diagram_to_array(o, (level, low, high, np.array([0.0, 1]), root), levels, out)
     np.testing.assert_array_equal(out, flags)

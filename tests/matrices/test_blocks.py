@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from symcheck.dd.manager import DiagramManager, Mtbdd
 from symcheck.dd.odd import Odd
-from symcheck.kernels.blocks.block_matrix import Blocks
+from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 
 K = 4
@@ -110,7 +110,7 @@ def test_sweeps_keep_bounds_and_close_in(
     diagrams = [d.times_bdd(g) * (0.9 / N) for d, g in zip(diagrams, guards, strict=True)]
     dag = quad_dag(diagrams, row, row, COLUMNS)
     layout = RowLayout.of(present, row.count) if classes > 1 else None
-    matrix = BlockMatrix(Blocks(dag, 5, range_rows=range_rows), layout)
+    matrix = BlockMatrix(BlockOperations(dag, 5, range_rows=range_rows), layout)
     full = to_dense(flatten(dag, layout), row.count)
     divisor = rng.random(len(full)) + 0.5 if seed % 2 else None
     b = rng.random(len(full)) * 0.05
@@ -144,9 +144,9 @@ def test_threads_do_not_change_a_digit() -> None:
     diagrams, _, row, column, _, _ = build(5, 3)
     dag = quad_dag(diagrams, row, column, COLUMNS)
     layout = RowLayout.of([np.ones(row.count, bool)] * 3, row.count)
-    stamps = Blocks(dag, 5, range_rows=2)
+    operations = BlockOperations(dag, 5, range_rows=2)
     x = np.random.default_rng(1).random(column.count)
-    one, many = (BlockMatrix(stamps, layout, threads) for threads in (1, 3))
+    one, many = (BlockMatrix(operations, layout, threads) for threads in (1, 3))
     assert one.multiply(x).tobytes() == many.multiply(x).tobytes()
     assert one.optimum(x, None, "max").tobytes() == many.optimum(x, None, "max").tobytes()
 

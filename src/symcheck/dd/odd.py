@@ -64,7 +64,7 @@ class Odd:
     def table(self) -> OddTable:
         """The diagram as arrays."""
         t = self.manager.export_bdd(self.states)
-        return kernel.build(t.level, t.low, t.high, _TRUTH, t.root, self.levels)
+        return kernel.build((t.level, t.low, t.high, _TRUTH, t.root), self.levels)
 
     @property
     def levels(self) -> NDArray[np.int32]:
@@ -96,14 +96,14 @@ class Odd:
         of range.
         """
         bits = np.empty((len(indices), len(self.rows)), np.uint8)
-        kernel.unrank(*self.table, np.ascontiguousarray(indices, np.int64), bits)
+        kernel.unrank(self.table, np.ascontiguousarray(indices, np.int64), bits)
         return bits
 
     def rank(self, bits: NDArray[np.uint8]) -> NDArray[np.int64]:
         """Numbers of the members with these bits (uint8[m, k]), int64[m]; -1 for a non-member."""
         out = np.empty(len(bits), np.int64)
         kernel.rank(
-            *self.table,
+            self.table,
             np.ascontiguousarray(bits, np.uint8).reshape(len(bits), len(self.rows)),
             out,
         )
@@ -117,7 +117,7 @@ class Odd:
         the sums are the values of the variable.
         """
         out = np.empty(self.count, np.int64)
-        kernel.emit(*self.table, np.ascontiguousarray(weights, np.int64), offset, out)
+        kernel.weigh_bits(self.table, np.ascontiguousarray(weights, np.int64), offset, out)
         return out
 
     def packed(self) -> NDArray[np.uint64]:
@@ -154,7 +154,9 @@ class Odd:
         """Which members belong to another set: bool[count]."""
         t = self.manager.export_bdd(states)
         out = np.zeros(self.count, np.uint8)
-        vectors.expand(*self.table, t.level, t.low, t.high, _TRUTH, t.root, self.levels, out)
+        vectors.diagram_to_array(
+            self.table, (t.level, t.low, t.high, _TRUTH, t.root), self.levels, out
+        )
         return out.view(np.bool_)
 
     def from_mask(self, members: NDArray[np.bool_]) -> Bdd:
@@ -165,7 +167,7 @@ class Odd:
         packed = np.packbits(members, bitorder="little")
         bits.view(np.uint8)[: len(packed)] = packed
         levels, bottom = self.levels, len(self.manager.bdd.vars)
-        level, low, high, root = vectors.collapse(*self.table, bits, levels, bottom)
+        level, low, high, root = vectors.mask_to_diagram(self.table, bits, levels, bottom)
         return self.manager.import_bdd(
             BddTable(bottom, level, low, high, np.array([root], np.int32))
         )[0]
@@ -174,7 +176,9 @@ class Odd:
         """Values of a function at the members: float64[count]."""
         t = self.manager.export_mtbdd(function)
         out = np.zeros(self.count)
-        vectors.expand(*self.table, t.level, t.low, t.high, t.values, t.root, self.levels, out)
+        vectors.diagram_to_array(
+            self.table, (t.level, t.low, t.high, t.values, t.root), self.levels, out
+        )
         return out
 
     def from_vector(self, values: NDArray[np.float64]) -> Mtbdd:
@@ -184,9 +188,11 @@ class Odd:
         if len(values) != self.count:
             raise ValueError(f"{len(values)} values for {self.count} members")
         ids = np.empty(len(values), np.int32)
-        leaves = vectors.number(np.ascontiguousarray(values, np.float64), ids)
+        leaves = vectors.number_values(np.ascontiguousarray(values, np.float64), ids)
         levels, bottom = self.levels, len(self.manager.bdd.vars)
-        level, low, high, root = vectors.vector_table(*self.table, ids, len(leaves), levels, bottom)
+        level, low, high, root = vectors.array_to_diagram(
+            self.table, ids, len(leaves), levels, bottom
+        )
         return self.manager.import_mtbdd(
             NodeTable(bottom, level, low, high, leaves, np.array([root], np.int32))
         )[0]

@@ -12,3 +12,38 @@ cdef enum:
     # rows/csr_builder: a row of up to so many entries finds equal columns by linear search, which is
     # faster than a hash table that must be cleared first.
     LINEAR_SCAN_ENTRIES = 24
+
+    # partition: operations between two checks of memory, time and signals (a power of two).
+    CHECK_INTERVAL = 65536
+    # partition: nodes at the first collection of unused nodes, and how many times the nodes that are left
+    # may exist at the next one. Collections also drop memoised results, so they must be rare.
+    FIRST_COLLECTION = 4000000
+    COLLECTION_GROWTH = 4
+
+    # explore/breadth_first: states and successors after which a batch ends. The rows of a batch must
+    # stay in the second cache until they are numbered; below some hundred states prefetching has no
+    # time to work.
+    BATCH_STATES = 256
+    BATCH_SUCCESSORS = 16384
+    # explore/breadth_first: states between two looks at the time limit.
+    CLOCK_INTERVAL = 2048
+    # explore/packed_states: rows up to which insertion sort is faster than clearing a digit's counters,
+    # and the bits of a digit: its counters fill half of the first cache.
+    INSERTION_SORT_ROWS = 48
+    RADIX_BITS = 11
+
+    # solve/component_bounds: a block with choices of up to so many states is swept a little right away,
+    # over about so many entries in all, but within these numbers of sweeps. Blocks that converge slowly
+    # go to the methods for large components after that, so the effort must be small beside them.
+    SWEEP_STATES = 20000
+    SWEEP_ENTRIES = 50000
+    MIN_SWEEPS = 24
+    MAX_SWEEPS = 400
+
+    # solve/extrapolation: differences that are combined (more of them are nearly dependent, and each
+    # takes eight bytes per state), and sweeps per combination (one costs as much as two or three sweeps).
+    ANDERSON_MEMORY = 5
+    SWEEPS_PER_COMBINATION = 8
+
+    # chains/gth_elimination: classes of states by the fill-in that they would cause.
+    FILL_IN_CLASSES = 4096

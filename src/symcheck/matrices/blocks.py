@@ -27,8 +27,8 @@ from symcheck.dd.odd import Odd, levels_of
 from symcheck.direction import Direction
 from symcheck.errors import MemoryLimitError
 from symcheck.kernels.arrays import Floats
-from symcheck.kernels.blocks.block_matrix import Blocks
-from symcheck.kernels.diagrams.quad_dag import Quad
+from symcheck.kernels.blocks.block_matrix import BlockOperations
+from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.kernels.graph.components import components
 from symcheck.matrices import tuning
 
@@ -93,7 +93,7 @@ class RowLayout:
             following += here
 
 
-def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence[str]) -> Quad:
+def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence[str]) -> QuadDag:
     """The quad-DAG of matrices over the bits `row.rows` and `columns`, which alternate from the top
     of the diagrams down.
 
@@ -113,13 +113,13 @@ def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence
     merged = np.stack([row_levels, col_levels], axis=1).reshape(-1)
     if (np.diff(merged) <= 0).any():
         raise ValueError("row and column bits do not alternate in the diagrams")
-    return Quad(
+    return QuadDag(
         t.level, t.low, t.high, t.values, t.roots, row.table, column.table, row_levels, col_levels
     )
 
 
 def flatten(
-    quad: Quad, layout: RowLayout | None = None
+    quad: QuadDag, layout: RowLayout | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], Floats]:
     """The matrices of a quad-DAG as compressed rows.
 
@@ -136,20 +136,20 @@ def flatten(
     """
     entries = int(quad.entries.sum())
     _require_memory(12 * entries + 24 * quad.rows)
-    stamps = Blocks(quad, tuning.MAX_BLOCK_RUNS, ordered=True)
+    operations = BlockOperations(quad, tuning.MAX_BLOCK_RUNS, ordered=True)
     indptr = np.zeros((quad.rows if layout is None else layout.rows) + 1, np.int64)
     if layout is None:
         counts = np.zeros(quad.rows, np.int32)
-        stamps.count_rows(0, counts)
+        operations.count_entries(0, counts)
         np.cumsum(counts, out=indptr[1:])
     else:
-        if not stamps.count_choices(layout.groups, layout.present, indptr[1:]):
+        if not operations.count_choice_entries(layout.groups, layout.present, indptr[1:]):
             raise ValueError("a matrix has entries in rows that the layout leaves out")
         np.cumsum(indptr, out=indptr)
     indices, data = np.empty(entries, np.int32), np.empty(entries)
     following = indptr[:-1].copy() if layout is None else indptr[layout.groups[:-1]]
     for slot in range(len(quad.entries)):
-        stamps.fill(slot, following, indices, data)
+        operations.fill_rows(slot, following, indices, data)
     return indptr, indices, data
 
 
@@ -174,41 +174,43 @@ class BlockMatrix:
             on their number.
     """
 
-    stamps: Blocks
+    operations: BlockOperations
     layout: RowLayout | None = None
     threads: int | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of rows and columns; with a layout, rows are choices grouped by state."""
-        return (self.stamps.rows if self.layout is None else self.layout.rows), self.stamps.columns
+        return (
+            self.operations.rows if self.layout is None else self.layout.rows
+        ), self.operations.columns
 
     @property
     def entries(self) -> int:
         """Number of non-zero entries."""
-        return int(self.stamps.entries.sum())
+        return int(self.operations.entries.sum())
 
     @property
     def nbytes(self) -> int:
         """Memory, in bytes."""
-        return self.stamps.nbytes + (0 if self.layout is None else self.layout.nbytes)
+        return self.operations.nbytes + (0 if self.layout is None else self.layout.nbytes)
 
     @property
     def statistics(self) -> Mapping[str, int]:
         """Numbers of blocks, runs, occurrences, ranges of rows and entries."""
-        return self.stamps.statistics
+        return self.operations.statistics
 
     @cached_property
     def _shares(self) -> list[tuple[int, int]]:
         """Ranges of row ranges with about the same work, one per thread."""
         count = self.threads or min(tuning.MAX_THREADS, len(os.sched_getaffinity(0)))
-        work = np.cumsum(self.stamps.part_work)
+        work = np.cumsum(self.operations.range_work)
         if self.threads is None and self.entries < tuning.MIN_THREADED_ENTRIES:
             count = 1
         cuts = (
             np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1 if len(work) else []
         )
-        ends = np.unique([0, *cuts, self.stamps.parts])
+        ends = np.unique([0, *cuts, self.operations.ranges])
         return list(pairwise(ends.tolist()))
 
     def _run(self, part: Callable[[int, int], None]) -> None:
@@ -233,11 +235,13 @@ class BlockMatrix:
         y = np.empty(self.shape[0]) if out is None else out
         layout = self.layout
         if layout is None:
-            self._run(lambda first, last: self.stamps.multiply(0, x, y, first, last))
+            self._run(lambda first, last: self.operations.multiply(0, x, y, first, last))
         else:
             groups, present = layout.groups, layout.present
             self._run(
-                lambda first, last: self.stamps.multiply_choices(x, groups, present, y, first, last)
+                lambda first, last: self.operations.multiply_choices(
+                    x, groups, present, y, first, last
+                )
             )
         return y
 
@@ -253,7 +257,7 @@ class BlockMatrix:
             product = self.multiply(x, out)
             return product if constant is None else np.add(product, constant, out=product)
         x = np.ascontiguousarray(x, np.float64)
-        y = np.empty(self.stamps.rows) if out is None else out
+        y = np.empty(self.operations.rows) if out is None else out
         add = np.empty(0) if constant is None else np.ascontiguousarray(constant, np.float64)
         groups, present, greatest = (
             self.layout.groups,
@@ -261,7 +265,7 @@ class BlockMatrix:
             direction == Direction.MAX,
         )
         self._run(
-            lambda first, last: self.stamps.optimum(
+            lambda first, last: self.operations.optimum(
                 x, add, groups, present, greatest, y, first, last
             )
         )
@@ -270,11 +274,11 @@ class BlockMatrix:
     @cached_property
     def longest(self) -> int:
         """The most entries of a row."""
-        counts = np.zeros(self.stamps.rows, np.int32)
+        counts = np.zeros(self.operations.rows, np.int32)
         longest = 0
-        for slot in range(self.stamps.roots):
+        for slot in range(self.operations.roots):
             counts[:] = 0
-            self.stamps.count_rows(slot, counts)
+            self.operations.count_entries(slot, counts)
             longest = max(longest, int(counts.max(initial=0)))
         return longest
 
@@ -283,7 +287,7 @@ class BlockMatrix:
         x: Floats,
         constant: Floats,
         direction: Direction | None,
-        slip: float,
+        rounding_error: float,
         *,
         upper: bool,
         divisor: Floats | None = None,
@@ -298,14 +302,14 @@ class BlockMatrix:
         Args:
             x: float64[n], lower bounds, or upper bounds if `upper`.
             constant, divisor: float64[rows], not negative.
-            slip: relative rounding error of a step; bounds are moved outwards by it.
+            rounding_error: relative rounding error of a step; bounds are moved outwards by it.
         """
         groups, present = (
             (None, None) if self.layout is None else (self.layout.groups, self.layout.present)
         )
         by = np.empty(0) if divisor is None else np.ascontiguousarray(divisor, np.float64)
         for parts, turns in self._schedule:
-            self.stamps.sweep(
+            self.operations.sweep(
                 x,
                 constant,
                 by,
@@ -313,7 +317,7 @@ class BlockMatrix:
                 present,
                 direction == Direction.MAX,
                 upper,
-                slip,
+                rounding_error,
                 parts,
                 turns,
             )
@@ -323,7 +327,7 @@ class BlockMatrix:
         """Strong components of the dependencies between row ranges, dependents last, and the sweeps
         of each.
         """
-        uses = self.stamps.uses()
+        uses = self.operations.range_dependencies()
         indptr = np.concatenate(([0], np.cumsum(uses.sum(axis=1)))).astype(np.int64)
         _, order, start = components(indptr, np.nonzero(uses)[1].astype(np.int32))
         schedule = []
@@ -340,16 +344,16 @@ class BlockMatrix:
 
     def multiply_transposed(self, x: Floats, out: Floats | None = None) -> Floats:
         """The product x A from the left: float64[columns]."""
-        y = np.empty(self.stamps.columns) if out is None else out
+        y = np.empty(self.operations.columns) if out is None else out
         y[:] = 0
         if self.layout is None:
-            self.stamps.multiply_transposed(0, np.ascontiguousarray(x, np.float64), y)
+            self.operations.multiply_transposed(0, np.ascontiguousarray(x, np.float64), y)
             return y
-        part = np.empty(self.stamps.rows)
+        part = np.empty(self.operations.rows)
         for slot, (present, rows) in enumerate(self.layout.each()):
             part[:] = 0
             part[present] = x[rows]
-            self.stamps.multiply_transposed(slot, part, y)
+            self.operations.multiply_transposed(slot, part, y)
         return y
 
     def row_sums(self) -> Floats:
@@ -358,16 +362,16 @@ class BlockMatrix:
 
     def diagonal(self) -> Floats:
         """The diagonal of a square matrix of a single class: float64[n]."""
-        out = np.zeros(min(self.stamps.rows, self.stamps.columns))
-        self.stamps.diagonal(0, out)
+        out = np.zeros(min(self.operations.rows, self.operations.columns))
+        self.operations.diagonal(0, out)
         return out
 
 
 def blocks(
-    quad: Quad,
+    quad: QuadDag,
     layout: RowLayout | None = None,
     budget: int = tuning.MAX_BLOCK_RUNS,
     threads: int | None = None,
 ) -> BlockMatrix:
     """The matrices of a quad-DAG as blocks, with about `budget` diagonal runs if possible."""
-    return BlockMatrix(Blocks(quad, budget), layout, threads)
+    return BlockMatrix(BlockOperations(quad, budget), layout, threads)

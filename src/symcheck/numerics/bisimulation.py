@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.partition.row_signatures import signatures
+from symcheck.kernels.partition.row_signatures import row_signatures
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.graph import Incidence
@@ -62,7 +62,7 @@ def lump(
     while len(dirty):
         rounds += 1
         fresh = np.empty((len(dirty), 2), dtype=np.uint64)
-        signatures(
+        row_signatures(
             matrix.indptr,
             matrix.indices,
             matrix.data,

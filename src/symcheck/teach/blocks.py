@@ -69,7 +69,7 @@ def block_structure(made: Transitions, budget: int = 60_000) -> BlockStructure:
     odd, encoding = made.space.odd, made.space.symbolic.encoding
     quad = quad_dag(made.roots, odd, odd, encoding.columns)
     matrix = blocks(quad, budget=budget)
-    shapes, places = matrix.stamps.listing()
+    shapes, places = matrix.operations.describe()
     return BlockStructure(
         _levels(made),
         quad.nodes,

@@ -33,7 +33,7 @@ from symcheck.engines.symbolic.sets import (
     picked,
 )
 from symcheck.errors import UnsupportedError
-from symcheck.kernels.partition.refinement import Partition, largest_sum
+from symcheck.kernels.partition.refinement import Partition, largest_row_sum
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ class LumpedDiagrams:
 
     def meeting(self, states: Bdd) -> Int64s:
         """The blocks with a state in a set, ascending."""
-        found = self._partition.meeting(
+        found = self._partition.blocks_meeting(
             *_rows_only(self.diagrams, states.to_mtbdd(), np.array([0.0, 1.0]))
         )
         number = np.zeros(self.blocks + 1, np.int64)
@@ -173,13 +173,13 @@ def lump_diagrams(
     try:
         partition.start(*_rows_only(diagrams, diagrams.states.to_mtbdd(), np.array([0.0, 1.0])))
         for colour in [*colours, *(diagrams.state_rewards[i] for i in structures)]:
-            partition.colour(
+            partition.separate(
                 *_rows_only(diagrams, colour.to_mtbdd() if isinstance(colour, Bdd) else colour)
             )
         for i in structures:
             for choice, reward in enumerate(diagrams.transition_rewards[i]):
                 level, low, high, values, root = _row_table(diagrams, reward)
-                partition.tell_apart(choice, i, level, low, high, values, root)
+                partition.separate_rows(choice, i, level, low, high, values, root)
         going = partition.blocks > 0
         while going:
             going = partition.step()
@@ -248,7 +248,7 @@ def _matrices(diagrams: Diagrams, limit: int) -> Partition:
         np.ascontiguousarray(table.values),
         table.roots,
     )
-    if frexp(largest_sum(*shape))[1] + exponent > 125:
+    if frexp(largest_row_sum(*shape))[1] + exponent > 125:
         raise UnsupportedError(
             "probabilities or rates are of too many orders of magnitude to be added exactly on diagrams"
         )

@@ -33,7 +33,7 @@ from symcheck.engines.symbolic.sets import (
     SymbolicValues,
     constant_piece,
 )
-from symcheck.kernels.blocks.block_matrix import Blocks
+from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.kernels.graph import deterministic_states as kernel
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.rows.submatrix import take_rows
@@ -294,9 +294,9 @@ def _successors(
     if deterministic:
         # Each row has a single 1. Rows are numbered as all states, so that no other array is as long.
         successor = d.manager.sum([root.times_bdd(deterministic) for root in d.roots])
-        Blocks(
+        BlockOperations(
             quad_dag([successor], d.odd, d.odd, d.columns), matrix_tuning.MAX_BLOCK_RUNS
-        ).columns_of(0, representative)
+        ).single_columns(0, representative)
         np.invert(representative, out=representative)  # -1 - successor
     representative[d.odd.to_mask(d.states - deterministic - kept.states - right)] = n + 1
     representative[d.odd.to_mask(right)] = n

@@ -27,7 +27,7 @@ from symcheck.engines.symbolic.sets import (
     constants_on,
     merged,
 )
-from symcheck.kernels.diagrams.quad_dag import Quad
+from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.linear.problem import SweepOperator
@@ -129,7 +129,7 @@ class SymbolicSystem(LinearSystem):
         return tuple(root.times_bdd(self.states.bdd) for root in self._d.roots)
 
     @cached_property
-    def dag(self) -> Quad:
+    def dag(self) -> QuadDag:
         """The distinct sub-matrices among the states."""
         return quad_dag(self.roots, self.odd, self.odd, self._d.columns)
 

@@ -1,22 +1,20 @@
-# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Products with a matrix that is stored as blocks, and its compressed rows: both stamp the blocks at their places."""
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Products with a matrix that is stored as blocks, and the conversion to compressed rows."""
 from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t, uint8_t
-from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
-from symcheck.kernels.blocks.block_operations cimport (
-    clipped_small, clipped_wide, columns_small, columns_wide, count_small, count_wide, diagonal_small, diagonal_wide, fill_small,
-    fill_wide, improve, multiply_small, multiply_wide, scatter, transposed_small, transposed_wide,
-)
-from symcheck.kernels.blocks.block_partition cimport Block, Cut, Place
+from symcheck.kernels.blocks.block_operations cimport (clipped, columns, count, diagonal, fill,
+                                                       improve, multiply, scatter, transposed)
+from symcheck.kernels.blocks.block_partition cimport Block, BlockPartition, Occurrence
+from symcheck.kernels.blocks.diagonal_runs cimport Runs
 
 import numpy as np
 
-__all__ = ["Blocks"]
+__all__ = ["BlockOperations"]
 
 
-cdef inline int64_t _next(const uint8_t* present, int64_t s, int64_t end) noexcept nogil:
+cdef inline int64_t _next_present(const uint8_t* present, int64_t s, int64_t end) noexcept nogil:
     """The first state from s on whose bit is set (bit s % 8 of byte s // 8), or `end`."""
     while s < end:
         if (s & 7) == 0 and present[s >> 3] == 0:
@@ -28,8 +26,10 @@ cdef inline int64_t _next(const uint8_t* present, int64_t s, int64_t end) noexce
     return end
 
 
-cdef inline void _better(double value, int64_t row, const double[::1] constant, const double[::1] divisor, bint greatest,
-                         double* best) noexcept nogil:
+cdef inline void _improve_best(double value, int64_t row, const double[::1] constant,
+                               const double[::1] divisor, bint greatest,
+                               double* best) noexcept nogil:
+    """Replace the best value by that of a row if the latter is better."""
     if divisor.shape[0]:
         value /= divisor[row]
     value += constant[row]
@@ -37,332 +37,349 @@ cdef inline void _better(double value, int64_t row, const double[::1] constant, 
         best[0] = value
 
 
-cdef double _take(double* x, const double* found, int64_t n, bint upper, double slip) noexcept nogil:
-    """Move bounds to new values, rounded outwards, where these are tighter; returns the greatest relative change."""
+cdef double _tighten(double* x, const double* candidates, int64_t n, bint upper,
+                     double rounding_error) noexcept nogil:
+    """Move bounds to new values, rounded outwards, where these are tighter; the greatest relative
+    change.
+    """
     cdef int64_t i
-    cdef double value, most = 0
+    cdef double value, greatest_change = 0
     for i in range(n):
-        value = found[i]
+        value = candidates[i]
         if upper:
-            value = value * (1 + slip) + 1e-307 if value > 0 else 0
+            value = value * (1 + rounding_error) + 1e-307 if value > 0 else 0
             if value < x[i]:
-                most = max(most, 1 - value / x[i])
+                greatest_change = max(greatest_change, 1 - value / x[i])
                 x[i] = value
         else:
-            value = value * (1 - slip)
+            value = value * (1 - rounding_error)
             if value > x[i]:
-                most = max(most, 1 - x[i] / value)
+                greatest_change = max(greatest_change, 1 - x[i] / value)
                 x[i] = value
-    return most
+    return greatest_change
 
 
-cdef class Blocks(Cut):
-    """What can be done with the blocks. Lengths of arrays are checked; products release the interpreter lock."""
+cdef class BlockOperations(BlockPartition):
+    """The operations on a block partition.
 
-    cdef void _add(self, int64_t root, int64_t part, const double* x, double* y) noexcept nogil:
-        """y += A x on the rows of a part; y begins with the part's first row."""
-        cdef int64_t i, low = self.bounds[part], high = self.bounds[part + 1]
-        cdef Place* place
+    In all methods `root` is the number of a matrix, and arrays have the dtypes and shapes that are
+    given; other lengths raise ValueError, and a number out of range IndexError. `first` and `last`
+    delimit the row ranges to compute (last -1: to the end). Products release the interpreter lock.
+
+    groups: int64[rows+1], the rows (choices) of each state. present: uint8[roots, ceil(rows / 8)],
+    which states have a row in which root: bit s % 8 of byte s // 8.
+    """
+
+    cdef inline Runs _runs(self, const Block* block) noexcept nogil:
+        """The runs of a block."""
+        cdef Runs runs = Runs(NULL, NULL, block.runs)
+        if block.wide:
+            runs.wide = self.wide + block.start
+        else:
+            runs.small = self.small + block.start
+        return runs
+
+    cdef void _add_product(self, int64_t root, int64_t range_, const double* x,
+                           double* y) noexcept nogil:
+        """y += A x on a range of rows; y begins with the first row of the range."""
+        cdef int64_t i, low = self.bounds[range_], high = self.bounds[range_ + 1]
+        cdef Occurrence* occurrence
         cdef Block* block
         cdef const double* values = &self.values[0]
         cdef double* base = y - low
-        for i in range(self.starts[root, part], self.starts[root, part + 1]):
-            place = &self.places[i]
-            block = &self.blocks[place.block]
-            if place.row >= low and place.row + block.rows <= high:
-                if block.wide:
-                    multiply_wide(self.wide + block.start, block.runs, values, x + place.col, base + place.row)
-                else:
-                    multiply_small(self.small + block.start, block.runs, values, x + place.col, base + place.row)
-            elif block.wide:
-                clipped_wide(self.wide + block.start, block.runs, values, x + place.col, base + place.row,
-                             low - <int64_t>place.row, high - <int64_t>place.row)
+        for i in range(self.occurrence_start[root, range_],
+                       self.occurrence_start[root, range_ + 1]):
+            occurrence = &self.occurrences[i]
+            block = &self.blocks[occurrence.block]
+            if occurrence.row >= low and occurrence.row + block.rows <= high:
+                multiply(self._runs(block), values, x + occurrence.col, base + occurrence.row)
             else:
-                clipped_small(self.small + block.start, block.runs, values, x + place.col, base + place.row,
-                              low - <int64_t>place.row, high - <int64_t>place.row)
+                clipped(self._runs(block), values, x + occurrence.col, base + occurrence.row,
+                        low - <int64_t>occurrence.row, high - <int64_t>occurrence.row)
 
-    cdef void _fresh(self, int64_t root, int64_t part, const double[::1] x, double* y, int64_t* used) noexcept nogil:
-        """y = A x on the rows of a part, of which only used[0] to used[1] may differ from 0 before; these say so of it after."""
-        cdef int64_t i, low = self.bounds[part], high = self.bounds[part + 1], first = high, last = low
-        if used[1] > used[0]:
-            memset(y + used[0] - low, 0, (used[1] - used[0]) * 8)
+    cdef void _multiply_range(self, int64_t root, int64_t range_, const double[::1] x, double* y,
+                              int64_t* written) noexcept nogil:
+        """y = A x on a range of rows.
+
+        Before the call, y may differ from 0 in rows written[0] to written[1] only; afterwards these
+        say so again.
+        """
+        cdef int64_t i, low = self.bounds[range_], high = self.bounds[range_
+                                                                      + 1], first = high, last = low
+        if written[1] > written[0]:
+            memset(y + written[0] - low, 0, (written[1] - written[0]) * 8)
         if x.shape[0]:
-            for i in range(self.starts[root, part], self.starts[root, part + 1]):
-                first = min(first, <int64_t>self.places[i].row)
-                last = max(last, <int64_t>self.places[i].row + self.blocks[self.places[i].block].rows)
-            self._add(root, part, &x[0], y)
-        used[0], used[1] = max(first, low), min(last, high)
+            for i in range(self.occurrence_start[root, range_],
+                           self.occurrence_start[root, range_ + 1]):
+                first = min(first, <int64_t>self.occurrences[i].row)
+                last = max(last, <int64_t>self.occurrences[i].row
+                           + self.blocks[self.occurrences[i].block].rows)
+            self._add_product(root, range_, &x[0], y)
+        written[0], written[1] = max(first, low), min(last, high)
 
-    def multiply(self, int root, const double[::1] x, double[::1] y, int64_t first=0, int64_t last=-1):
-        """y = A x on the rows of the parts first .. last: x float64[columns], y float64[rows]."""
+    def multiply(self, int root, const double[::1] x, double[::1] y, int64_t first=0,
+                 int64_t last=-1):
+        """y = A x on some ranges of rows, for x float64[columns] and y float64[rows]."""
         cdef int64_t p
-        last = self._check(root, y.shape[0], x.shape[0], first, last)
+        last = self._check_arguments(root, y.shape[0], x.shape[0], first, last)
         if y.shape[0] == 0:
             return
         with nogil:
             for p in range(first, last):
                 memset(&y[self.bounds[p]], 0, (self.bounds[p + 1] - self.bounds[p]) * 8)
                 if x.shape[0]:
-                    self._add(root, p, &x[0], &y[self.bounds[p]])
+                    self._add_product(root, p, &x[0], &y[self.bounds[p]])
 
-    def multiply_choices(self, const double[::1] x, const int64_t[::1] groups, const uint8_t[:, ::1] present, double[::1] out,
-                         int64_t first=0, int64_t last=-1):
-        """out[groups[s] + i] = row s of A x for the i-th root that is present in state s, s in the parts first .. last.
+    def multiply_choices(self, const double[::1] x, const int64_t[::1] groups,
+                         const uint8_t[:, ::1] present, double[::1] out, int64_t first=0,
+                         int64_t last=-1):
+        """out[groups[s] + i] = row s of A x for the i-th root present in state s, on some ranges of
+        rows.
 
-        present: per root, bit s % 8 of byte s // 8. out: float64[groups[rows]].
+        x: float64[columns]. out: float64[groups[rows]].
         """
         cdef int64_t p, s, root, begin, end
-        cdef double* part
-        cdef int64_t* at
-        cdef int64_t used[2]
-        last = self._check(0, groups.shape[0] - 1, x.shape[0], first, last)
-        part = <double*>malloc(self._longest() * 8)
-        at = <int64_t*>malloc(self._longest() * 8)
-        if part == NULL or at == NULL:
-            free(part)
-            free(at)
-            raise MemoryError
+        cdef double[::1] product = np.empty(self._longest_range())
+        cdef int64_t[::1] next_row = np.empty(self._longest_range(), np.int64)
+        cdef int64_t written[2]
+        last = self._check_arguments(0, groups.shape[0] - 1, x.shape[0], first, last)
         with nogil:
             for p in range(first, last):
                 begin, end = self.bounds[p], self.bounds[p + 1]
                 for s in range(begin, end):
-                    at[s - begin] = groups[s]
-                used[0], used[1] = begin, end
+                    next_row[s - begin] = groups[s]
+                written[0], written[1] = begin, end
                 for root in range(self.roots):
-                    self._fresh(root, p, x, part, used)
-                    scatter(&present[root, 0], begin, end, part, at, &out[0])
-        free(part)
-        free(at)
+                    self._multiply_range(root, p, x, &product[0], written)
+                    scatter(&present[root, 0], begin, end, &product[0], &next_row[0], &out[0])
 
-    def optimum(self, const double[::1] x, const double[::1] constant, const int64_t[::1] groups, const uint8_t[:, ::1] present,
-                bint greatest, double[::1] out, int64_t first=0, int64_t last=-1):
-        """out[s] = least or greatest of constant + A x over the rows of state s (infinite without rows).
+    def optimum(self, const double[::1] x, const double[::1] constant, const int64_t[::1] groups,
+                const uint8_t[:, ::1] present, bint greatest, double[::1] out, int64_t first=0,
+                int64_t last=-1):
+        """The optimum over the rows of each state of constant + A x, on some ranges of rows.
 
-        constant: float64[groups[rows]], or empty for none. out: float64[rows].
+        Args:
+            x: float64[columns].
+            constant: float64[groups[rows]], or empty for 0.
+            greatest: maximum instead of minimum.
+            out: float64[rows], receives the optima; states without a row get -inf (maximum) or inf.
         """
         cdef int64_t p, s, root, begin, end
-        cdef double* part
-        cdef int64_t* at
-        cdef int64_t used[2]
+        cdef double[::1] product = np.empty(self._longest_range())
+        cdef int64_t[::1] next_row = np.empty(self._longest_range(), np.int64)
+        cdef int64_t written[2]
         cdef double value
-        last = self._check(0, out.shape[0], x.shape[0], first, last)
-        part = <double*>malloc(self._longest() * 8)
-        at = <int64_t*>malloc(self._longest() * 8)
-        if part == NULL or at == NULL:
-            free(part)
-            free(at)
-            raise MemoryError
+        last = self._check_arguments(0, out.shape[0], x.shape[0], first, last)
         with nogil:
             for p in range(first, last):
                 begin, end = self.bounds[p], self.bounds[p + 1]
                 for s in range(begin, end):
-                    at[s - begin] = groups[s]
+                    next_row[s - begin] = groups[s]
                     out[s] = -INFINITY if greatest else INFINITY
-                used[0], used[1] = begin, end
+                written[0], written[1] = begin, end
                 for root in range(self.roots):
-                    self._fresh(root, p, x, part, used)
+                    self._multiply_range(root, p, x, &product[0], written)
                     if constant.shape[0] == 0:
-                        improve(&present[root, 0], begin, end, part, &out[0], greatest)
+                        improve(&present[root, 0], begin, end, &product[0], &out[0], greatest)
                         continue
-                    s = _next(&present[root, 0], begin, end)
+                    s = _next_present(&present[root, 0], begin, end)
                     while s < end:
-                        value = part[s - begin] + constant[at[s - begin]]
-                        at[s - begin] += 1
+                        value = product[s - begin] + constant[next_row[s - begin]]
+                        next_row[s - begin] += 1
                         if (value > out[s]) if greatest else (value < out[s]):
                             out[s] = value
-                        s = _next(&present[root, 0], s + 1, end)
-        free(part)
-        free(at)
+                        s = _next_present(&present[root, 0], s + 1, end)
 
-    def sweep(self, double[::1] x, const double[::1] constant, const double[::1] divisor, groups, present, bint greatest,
-              bint upper, double slip, const int32_t[::1] order, int inner):
-        """x = opt(constant + A x / divisor) in place, part by part, each with what the parts before it made: bounds for bounds.
+    def sweep(self, double[::1] x, const double[::1] constant, const double[::1] divisor, groups,
+              present, bint greatest, bint upper, double rounding_error, const int32_t[::1] order,
+              int repetitions):
+        """Tighten bounds on the solution of x = opt(constant + A x / divisor), in place, range by
+        range.
 
-        Lower bounds only rise, upper bounds (`upper`) only fall; each new value is moved outwards by the relative error
-        `slip`. A part is repeated until it hardly changes, at most `inner` times. divisor: float64 per row, or empty for
-        none. groups, present: as in `optimum`; None where rows are states. order: int32, the parts to do, as they are to be
-        done. Returns the greatest relative change.
+        Each range uses the new values of the ranges before it. Lower bounds only rise, and upper
+        bounds only fall.
+
+        Args:
+            x: float64[rows], lower bounds, or upper bounds if `upper`.
+            constant: float64 per row. divisor: float64 per row, or empty for 1.
+            groups, present: as in `optimum`; None where states have one row.
+            greatest: maximum instead of minimum.
+            rounding_error: relative error of a step, by which new values are moved outwards.
+            order: int32, the ranges in the order of their treatment.
+            repetitions: how often a range is repeated at most, until it hardly changes.
+        Returns:
+            The greatest relative change.
         """
         cdef int64_t p, i, s, root, begin, end
-        cdef bint choices = groups is not None
-        cdef const int64_t[::1] starts = groups if choices else np.empty(0, np.int64)
-        cdef const uint8_t[:, ::1] bits = present if choices else np.empty((0, 0), np.uint8)
-        cdef double* part
-        cdef double* best
-        cdef int64_t* at
-        cdef double change, most = 0
-        self._check(0, x.shape[0], x.shape[0], 0, -1)
-        part = <double*>malloc(self._longest() * 8)
-        best = <double*>malloc(self._longest() * 8)
-        at = <int64_t*>malloc(self._longest() * 8)
-        if part == NULL or best == NULL or at == NULL:
-            free(part)
-            free(best)
-            free(at)
-            raise MemoryError
+        cdef bint grouped = groups is not None
+        cdef const int64_t[::1] row_start = groups if grouped else np.empty(0, np.int64)
+        cdef const uint8_t[:, ::1] bits = present if grouped else np.empty((0, 0), np.uint8)
+        cdef double[::1] product = np.empty(self._longest_range())
+        cdef double[::1] best = np.empty(self._longest_range())
+        cdef int64_t[::1] next_row = np.empty(self._longest_range(), np.int64)
+        cdef double change, greatest_change = 0
+        self._check_arguments(0, x.shape[0], x.shape[0], 0, -1)
         with nogil:
             for i in range(order.shape[0] if self.rows else 0):
                 p = order[i]
                 begin, end = self.bounds[p], self.bounds[p + 1]
-                for _ in range(inner):
+                for _ in range(repetitions):
                     for s in range(begin, end):
                         best[s - begin] = -INFINITY if greatest else INFINITY
-                        at[s - begin] = starts[s] if choices else s
+                        next_row[s - begin] = row_start[s] if grouped else s
                     for root in range(self.roots):
-                        memset(part, 0, (end - begin) * 8)
-                        self._add(root, p, &x[0], part)
-                        s = _next(&bits[root, 0], begin, end) if choices else begin
+                        memset(&product[0], 0, (end - begin) * 8)
+                        self._add_product(root, p, &x[0], &product[0])
+                        s = _next_present(&bits[root, 0], begin, end) if grouped else begin
                         while s < end:
-                            _better(part[s - begin], at[s - begin], constant, divisor, greatest, &best[s - begin])
-                            at[s - begin] += 1
-                            s = _next(&bits[root, 0], s + 1, end) if choices else s + 1
-                    change = _take(&x[begin], best, end - begin, upper, slip)
-                    most = max(most, change)
-                    if change <= 4 * slip:
+                            _improve_best(product[s - begin], next_row[s - begin], constant,
+                                          divisor, greatest, &best[s - begin])
+                            next_row[s - begin] += 1
+                            s = _next_present(&bits[root, 0], s + 1, end) if grouped else s + 1
+                    change = _tighten(&x[begin], &best[0], end - begin, upper, rounding_error)
+                    greatest_change = max(greatest_change, change)
+                    if change <= 4 * rounding_error:
                         break
-        free(part)
-        free(best)
-        free(at)
-        return most
+        return greatest_change
 
-    def uses(self):
-        """Which parts of x the rows of each part read, at most: bool[parts, parts], for a square matrix."""
+    def range_dependencies(self):
+        """Which ranges of x the rows of each range may read, for a square matrix: bool[ranges,
+        ranges].
+        """
         cdef int64_t p, root, i, low, high, shift
-        cdef Place* place
+        cdef Occurrence* occurrence
         cdef Block* block
-        found = np.zeros((self.parts, self.parts + 1), np.int32)
-        bounds = np.asarray(self.bounds)
-        spans = np.empty((self.places_used, 2), np.int64)
-        cdef int64_t[:, ::1] span = spans
-        owners = np.empty(self.places_used, np.int64)
-        cdef int64_t[::1] owner = owners
+        changes = np.zeros((self.ranges, self.ranges + 1), np.int32)
+        range_bounds = np.asarray(self.range_bounds)
+        all_columns_read = np.empty((self.occurrence_count, 2), np.int64)
+        cdef int64_t[:, ::1] columns_read = all_columns_read
+        ranges_of = np.empty(self.occurrence_count, np.int64)
+        cdef int64_t[::1] range_of = ranges_of
         for root in range(self.roots):
-            for p in range(self.parts):
-                for i in range(self.starts[root, p], self.starts[root, p + 1]):
-                    place = &self.places[i]
-                    block = &self.blocks[place.block]
-                    low, high = place.col, <int64_t>place.col + block.cols
+            for p in range(self.ranges):
+                for i in range(self.occurrence_start[root, p], self.occurrence_start[root, p + 1]):
+                    occurrence = &self.occurrences[i]
+                    block = &self.blocks[occurrence.block]
+                    low, high = occurrence.col, <int64_t>occurrence.col + block.cols
                     if block.runs == 1:          # a run's columns go with its rows
-                        shift = low - <int64_t>place.row
-                        low = max(low, self.bounds[p] + shift)
-                        high = min(high, self.bounds[p + 1] + shift)
-                    owner[i], span[i, 0], span[i, 1] = p, low, high - 1
-        first, last = np.searchsorted(bounds, spans, side="right").T - 1
-        np.add.at(found, (owners, first), 1)
-        np.add.at(found, (owners, last + 1), -1)
-        return np.cumsum(found, axis=1)[:, : self.parts] > 0
+                        shift = low - <int64_t>occurrence.row
+                        low = max(low, self.range_bounds[p] + shift)
+                        high = min(high, self.range_bounds[p + 1] + shift)
+                    range_of[i], columns_read[i, 0], columns_read[i, 1] = p, low, high - 1
+        first, last = np.searchsorted(range_bounds, all_columns_read, side="right").T - 1
+        np.add.next_row(changes, (ranges_of, first), 1)
+        np.add.next_row(changes, (ranges_of, last + 1), -1)
+        return np.cumsum(changes, axis=1)[:, : self.ranges] > 0
 
     def multiply_transposed(self, int root, const double[::1] x, double[::1] y):
-        """y += x A: x float64[rows], y float64[columns]."""
+        """y += x A, for x float64[rows] and y float64[columns]."""
         cdef int64_t i, p
-        cdef Place* place
+        cdef Occurrence* occurrence
         cdef Block* block
-        self._check(root, x.shape[0], y.shape[0], 0, -1)
+        self._check_arguments(root, x.shape[0], y.shape[0], 0, -1)
         if y.shape[0] == 0 or x.shape[0] == 0:
             return
         with nogil:
-            for p in range(self.parts):
-                for i in range(self.starts[root, p], self.starts[root, p + 1]):
-                    place = &self.places[i]
-                    if place.row < self.bounds[p]:      # done where it begins
+            for p in range(self.ranges):
+                for i in range(self.occurrence_start[root, p], self.occurrence_start[root, p + 1]):
+                    occurrence = &self.occurrences[i]
+                    if occurrence.row < self.bounds[p]:      # was treated where it begins
                         continue
-                    block = &self.blocks[place.block]
-                    if block.wide:
-                        transposed_wide(self.wide + block.start, block.runs, &self.values[0], &x[0] + place.row, &y[0] + place.col)
-                    else:
-                        transposed_small(self.small + block.start, block.runs, &self.values[0], &x[0] + place.row, &y[0] + place.col)
+                    block = &self.blocks[occurrence.block]
+                    transposed(self._runs(block), &self.values[0], &x[0] + occurrence.row,
+                               &y[0] + occurrence.col)
 
     def diagonal(self, int root, double[::1] out):
-        """out[i] += A[i, i]. out: float64[min(rows, columns)]."""
+        """out[i] += A[i, i], for out float64[min(rows, columns)]."""
         cdef int64_t i, p, shift
-        cdef Place* place
+        cdef Occurrence* occurrence
         cdef Block* block
-        self._check(root, self.rows, self.columns, 0, -1)
+        self._check_arguments(root, self.rows, self.columns, 0, -1)
         if out.shape[0] != min(self.rows, self.columns):
             raise ValueError("the diagonal has another length")
         with nogil:
-            for p in range(self.parts):
-                for i in range(self.starts[root, p], self.starts[root, p + 1]):
-                    place = &self.places[i]
-                    if place.row < self.bounds[p]:
+            for p in range(self.ranges):
+                for i in range(self.occurrence_start[root, p], self.occurrence_start[root, p + 1]):
+                    occurrence = &self.occurrences[i]
+                    if occurrence.row < self.bounds[p]:
                         continue
-                    block = &self.blocks[place.block]
-                    shift = <int64_t>place.row - <int64_t>place.col      # a run is on the diagonal where col - row = shift
+                    block = &self.blocks[occurrence.block]
+                    # a run is on the diagonal where col - row = shift
+                    shift = <int64_t>occurrence.row - <int64_t>occurrence.col
                     if shift > <int64_t>block.cols or -shift > <int64_t>block.rows:
                         continue
-                    if block.wide:
-                        diagonal_wide(self.wide + block.start, block.runs, &self.values[0], shift, &out[0] + place.row)
-                    else:
-                        diagonal_small(self.small + block.start, block.runs, &self.values[0], shift, &out[0] + place.row)
+                    diagonal(self._runs(block), &self.values[0], shift, &out[0] + occurrence.row)
 
-    def count_rows(self, int root, int32_t[::1] counts):
-        """counts[i] += number of entries in row i."""
+    def count_entries(self, int root, int32_t[::1] counts):
+        """counts[i] += number of entries in row i, for counts int32[rows]."""
         cdef int64_t i, p
-        cdef Place* place
+        cdef Occurrence* occurrence
         cdef Block* block
-        self._check(root, counts.shape[0], self.columns, 0, -1)
+        self._check_arguments(root, counts.shape[0], self.columns, 0, -1)
         with nogil:
-            for p in range(self.parts):
-                for i in range(self.starts[root, p], self.starts[root, p + 1]):
-                    place = &self.places[i]
-                    if place.row < self.bounds[p]:
+            for p in range(self.ranges):
+                for i in range(self.occurrence_start[root, p], self.occurrence_start[root, p + 1]):
+                    occurrence = &self.occurrences[i]
+                    if occurrence.row < self.bounds[p]:
                         continue
-                    block = &self.blocks[place.block]
-                    if block.wide:
-                        count_wide(self.wide + block.start, block.runs, &counts[0] + place.row)
-                    else:
-                        count_small(self.small + block.start, block.runs, &counts[0] + place.row)
+                    block = &self.blocks[occurrence.block]
+                    count(self._runs(block), &counts[0] + occurrence.row)
 
-    def count_choices(self, const int64_t[::1] groups, const uint8_t[:, ::1] present, int64_t[::1] counts):
-        """counts[r] = number of entries of row r, numbered as in `multiply_choices`; False if an entry is in no such row."""
+    def count_choice_entries(self, const int64_t[::1] groups, const uint8_t[:, ::1] present,
+                             int64_t[::1] counts):
+        """counts[r] = number of entries of row r, with rows as in `multiply_choices`.
+
+        counts: int64[groups[rows]]. Returns False if a state has entries in a root that is not
+        present in it.
+        """
         cdef int64_t s, root, n = self.rows
         cdef bint complete = True
-        cdef int64_t[::1] at = np.array(groups[:n])
-        cdef int32_t[::1] here = np.empty(n, np.int32)
+        cdef int64_t[::1] next_row = np.array(groups[:n])
+        cdef int32_t[::1] entries = np.empty(n, np.int32)
         for root in range(self.roots):
-            here[:] = 0
-            self.count_rows(root, here)
+            entries[:] = 0
+            self.count_entries(root, entries)
             with nogil:
-                s = _next(&present[root, 0], 0, n) if n else 0
+                s = _next_present(&present[root, 0], 0, n) if n else 0
                 while s < n:
-                    counts[at[s]] = here[s]
-                    here[s] = 0
-                    at[s] += 1
-                    s = _next(&present[root, 0], s + 1, n)
+                    counts[next_row[s]] = entries[s]
+                    entries[s] = 0
+                    next_row[s] += 1
+                    s = _next_present(&present[root, 0], s + 1, n)
                 for s in range(n):
-                    complete = complete and here[s] == 0
+                    complete = complete and entries[s] == 0
         return complete
 
-    def fill(self, int root, int64_t[::1] following, int32_t[::1] indices, double[::1] data):
-        """Append each row's columns and values at following[row], which moves on; columns ascend (blocks made `ordered`)."""
+    def fill_rows(self, int root, int64_t[::1] next_entry, int32_t[::1] indices, double[::1] data):
+        """Append the columns and values of each row to arrays; columns ascend if the partition is
+        `ordered`.
+
+        next_entry: int64[rows], where to write each row's next entry; it is advanced.
+        """
         cdef int64_t i
-        cdef Place* place
+        cdef Occurrence* occurrence
         cdef Block* block
-        self._check(root, following.shape[0], self.columns, 0, -1)
+        self._check_arguments(root, next_entry.shape[0], self.columns, 0, -1)
         if indices.shape[0] == 0:
             return
         with nogil:
-            for i in range(self.starts[root, 0], self.starts[root, self.parts]):
-                place = &self.places[i]
-                block = &self.blocks[place.block]
-                if block.wide:
-                    fill_wide(self.wide + block.start, block.runs, &self.values[0], &following[0] + place.row, place.col,
-                              &indices[0], &data[0])
-                else:
-                    fill_small(self.small + block.start, block.runs, &self.values[0], &following[0] + place.row, place.col,
-                               &indices[0], &data[0])
+            for i in range(self.occurrence_start[root, 0],
+                           self.occurrence_start[root, self.ranges]):
+                occurrence = &self.occurrences[i]
+                block = &self.blocks[occurrence.block]
+                fill(self._runs(block), &self.values[0], &next_entry[0] + occurrence.row,
+                     occurrence.col, &indices[0], &data[0])
 
-    def columns_of(self, int root, int32_t[::1] out):
-        """out[i] = the column of the only entry of row i, for the rows that have one."""
+    def single_columns(self, int root, int32_t[::1] out):
+        """out[i] = the column of the only entry of row i, for rows with one entry; out int32[rows].
+        """
         cdef int64_t i
-        cdef Place* place
+        cdef Occurrence* occurrence
         cdef Block* block
-        self._check(root, out.shape[0], self.columns, 0, -1)
+        self._check_arguments(root, out.shape[0], self.columns, 0, -1)
         with nogil:
-            for i in range(self.starts[root, 0], self.starts[root, self.parts]):
-                place = &self.places[i]
-                block = &self.blocks[place.block]
-                if block.wide:
-                    columns_wide(self.wide + block.start, block.runs, place.col, &out[0] + place.row)
-                else:
-                    columns_small(self.small + block.start, block.runs, place.col, &out[0] + place.row)
+            for i in range(self.occurrence_start[root, 0],
+                           self.occurrence_start[root, self.ranges]):
+                occurrence = &self.occurrences[i]
+                block = &self.blocks[occurrence.block]
+                columns(self._runs(block), occurrence.col, &out[0] + occurrence.row)

@@ -2,18 +2,18 @@
 """The loops over the runs of a block, in C."""
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
-from symcheck.kernels.blocks.diagonal_runs cimport SmallRun, WideRun
+from symcheck.kernels.blocks.diagonal_runs cimport Runs
 
 cdef extern from *:
     """
-    /* no clone with fused multiply-add: the digits shall not depend on the machine */
+    /* no clone with fused multiply-add: results must not depend on the machine */
     #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__GLIBC__)
     #define SYMCHECK_CLONES __attribute__((target_clones("avx2", "default")))
     #else
     #define SYMCHECK_CLONES
     #endif
 
-    /* y += A x; the runs of a block come by ascending length, so that the branches are foreseen */
+    /* y += A x; the runs of a block are sorted by length, so that branches are predictable */
     #define SYMCHECK_MULTIPLY(NAME, RUN, X, Y)                                                                    \
     SYMCHECK_CLONES static void NAME(const RUN* run, int64_t runs, const double* values,                          \
                                      const double* __restrict__ x, double* __restrict__ y) {                      \
@@ -111,30 +111,43 @@ cdef extern from *:
             s = next;                                                                                             \
         }
 
-    /* what a slot's rows are, into the next row of each state */
-    static void scatter(const uint8_t* present, int64_t low, int64_t high, const double* part, int64_t* at, double* out) {
-        SYMCHECK_EACH(present, low, high, out[at[s - low]++] = part[s - low];)
+    /* write the rows of a slot to the next row of each state */
+    static void scatter(const uint8_t* present, int64_t low, int64_t high, const double* product, int64_t* next_row, double* out) {
+        SYMCHECK_EACH(present, low, high, out[next_row[s - low]++] = product[s - low];)
     }
 
-    /* the better of them and what there is, without constants */
-    static void improve(const uint8_t* present, int64_t low, int64_t high, const double* part, double* out, int greatest) {
-        if (greatest) { SYMCHECK_EACH(present, low, high, out[s] = part[s - low] > out[s] ? part[s - low] : out[s];) }
-        else { SYMCHECK_EACH(present, low, high, out[s] = part[s - low] < out[s] ? part[s - low] : out[s];) }
+    /* the better of the rows of a slot and the values so far */
+    static void improve(const uint8_t* present, int64_t low, int64_t high, const double* product, double* out, int greatest) {
+        if (greatest) { SYMCHECK_EACH(present, low, high, out[s] = product[s - low] > out[s] ? product[s - low] : out[s];) }
+        else { SYMCHECK_EACH(present, low, high, out[s] = product[s - low] < out[s] ? product[s - low] : out[s];) }
     }
+
+    /* the same for the runs of a block in either form */
+    #define SYMCHECK_BOTH(NAME, PARAMETERS, ...)                                                                  \
+    static void NAME PARAMETERS {                                                                                 \
+        if (runs.wide) NAME##_wide(runs.wide, runs.count, __VA_ARGS__);                                           \
+        else NAME##_small(runs.small, runs.count, __VA_ARGS__);                                                   \
+    }
+    SYMCHECK_BOTH(multiply, (Runs runs, const double* values, const double* x, double* y), values, x, y)
+    SYMCHECK_BOTH(transposed, (Runs runs, const double* values, const double* x, double* y), values, x, y)
+    SYMCHECK_BOTH(clipped, (Runs runs, const double* values, const double* x, double* y, int64_t low,
+                            int64_t high), values, x, y, low, high)
+    SYMCHECK_BOTH(count, (Runs runs, int32_t* counts), counts)
+    SYMCHECK_BOTH(fill, (Runs runs, const double* values, int64_t* next, int64_t column,
+                         int32_t* indices, double* data), values, next, column, indices, data)
+    SYMCHECK_BOTH(diagonal, (Runs runs, const double* values, int64_t shift, double* out), values, shift, out)
+    SYMCHECK_BOTH(columns, (Runs runs, int64_t column, int32_t* out), column, out)
     """
-    void scatter(const uint8_t* present, int64_t low, int64_t high, const double* part, int64_t* at, double* out) noexcept nogil
-    void improve(const uint8_t* present, int64_t low, int64_t high, const double* part, double* out, bint greatest) noexcept nogil
-    void multiply_small(const SmallRun*, int64_t, const double*, const double* x, double* y) noexcept nogil
-    void multiply_wide(const WideRun*, int64_t, const double*, const double* x, double* y) noexcept nogil
-    void transposed_small(const SmallRun*, int64_t, const double*, const double* x, double* y) noexcept nogil
-    void transposed_wide(const WideRun*, int64_t, const double*, const double* x, double* y) noexcept nogil
-    void clipped_small(const SmallRun*, int64_t, const double*, const double* x, double* y, int64_t low, int64_t high) noexcept nogil
-    void clipped_wide(const WideRun*, int64_t, const double*, const double* x, double* y, int64_t low, int64_t high) noexcept nogil
-    void count_small(const SmallRun*, int64_t, int32_t* counts) noexcept nogil
-    void count_wide(const WideRun*, int64_t, int32_t* counts) noexcept nogil
-    void fill_small(const SmallRun*, int64_t, const double*, int64_t* next, int64_t column, int32_t*, double*) noexcept nogil
-    void fill_wide(const WideRun*, int64_t, const double*, int64_t* next, int64_t column, int32_t*, double*) noexcept nogil
-    void diagonal_small(const SmallRun*, int64_t, const double*, int64_t shift, double* out) noexcept nogil
-    void diagonal_wide(const WideRun*, int64_t, const double*, int64_t shift, double* out) noexcept nogil
-    void columns_small(const SmallRun*, int64_t, int64_t column, int32_t* out) noexcept nogil
-    void columns_wide(const WideRun*, int64_t, int64_t column, int32_t* out) noexcept nogil
+    void scatter(const uint8_t* present, int64_t low, int64_t high, const double* product,
+                 int64_t* next_row, double* out) noexcept nogil
+    void improve(const uint8_t* present, int64_t low, int64_t high, const double* product,
+                 double* out, bint greatest) noexcept nogil
+    void multiply(Runs, const double* values, const double* x, double* y) noexcept nogil
+    void transposed(Runs, const double* values, const double* x, double* y) noexcept nogil
+    void clipped(Runs, const double* values, const double* x, double* y, int64_t low,
+                 int64_t high) noexcept nogil
+    void count(Runs, int32_t* counts) noexcept nogil
+    void fill(Runs, const double* values, int64_t* next, int64_t column, int32_t* indices,
+              double* data) noexcept nogil
+    void diagonal(Runs, const double* values, int64_t shift, double* out) noexcept nogil
+    void columns(Runs, int64_t column, int32_t* out) noexcept nogil

@@ -1,13 +1,13 @@
-# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Cutting a quad-DAG into blocks of diagonal runs, and listing the places where they stand.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Partition of a quad-DAG into blocks of diagonal runs, and the occurrences of the blocks.
 
-Cutting the DAG where the distinct sub-matrices are few gives blocks: lists of runs, stored once. A run is a constant
-along a diagonal, which is what unchanged variables look like, so that most runs are long; in the worst case a run is one
-entry.
+A block is a submatrix that is stored once, as a list of diagonal runs. Unchanged variables make
+long runs; in the worst case a run is one entry.
 
-For products the rows are parted into ranges of some ten thousand, each with its own list of places: what a range
-reads and writes stays in cache, ranges may be done by different threads, and the order of additions in a row does not
-depend on who does them. A place that crosses a range's end is in both lists, and is clipped.
+For products the rows are split into ranges of some ten thousand, each with its own list of
+occurrences. What a range reads and writes stays in cache, ranges may be computed by different
+threads, and the order of additions in a row does not depend on the threads. An occurrence that
+crosses the end of a range is in both lists, and is clipped.
 """
 from libc.stdint cimport int32_t, int64_t, uint16_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
@@ -17,45 +17,48 @@ cimport cython
 import numpy as np
 
 from symcheck.kernels.blocks.diagonal_runs cimport SmallRun, WideRun
-from symcheck.kernels.diagrams.quad_dag cimport Node, Quad
+from symcheck.kernels.diagrams.quad_dag cimport Node, QuadDag
 
-__all__ = ["Cut"]
+__all__ = ["BlockPartition"]
 
 cdef enum:
     ABOVE = -1            # of a node: above the cut
     UNUSED = -2
     CHOSEN = -3
 
-cdef struct Cell:         # a run while its block is made: `key` sorts by diagonal, then row
+cdef struct RunKey:       # a run of a block under construction; `key` sorts by diagonal, then row
     uint64_t key
     uint32_t length
     uint32_t value
 
 
-cdef void _sort(Cell* cells, Cell* spare, int64_t n, bint by_length) noexcept nogil:
-    """Stably by key or by length, ascending: insertion for few, otherwise by bytes, leaving out those that are all alike."""
+cdef void _sort_runs(RunKey* runs, RunKey* spare, int64_t n, bint by_length) noexcept nogil:
+    """Sort stably by key or by length: insertion sort for few, otherwise radix sort over bytes that
+    differ.
+    """
     cdef int64_t i, j, total, c
     cdef int64_t[256] counts
-    cdef Cell cell
-    cdef uint64_t every = 0, first, k
+    cdef RunKey cell
+    cdef uint64_t varying = 0, first, k
     cdef int shift
-    cdef Cell* source = cells
-    cdef Cell* target = spare
+    cdef RunKey* source = runs
+    cdef RunKey* target = spare
     if n <= 32:
         for i in range(1, n):
-            cell = cells[i]
+            cell = runs[i]
             j = i
-            while j > 0 and (cells[j - 1].length > cell.length if by_length else cells[j - 1].key > cell.key):
-                cells[j] = cells[j - 1]
+            while (j > 0 and (runs[j - 1].length > cell.length
+                              if by_length else runs[j - 1].key > cell.key)):
+                runs[j] = runs[j - 1]
                 j -= 1
-            cells[j] = cell
+            runs[j] = cell
         return
-    first = cells[0].length if by_length else cells[0].key
+    first = runs[0].length if by_length else runs[0].key
     for i in range(n):
-        k = cells[i].length if by_length else cells[i].key
-        every |= k ^ first
+        k = runs[i].length if by_length else runs[i].key
+        varying |= k ^ first
     for shift in range(0, 64, 8):
-        if (every >> shift) & 255 == 0:
+        if (varying >> shift) & 255 == 0:
             continue
         memset(counts, 0, sizeof(counts))
         for i in range(n):
@@ -72,142 +75,167 @@ cdef void _sort(Cell* cells, Cell* spare, int64_t n, bint by_length) noexcept no
             target[counts[c]] = source[i]
             counts[c] += 1
         source, target = target, source
-    if source != cells:
-        memcpy(cells, source, n * sizeof(Cell))
+    if source != runs:
+        memcpy(runs, source, n * sizeof(RunKey))
 
 
-cdef void _cells(const Node* nodes, int32_t number, uint32_t row, uint32_t col, Cell* cells, int64_t* used) noexcept nogil:
-    cdef const Node* node = &nodes[number]
+cdef void _collect_runs(const Node* nodes, int32_t node_number, uint32_t row, uint32_t col,
+                        RunKey* runs, int64_t* used) noexcept nogil:
+    """Append the runs below a node."""
+    cdef const Node* node = &nodes[node_number]
     cdef int i
-    cdef Cell* cell
+    cdef RunKey* key
     if node.value >= 0:
-        cell = &cells[used[0]]
-        cell.key = ((<uint64_t>col + ((<uint64_t>1) << 31) - row) << 32) | row
-        cell.length = node.rows
-        cell.value = <uint32_t>node.value
+        key = &runs[used[0]]
+        key.key = ((<uint64_t>col + ((<uint64_t>1) << 31) - row) << 32) | row
+        key.length = node.rows
+        key.value = <uint32_t>node.value
         used[0] += 1
         return
     for i in range(4):
         if node.edges[i].node == 0:
             return
-        _cells(nodes, node.edges[i].node, row + node.edges[i].row, col + node.edges[i].col, cells, used)
+        _collect_runs(nodes, node.edges[i].node, row + node.edges[i].row, col + node.edges[i].col,
+                      runs, used)
 
 
-cdef int64_t _join(Cell* cells, int64_t n) noexcept nogil:
+cdef int64_t _join_runs(RunKey* runs, int64_t n) noexcept nogil:
     """Join runs that continue each other; returns how many are left."""
     cdef int64_t i, last = 0
     for i in range(1, n):
-        if cells[i].value == cells[last].value and cells[i].key == cells[last].key + cells[last].length:
-            cells[last].length += cells[i].length
+        if runs[i].value == runs[last].value and runs[i].key == runs[last].key + runs[last].length:
+            runs[last].length += runs[i].length
         else:
             last += 1
-            cells[last] = cells[i]
+            runs[last] = runs[i]
     return last + 1 if n else 0
 
 
 @cython.wraparound(True)
-def _boundaries(starts, ends, weights, int64_t rows, int64_t size):
-    """Ends of the ranges of rows (int64[parts + 1]), about `size` each, where places of little weight are crossed."""
-    if rows <= 2 * size or len(starts) < 2:
+def _boundaries(row_starts, row_ends, weights, int64_t rows, int64_t target):
+    """Ends of the ranges of rows (int64[ranges + 1]), about `target` rows each, where the blocks
+    crossed have few runs.
+    """
+    if rows <= 2 * target or len(row_starts) < 2:
         return np.array([0, rows], np.int64)
-    candidates = np.unique(starts)
-    order = np.argsort(ends, kind="stable")
-    opened = np.concatenate([[0], np.cumsum(weights[np.argsort(starts, kind="stable")])])
+    candidates = np.unique(row_starts)
+    order = np.argsort(row_ends, kind="stable")
+    opened = np.concatenate([[0], np.cumsum(weights[np.argsort(row_starts, kind="stable")])])
     closed = np.concatenate([[0], np.cumsum(weights[order])])
-    crossing = opened[np.searchsorted(np.sort(starts), candidates)] - closed[np.searchsorted(ends[order], candidates, side="right")]
+    crossing = opened[np.searchsorted(np.sort(row_starts), candidates)]
+    crossing -= closed[np.searchsorted(row_ends[order], candidates, side="right")]
     result = [0]
-    while rows - result[-1] > 1.5 * size:
-        low, high = np.searchsorted(candidates, [result[-1] + (size + 1) // 2, result[-1] + 3 * size // 2])
+    while rows - result[-1] > 1.5 * target:
+        low, high = np.searchsorted(candidates,
+                                    [result[-1] + (target + 1) // 2, result[-1] + 3 * target // 2])
         if low < high:
             result.append(int(candidates[low + np.argmin(crossing[low:high])]))
         else:                # nothing begins there: a long run, which may be cut anywhere
-            result.append(result[-1] + max(size, 1))
+            result.append(result[-1] + max(target, 1))
     return np.array([*result, rows], np.int64)
 
 
-cdef void _store(Cut cut, Block* block, const Cell* cells) noexcept nogil:
+cdef void _store_runs(BlockPartition partition, Block* block, const RunKey* runs) noexcept nogil:
+    """Write the runs of a block in its form."""
     cdef int64_t j
     cdef uint32_t row, col
-    cdef WideRun* wide = cut.wide + block.start
-    cdef SmallRun* small = cut.small + block.start
+    cdef WideRun* wide = partition.wide + block.start
+    cdef SmallRun* small = partition.small + block.start
     for j in range(block.runs):
-        row = <uint32_t>cells[j].key
-        col = <uint32_t>((cells[j].key >> 32) + row - ((<uint64_t>1) << 31))
+        row = <uint32_t>runs[j].key
+        col = <uint32_t>((runs[j].key >> 32) + row - ((<uint64_t>1) << 31))
         if block.wide:
-            wide[j].row, wide[j].col, wide[j].length, wide[j].value = row, col, cells[j].length, cells[j].value
+            wide[j].row, wide[j].col, wide[j].length, wide[j].value = (row, col, runs[j].length,
+                                                                       runs[j].value)
         else:
             small[j].row, small[j].col = <uint16_t>row, <uint16_t>col
-            small[j].length, small[j].value = <uint16_t>cells[j].length, <uint16_t>cells[j].value
+            small[j].length, small[j].value = <uint16_t>runs[j].length, <uint16_t>runs[j].value
     if block.wide:
-        cut.wide_used += block.runs
+        partition.wide_count += block.runs
     else:
-        cut.small_used += block.runs
+        partition.small_count += block.runs
 
 
-cdef class Cut:
-    """Distinct blocks, and for each root (matrix) the places where they stand.
+cdef class BlockPartition:
+    """Distinct blocks, and for each root (matrix) their occurrences.
 
-    ordered: for `count_rows` and `fill`, one part, runs by diagonal, so that rows come with ascending columns;
-    otherwise for products. parts: number of row ranges, `part_rows` (int64[parts + 1]) where they begin and end.
+    Args:
+        dag: the quad-DAG.
+        budget: the aim for the number of runs in distinct blocks.
+        ordered: for `count_entries` and `fill_rows`: one range of rows, and runs sorted by
+            diagonal, so that rows get ascending columns. Otherwise for products.
+        range_rows: the aim for the rows of a range; blocks of several runs have at most a quarter
+            of them.
+    Raises:
+        MemoryError: memory ended, or there are too many occurrences.
+
+    rows, columns: size of each matrix. roots: number of matrices. ranges: number of row ranges.
+    range_bounds: int64[ranges + 1], where they begin and end. range_work: int64[ranges], the
+    relative cost of a product. entries: int64[roots].
     """
 
     def __cinit__(self):
         self.blocks = NULL
         self.small = NULL
         self.wide = NULL
-        self.places = NULL
+        self.occurrences = NULL
 
     def __dealloc__(self):
         free(self.blocks)
         free(self.small)
         free(self.wide)
-        free(self.places)
+        free(self.occurrences)
 
-    def __init__(self, Quad quad, int64_t budget, bint ordered=False, int64_t range_rows=32768):
-        """budget: runs in distinct blocks, about; range_rows: rows of a part, about; blocks of several runs have a quarter."""
-        cdef int32_t* block_of = <int32_t*>malloc(quad.w.used * 4)
+    def __init__(self, QuadDag dag, int64_t budget, bint ordered=False, int64_t range_rows=32768):
+        """budget: runs in distinct blocks, about; range_rows: rows of a part, about; blocks of
+        several runs have a quarter.
+        """
+        cdef int32_t* block_of = <int32_t*>malloc(dag.builder.node_count * 4)
         if block_of == NULL:
             raise MemoryError
-        self.rows, self.columns, self.range_rows = quad.rows, quad.columns, range_rows
-        self.entries = quad.entries
-        self.roots = len(quad.entries)
-        self.values = quad.table_values
+        self.rows, self.columns, self.range_rows = dag.rows, dag.columns, range_rows
+        self.entries = dag.entries
+        self.roots = len(dag.entries)
+        self.values = dag.values
         try:
-            self.threshold = self._choose(quad, budget, block_of)
-            self._compile(quad, block_of, ordered)
-            self._stand(quad, block_of)
+            self.threshold = self._choose_threshold(dag, budget, block_of)
+            self._flatten_blocks(dag, block_of, ordered)
+            self._list_occurrences(dag, block_of)
         finally:
             free(block_of)
-        self._part(ordered)
+        self._split_into_ranges(ordered)
 
-    cdef int64_t _choose(self, Quad quad, int64_t budget, int32_t* block_of) except -1:
-        """The largest threshold at which the distinct blocks are within the budget, or the memory near its minimum."""
+    cdef int64_t _choose_threshold(self, QuadDag dag, int64_t budget, int32_t* block_of) except -1:
+        """The largest threshold whose distinct blocks are within the budget, or with nearly the
+        least memory.
+        """
         cdef int64_t largest = 1, threshold, i
-        cdef double runs, places
+        cdef double total_runs, total_occurrences
         for i in range(self.roots):
-            largest = max(largest, quad.w.nodes[quad.roots[i].node].runs)
+            largest = max(largest, dag.builder.nodes[dag.roots[i].node].runs)
         sizes = []
         threshold = largest
         while True:
-            runs, places = self._measure(quad, threshold, block_of)
-            sizes.append((threshold, 8 * runs + sizeof(Place) * places))
-            if runs <= budget or threshold <= 1:
+            total_runs, total_occurrences = self._measure(dag, threshold, block_of)
+            sizes.append((threshold, 8 * total_runs + sizeof(Occurrence) * total_occurrences))
+            if total_runs <= budget or threshold <= 1:
                 break
             threshold = threshold * 2 // 3
-        least = min([size for _, size in sizes])
+        smallest = min([size for _, size in sizes])
         for threshold, size in sizes:
-            if size <= max(8.0 * budget, 1.25 * least):
+            if size <= max(8.0 * budget, 1.25 * smallest):
                 break
-        self._measure(quad, threshold, block_of)
+        self._measure(dag, threshold, block_of)
         return threshold
 
-    cdef tuple _measure(self, Quad quad, int64_t threshold, int32_t* block_of):
-        """(runs in distinct blocks, number of places) when nodes of at most `threshold` runs are blocks.
+    cdef tuple _measure(self, QuadDag dag, int64_t threshold, int32_t* block_of):
+        """(runs in distinct blocks, number of occurrences) if nodes of at most `threshold` runs are
+        blocks.
 
         On return block_of[node] is ABOVE, CHOSEN or UNUSED.
         """
-        cdef int64_t i, n = quad.w.used
-        cdef double runs = 0, places = 0
+        cdef int64_t i, n = dag.builder.node_count
+        cdef double total_runs = 0, total_occurrences = 0
         cdef int e
         cdef Node* node
         cdef double* paths = <double*>malloc(n * 8)
@@ -215,196 +243,221 @@ cdef class Cut:
             raise MemoryError
         memset(paths, 0, n * 8)
         for i in range(self.roots):
-            paths[quad.roots[i].node] += 1
+            paths[dag.roots[i].node] += 1
         with nogil:
             block_of[0] = UNUSED
             for i in range(n - 1, 0, -1):     # parents have larger numbers than their children
-                node = &quad.w.nodes[i]
+                node = &dag.builder.nodes[i]
                 if paths[i] == 0:
                     block_of[i] = UNUSED
-                elif node.value >= 0 or (node.runs <= threshold and 4 * node.rows <= self.range_rows):
+                elif (node.value >= 0 or (node.runs <= threshold
+                                          and 4 * node.rows <= self.range_rows)):
                     block_of[i] = CHOSEN
-                    runs += <double>node.runs
-                    places += paths[i]
+                    total_runs += <double>node.runs
+                    total_occurrences += paths[i]
                 else:
                     block_of[i] = ABOVE
                     for e in range(4):
                         paths[node.edges[e].node] += paths[i]
         free(paths)
-        if places > 2e9:
+        if total_occurrences > 2e9:
             raise MemoryError("the matrix has too many blocks")
-        self.places_used = <int64_t>places
-        return runs, places
+        self.occurrence_count = <int64_t>total_occurrences
+        return total_runs, total_occurrences
 
-    cdef int _compile(self, Quad quad, int32_t* block_of, bint ordered) except -1:
+    cdef int _flatten_blocks(self, QuadDag dag, int32_t* block_of, bint ordered) except -1:
         """Flatten each block to runs; block_of[node] becomes its number."""
-        cdef int64_t i, n = quad.w.used, count = 0, largest = 0, used, small_runs = 0, wide_runs = 0
-        cdef Cell* cells = NULL
+        cdef int64_t i, n = dag.builder.node_count, count = 0, largest = 0, used, small_runs = 0
+        cdef int64_t wide_runs = 0
+        cdef RunKey* runs = NULL
         cdef Node* node
         cdef Block* block
-        cdef bint many = self.values.shape[0] > 65535
+        cdef bint wide_values = self.values.shape[0] > 65535
         for i in range(1, n):
             if block_of[i] == CHOSEN:
                 count += 1
-                node = &quad.w.nodes[i]
+                node = &dag.builder.nodes[i]
                 largest = max(largest, node.runs)
-                if many or node.rows > 65535 or node.cols > 65535:
+                if wide_values or node.rows > 65535 or node.cols > 65535:
                     wide_runs += node.runs
                 else:
                     small_runs += node.runs
         self.blocks = <Block*>malloc((count + 1) * sizeof(Block))
         self.small = <SmallRun*>malloc((small_runs + 1) * sizeof(SmallRun))
         self.wide = <WideRun*>malloc((wide_runs + 1) * sizeof(WideRun))
-        cells = <Cell*>malloc((2 * largest + 2) * sizeof(Cell))
-        if self.blocks == NULL or self.small == NULL or self.wide == NULL or cells == NULL:
-            free(cells)
+        runs = <RunKey*>malloc((2 * largest + 2) * sizeof(RunKey))
+        if self.blocks == NULL or self.small == NULL or self.wide == NULL or runs == NULL:
+            free(runs)
             raise MemoryError
         with nogil:
             for i in range(1, n):
                 if block_of[i] != CHOSEN:
                     continue
-                node = &quad.w.nodes[i]
+                node = &dag.builder.nodes[i]
                 used = 0
-                _cells(quad.w.nodes, <int32_t>i, 0, 0, cells, &used)
-                _sort(cells, cells + largest + 1, used, False)
-                used = _join(cells, used)
+                _collect_runs(dag.builder.nodes, <int32_t>i, 0, 0, runs, &used)
+                _sort_runs(runs, runs + largest + 1, used, False)
+                used = _join_runs(runs, used)
                 if not ordered:
-                    _sort(cells, cells + largest + 1, used, True)
-                block_of[i] = <int32_t>self.blocks_used
-                block = &self.blocks[self.blocks_used]
-                self.blocks_used += 1
+                    _sort_runs(runs, runs + largest + 1, used, True)
+                block_of[i] = <int32_t>self.block_count
+                block = &self.blocks[self.block_count]
+                self.block_count += 1
                 block.rows, block.cols, block.runs = node.rows, node.cols, used
-                block.wide = many or node.rows > 65535 or node.cols > 65535
-                block.start = self.wide_used if block.wide else self.small_used
-                _store(self, block, cells)
-        free(cells)
-        self.small = <SmallRun*>realloc(self.small, (self.small_used + 1) * sizeof(SmallRun))
-        self.wide = <WideRun*>realloc(self.wide, (self.wide_used + 1) * sizeof(WideRun))
+                block.wide = wide_values or node.rows > 65535 or node.cols > 65535
+                block.start = self.wide_count if block.wide else self.small_count
+                _store_runs(self, block, runs)
+        free(runs)
+        self.small = <SmallRun*>realloc(self.small, (self.small_count + 1) * sizeof(SmallRun))
+        self.wide = <WideRun*>realloc(self.wide, (self.wide_count + 1) * sizeof(WideRun))
         return 0
 
-    cdef int _stand(self, Quad quad, const int32_t* block_of) except -1:
-        """List the places of the blocks, root by root, in an order that gives each row ascending columns."""
-        cdef int64_t i, room = self.places_used
-        self.places = <Place*>malloc((room + 1) * sizeof(Place))
-        if self.places == NULL:
-            raise MemoryError(f"no memory for {room} block places")
-        self.places_used = 0
-        self.starts = np.zeros((self.roots, 2), np.int64)
+    cdef int _list_occurrences(self, QuadDag dag, const int32_t* block_of) except -1:
+        """List the occurrences of the blocks, root by root, so that rows get ascending columns."""
+        cdef int64_t i, capacity = self.occurrence_count
+        self.occurrences = <Occurrence*>malloc((capacity + 1) * sizeof(Occurrence))
+        if self.occurrences == NULL:
+            raise MemoryError(f"no memory for {capacity} occurrences of blocks")
+        self.occurrence_count = 0
+        self.occurrence_start = np.zeros((self.roots, 2), np.int64)
         for i in range(self.roots):
-            self.starts[i, 0] = self.places_used
+            self.occurrence_start[i, 0] = self.occurrence_count
             with nogil:
-                self._stand_at(quad.w.nodes, block_of, quad.roots[i].node, quad.roots[i].row, quad.roots[i].col)
-            self.starts[i, 1] = self.places_used
+                self._append_occurrences(dag.builder.nodes, block_of, dag.roots[i].node,
+                                         dag.roots[i].row, dag.roots[i].col)
+            self.occurrence_start[i, 1] = self.occurrence_count
         return 0
 
-    cdef void _stand_at(self, const Node* nodes, const int32_t* block_of, int32_t number, uint32_t row, uint32_t col) noexcept nogil:
+    cdef void _append_occurrences(self, const Node* nodes, const int32_t* block_of,
+                                  int32_t node_number, uint32_t row, uint32_t col) noexcept nogil:
+        """List the occurrences below a node."""
         cdef int e
-        cdef const Node* node = &nodes[number]
-        if number == 0:
+        cdef const Node* node = &nodes[node_number]
+        if node_number == 0:
             return
-        if block_of[number] >= 0:
-            self.places[self.places_used].block = block_of[number]
-            self.places[self.places_used].row = row
-            self.places[self.places_used].col = col
-            self.places_used += 1
+        if block_of[node_number] >= 0:
+            self.occurrences[self.occurrence_count].block = block_of[node_number]
+            self.occurrences[self.occurrence_count].row = row
+            self.occurrences[self.occurrence_count].col = col
+            self.occurrence_count += 1
             return
         for e in range(4):
             if node.edges[e].node == 0:
                 return
-            self._stand_at(nodes, block_of, node.edges[e].node, row + node.edges[e].row, col + node.edges[e].col)
+            self._append_occurrences(nodes, block_of, node.edges[e].node, row + node.edges[e].row,
+                                     col + node.edges[e].col)
 
-    cdef int _part(self, bint whole) except -1:
-        """Sort the places of each root by the ranges of rows that they meet."""
-        cdef int64_t i, p, root, n = self.places_used, total
-        cdef int64_t[::1] low = np.empty(n, np.int64), high = np.empty(n, np.int64), weight = np.empty(n, np.int64)
+    cdef int _split_into_ranges(self, bint whole) except -1:
+        """Sort the occurrences of each root by the ranges of rows that they meet."""
+        cdef int64_t i, p, root, count = self.occurrence_count, total
+        cdef int64_t[::1] low = np.empty(count, np.int64), high = np.empty(count, np.int64)
+        cdef int64_t[::1] weight = np.empty(count, np.int64)
         cdef int64_t[::1] first, last, bounds
-        cdef int64_t[:, ::1] starts, following
+        cdef int64_t[:, ::1] new_start, next_slot
         cdef Block* block
-        cdef Place* sorted_
-        for i in range(n):
-            block = &self.blocks[self.places[i].block]
-            low[i] = self.places[i].row
+        cdef Occurrence* sorted_occurrences
+        for i in range(count):
+            block = &self.blocks[self.occurrences[i].block]
+            low[i] = self.occurrences[i].row
             high[i] = low[i] + block.rows
             weight[i] = block.runs if block.runs > 1 else 0
-        self.part_rows = np.array([0, self.rows], np.int64) if whole else _boundaries(
-            np.asarray(low), np.asarray(high), np.asarray(weight), self.rows, self.range_rows)
-        self.parts = len(self.part_rows) - 1
-        self.bounds = bounds = self.part_rows
-        first = np.searchsorted(self.part_rows, np.asarray(low), side="right") - 1
-        last = np.searchsorted(self.part_rows, np.asarray(high), side="left") - 1
-        starts = np.zeros((self.roots, self.parts + 1), np.int64)
+        self.range_bounds = (np.array([0, self.rows], np.int64)
+                             if whole else _boundaries(np.asarray(low), np.asarray(high),
+                                                       np.asarray(weight), self.rows,
+                                                       self.range_rows))
+        self.ranges = len(self.range_bounds) - 1
+        self.bounds = bounds = self.range_bounds
+        first = np.searchsorted(self.range_bounds, np.asarray(low), side="right") - 1
+        last = np.searchsorted(self.range_bounds, np.asarray(high), side="left") - 1
+        new_start = np.zeros((self.roots, self.ranges + 1), np.int64)
         for root in range(self.roots):
-            for i in range(self.starts[root, 0], self.starts[root, 1]):
+            for i in range(self.occurrence_start[root, 0], self.occurrence_start[root, 1]):
                 for p in range(first[i], last[i] + 1):
-                    starts[root, p + 1] += 1
+                    new_start[root, p + 1] += 1
         total = 0
         for root in range(self.roots):
-            starts[root, 0] = total
-            for p in range(self.parts):
-                total += starts[root, p + 1]
-                starts[root, p + 1] = total
-        sorted_ = <Place*>malloc((total + 1) * sizeof(Place))
-        if sorted_ == NULL:
+            new_start[root, 0] = total
+            for p in range(self.ranges):
+                total += new_start[root, p + 1]
+                new_start[root, p + 1] = total
+        sorted_occurrences = <Occurrence*>malloc((total + 1) * sizeof(Occurrence))
+        if sorted_occurrences == NULL:
             raise MemoryError
-        following = np.array(starts)
+        next_slot = np.array(new_start)
         for root in range(self.roots):
-            for i in range(self.starts[root, 0], self.starts[root, 1]):
+            for i in range(self.occurrence_start[root, 0], self.occurrence_start[root, 1]):
                 for p in range(first[i], last[i] + 1):
-                    sorted_[following[root, p]] = self.places[i]
-                    following[root, p] += 1
-        free(self.places)
-        self.places, self.places_used, self.starts = sorted_, total, starts
-        self.part_work = self._work()
+                    sorted_occurrences[next_slot[root, p]] = self.occurrences[i]
+                    next_slot[root, p] += 1
+        free(self.occurrences)
+        self.occurrences, self.occurrence_count, self.occurrence_start = (sorted_occurrences,
+                                                                          total, new_start)
+        self.range_work = self._work()
         return 0
 
     def _work(self):
-        """Per part, about what a product costs: runs and entries (of a sample of its places)."""
+        """Relative cost of a product, per range: the runs of its occurrences."""
         cdef int64_t root, p, i
-        cdef int64_t[::1] work = np.zeros(self.parts, np.int64)
+        cdef int64_t[::1] work = np.zeros(self.ranges, np.int64)
         for root in range(self.roots):
-            for p in range(self.parts):
-                for i in range(self.starts[root, p], self.starts[root, p + 1]):
-                    work[p] += 4 + self.blocks[self.places[i].block].runs
+            for p in range(self.ranges):
+                for i in range(self.occurrence_start[root, p], self.occurrence_start[root, p + 1]):
+                    work[p] += 4 + self.blocks[self.occurrences[i].block].runs
         return np.asarray(work)
 
     @property
     def nbytes(self):
-        """Memory of the runs, blocks, places and values, in bytes."""
-        return (self.small_used * sizeof(SmallRun) + self.wide_used * sizeof(WideRun) + self.blocks_used * sizeof(Block)
-                + self.places_used * sizeof(Place) + self.values.shape[0] * 8 + self.starts.size * 8 + self.bounds.size * 16)
+        """Memory of the runs, blocks, occurrences and values, in bytes."""
+        return (self.small_count * sizeof(SmallRun) + self.wide_count * sizeof(WideRun)
+                + self.block_count * sizeof(Block) + self.occurrence_count * sizeof(Occurrence)
+                + self.values.shape[0] * 8 + self.occurrence_start.size * 8 + self.bounds.size * 16)
 
     @property
     def statistics(self):
-        """Sizes: distinct blocks, their runs (and how many of them in wide form), places, runs at all places, parts, entries."""
-        return {"blocks": self.blocks_used, "runs": self.small_used + self.wide_used, "wide_runs": self.wide_used,
-                "places": self.places_used, "stamped": int(self.part_work.sum()) - 4 * self.places_used, "parts": self.parts,
-                "entries": int(self.entries.sum()), "threshold": self.threshold}
+        """Number of distinct blocks, runs, wide runs, occurrences, ranges and entries, and the
+        threshold.
+        """
+        return {"blocks": self.block_count, "runs": self.small_count + self.wide_count,
+                "wide_runs": self.wide_count, "occurrences": self.occurrence_count,
+                "ranges": self.ranges, "entries": int(self.entries.sum()),
+                "threshold": self.threshold}
 
-    def listing(self):
-        """What stands where, for people: (blocks, places).
+    def describe(self):
+        """The blocks and their occurrences, for display.
 
-        blocks: int64[blocks, 3], rows, columns and runs of each. places: int64[places, 4], root, block, and the row and column
-        of its corner; a place that crosses the end of a range of rows is listed in both.
+        Returns:
+            blocks: int64[blocks, 3], rows, columns and runs of each.
+            occurrences: int64[occurrences, 4], root, block, and the row and column of the corner;
+                an occurrence that crosses the end of a range of rows is listed in both.
         """
         cdef int64_t i, root
-        blocks, places = np.empty((self.blocks_used, 3), np.int64), np.empty((self.places_used, 4), np.int64)
-        cdef int64_t[:, ::1] b = blocks, p = places
-        for i in range(self.blocks_used):
-            b[i, 0], b[i, 1], b[i, 2] = self.blocks[i].rows, self.blocks[i].cols, self.blocks[i].runs
+        blocks, occurrences = (np.empty((self.block_count, 3), np.int64),
+                               np.empty((self.occurrence_count, 4), np.int64))
+        cdef int64_t[:, ::1] b = blocks, o = occurrences
+        for i in range(self.block_count):
+            b[i, 0], b[i, 1], b[i, 2] = (self.blocks[i].rows, self.blocks[i].cols,
+                                         self.blocks[i].runs)
         for root in range(self.roots):
-            for i in range(self.starts[root, 0], self.starts[root, self.parts]):
-                p[i, 0], p[i, 1], p[i, 2], p[i, 3] = root, self.places[i].block, self.places[i].row, self.places[i].col
-        return blocks, places
+            for i in range(self.occurrence_start[root, 0],
+                           self.occurrence_start[root, self.ranges]):
+                o[i, 0], o[i, 1], o[i, 2], o[i, 3] = (root, self.occurrences[i].block,
+                                                      self.occurrences[i].row,
+                                                      self.occurrences[i].col)
+        return blocks, occurrences
 
-    cdef int64_t _longest(self):
-        return int(np.diff(self.part_rows).max()) + 1
+    cdef int64_t _longest_range(self):
+        """The most rows of a range, plus 1."""
+        return int(np.diff(self.range_bounds).max()) + 1
 
-    cdef int64_t _check(self, int root, int64_t rows, int64_t columns, int64_t first, int64_t last) except -1:
+    cdef int64_t _check_arguments(self, int root, int64_t rows, int64_t columns, int64_t first,
+                                  int64_t last) except -1:
+        """Check the sizes of arrays and a span of ranges; returns the end of the span."""
         if root < 0 or root >= max(self.roots, 1):
             raise IndexError(f"no matrix number {root} among {self.roots}")
         if rows != self.rows or columns != self.columns:
-            raise ValueError(f"arrays of {rows} rows and {columns} columns for a matrix of {self.rows} and {self.columns}")
-        last = self.parts if last < 0 else last
-        if first < 0 or last > self.parts:
-            raise IndexError(f"parts {first} to {last} of {self.parts}")
+            expected = f"{self.rows} rows and {self.columns} columns"
+            raise ValueError(f"arrays of {rows} rows and {columns} columns, not {expected}")
+        last = self.ranges if last < 0 else last
+        if first < 0 or last > self.ranges:
+            raise IndexError(f"row ranges {first} to {last} of {self.ranges}")
         return last

@@ -1,5 +1,5 @@
 # cython: language_level=3
-"""Declarations that the conversions between diagrams and arrays share with the making of an ODD."""
+"""Diagrams and ODDs as plain C structures, shared by the kernels that traverse them."""
 from libc.stdint cimport int32_t, int64_t
 
 cdef enum:
@@ -8,19 +8,26 @@ cdef enum:
     FOREIGN_LEVEL = -3
     NOT_A_SUBSET = -4
 
-cdef struct Table:
+cdef enum:
+    MAX_NODES = 0x7FFFFFF0
+
+cdef struct Diagram:
     const int32_t* level
     const int32_t* low
     const int32_t* high
-    const double* value
+    const double* value   # of the leaves, which are the nodes below `leaves`
     int32_t leaves
+    int32_t root
 
 cdef struct Odd:
     const int32_t* depth
     const int32_t* low
     const int32_t* high
     const int64_t* count
+    int32_t root
 
-cdef object fault(int64_t status)
-cdef object ints(int32_t* data, int64_t n)
-cdef Odd odd_of(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high, const int64_t[::1] count)
+cdef Diagram diagram_of(tuple diagram)
+cdef Odd odd_of(tuple odd)
+cdef const int32_t* pointer_of(const int32_t[::1] array) noexcept
+cdef object walk_error(int64_t status)
+cdef object int32_array(const void* data, int64_t n)

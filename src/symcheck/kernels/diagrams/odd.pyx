@@ -1,353 +1,349 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Offset-labelled decision diagrams (ODDs) over plain arrays: which number has a member of a set,
-and back.
+"""Offset-labelled decision diagrams (ODDs): the number of each member of a set, and back.
 
 An ODD is the BDD of a set over an ordered list of k levels, with one node per level on each path (a
-level that the BDD skips gets a node with both branches alike) and the number of members below each
-node. Members are numbered in lexicographic order of their bits. Four arrays hold it, children
-before parents:
-    depth[M]   which of the k levels (k at the two leaves)
-    low, high  the branches; node 0 is the empty set, node 1 the leaf of a member
-    count[M]   members below
+level that the BDD skips gets a node whose branches are equal) and the number of members below each
+node. Members are numbered in lexicographic order of their bits. Source: Parker (2002), section 6.3.
 
-A diagram (BDD or MTBDD) comes as a node table: level[N], low[N], high[N] and value[leaves]; the
-nodes below `leaves` are the leaves, with their values (a BDD has two, of values 0 and 1).
-`symcheck.kernels.diagrams.vectors` goes between them and arrays.
+An ODD is a tuple (depth, low, high, count, root) with children before parents:
+depth: int32[nodes], which of the k levels (k at the two leaves);
+low, high: int32[nodes], the branches; node 0 is the empty set, node 1 the leaf of a member;
+count: int64[nodes], the number of members below.
 
-Every expansion to an array runs in O(nodes + length): the first placement of a node in the output
-is remembered, and later placements are block copies of it.
+A diagram (BDD or MTBDD) is a tuple (level, low, high, value, root), int32[nodes] three times, then
+float64[leaves]: the nodes below `leaves` are the leaves, with these values (0 and 1 for a BDD).
+
+Every expansion into an array takes O(nodes + length): where a node was first written is remembered,
+and later occurrences are block copies. Functions raise MemoryError when memory ends.
 """
 from libc.stdint cimport INT64_MAX, int32_t, int64_t, uint32_t, uint64_t, uint8_t
-from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcpy, memset
 
-from symcheck.kernels.tables.memo_table cimport (MemoTable, MemoEntry, memo_close, memo_find,
-                                                 memo_is_empty, memo_insert, memo_open)
+from symcheck.kernels.memory cimport Buffer, release, reserve
+from symcheck.kernels.tables.memo_table cimport (MemoEntry, MemoTable, memo_close, memo_find,
+                                                 memo_insert, memo_is_empty, memo_open)
 
 import numpy as np
 
-__all__ = ["build", "embed", "emit", "rank", "unrank"]
+__all__ = ["build", "embed", "rank", "unrank", "weigh_bits"]
 
-cdef object fault(int64_t status):
+cdef object walk_error(int64_t status):
+    """The exception for a negative status."""
     if status == OUT_OF_MEMORY:
-        return MemoryError("no memory for the walk over the diagram")
+        return MemoryError("no memory for the traversal of the diagram")
     if status == OVERFLOW:
         return OverflowError("the set has 2**63 states or more")
     if status == FOREIGN_LEVEL:
         return ValueError("the diagram depends on a variable that is not among the levels")
     return ValueError("the set is not a subset of the other")
 
-# ----------------------------------------------------------------------------------------------
-# building
 
-cdef struct Growing:
-    Table table
-    const int32_t* levels
-    int32_t k
-    MemoTable memo            # (diagram node, depth) -> ODD node
-    MemoTable unique          # (low, high), depth -> ODD node
-    int32_t* depth
-    int32_t* low
-    int32_t* high
-    int64_t* count
-    int64_t used
-    int64_t room
+cdef const int32_t* pointer_of(const int32_t[::1] array) noexcept:
+    """The data of an array; NULL if it is empty."""
+    return &array[0] if array.shape[0] else NULL
 
 
-cdef int64_t _append(Growing* g, int32_t depth, int32_t low, int32_t high,
-                     int64_t count) noexcept nogil:
-    cdef int64_t room
-    if g.used == g.room:
-        room = 2 * g.room
-        if room > 0x7FFFFFF0:
-            return OUT_OF_MEMORY
-        g.depth = <int32_t*>realloc(g.depth, room * 4)
-        g.low = <int32_t*>realloc(g.low, room * 4)
-        g.high = <int32_t*>realloc(g.high, room * 4)
-        g.count = <int64_t*>realloc(g.count, room * 8)
-        if g.depth == NULL or g.low == NULL or g.high == NULL or g.count == NULL:
-            return OUT_OF_MEMORY
-        g.room = room
-    g.depth[g.used] = depth
-    g.low[g.used] = low
-    g.high[g.used] = high
-    g.count[g.used] = count
-    g.used += 1
-    return g.used - 1
+cdef Diagram diagram_of(tuple diagram):
+    """The structure of a diagram, whose arrays the caller keeps."""
+    cdef const double[::1] value = diagram[3]
+    return Diagram(pointer_of(diagram[0]), pointer_of(diagram[1]), pointer_of(diagram[2]),
+                   &value[0], <int32_t>value.shape[0], diagram[4])
 
 
-cdef int64_t _grow(Growing* g, int32_t node, int32_t depth) noexcept nogil:
-    """The ODD node of a diagram node seen from `depth`, or a negative status."""
-    cdef int32_t level
-    cdef int64_t low, high, result
-    cdef uint64_t key
-    cdef MemoEntry* entry
-    if node < g.table.leaves:
-        if g.table.value[node] == 0:
-            return 0
-        if depth == g.k:
-            return 1
-    elif depth == g.k:
-        return FOREIGN_LEVEL
-    key = (<uint64_t><uint32_t>node << 32) | <uint32_t>depth
-    entry = memo_find(&g.memo, key, 0)
-    if not memo_is_empty(entry):
-        return entry.node
-    level = g.levels[depth]
-    if node >= g.table.leaves and g.table.level[node] < level:
-        return FOREIGN_LEVEL
-    if node >= g.table.leaves and g.table.level[node] == level:
-        low = _grow(g, g.table.low[node], depth + 1)
-        if low < 0:
-            return low
-        high = _grow(g, g.table.high[node], depth + 1)
-    else:
-        low = high = _grow(g, node, depth + 1)
-    if high < 0:
-        return high
-    result = 0
-    if low or high:
-        if g.count[low] > INT64_MAX - g.count[high]:
-            return OVERFLOW
-        entry = memo_find(&g.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
-        if not memo_is_empty(entry):
-            result = entry.node
-        else:
-            result = _append(g, depth, <int32_t>low, <int32_t>high, g.count[low] + g.count[high])
-            if result < 0:
-                return result
-            entry = memo_insert(&g.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
-            if entry == NULL:
-                return OUT_OF_MEMORY
-            entry.node = <int32_t>result
-    entry = memo_insert(&g.memo, key, 0)
-    if entry == NULL:
-        return OUT_OF_MEMORY
-    entry.node = <int32_t>result
-    return result
+cdef Odd odd_of(tuple odd):
+    """The structure of an ODD, whose arrays the caller keeps."""
+    cdef const int64_t[::1] count = odd[3]
+    return Odd(pointer_of(odd[0]), pointer_of(odd[1]), pointer_of(odd[2]), &count[0], odd[4])
 
 
-def build(const int32_t[::1] level, const int32_t[::1] low, const int32_t[::1] high,
-          const double[::1] value, int root, const int32_t[::1] levels):
-    """(depth, low, high, count, root) of the ODD of the set of points where the diagram is not 0.
-
-    levels: int32[k], increasing. Raises OverflowError for 2**63 members or more, ValueError where
-    the diagram reads a level that is not among `levels`.
-    """
-    cdef Growing g
-    cdef int64_t result = OUT_OF_MEMORY
-    cdef int32_t dummy = 0
-    memset(&g, 0, sizeof(Growing))
-    g.table = Table(&level[0], &low[0], &high[0], &value[0], <int32_t>value.shape[0])
-    g.k = <int32_t>levels.shape[0]
-    g.levels = &levels[0] if g.k else &dummy
-    g.room = 1024
-    g.depth = <int32_t*>malloc(g.room * 4)
-    g.low = <int32_t*>malloc(g.room * 4)
-    g.high = <int32_t*>malloc(g.room * 4)
-    g.count = <int64_t*>malloc(g.room * 8)
-    try:
-        if g.depth == NULL or g.low == NULL or g.high == NULL or g.count == NULL:
-            raise MemoryError
-        if memo_open(&g.memo, 1024) < 0 or memo_open(&g.unique, 1024) < 0:
-            raise MemoryError
-        with nogil:
-            _append(&g, g.k, 0, 0, 0)
-            _append(&g, g.k, 1, 1, 1)
-            result = _grow(&g, root, 0)
-        if result < 0:
-            raise fault(result)
-        return (ints(g.depth, g.used), ints(g.low, g.used), ints(g.high, g.used),
-                longs(g.count, g.used), int(result))
-    finally:
-        memo_close(&g.memo)
-        memo_close(&g.unique)
-        free(g.depth)
-        free(g.low)
-        free(g.high)
-        free(g.count)
-
-
-cdef object ints(int32_t* data, int64_t n):
+cdef object int32_array(const void* data, int64_t n):
+    """A numpy copy of n numbers."""
     result = np.empty(n, np.int32)
     cdef int32_t[::1] view = result
     if n:
         memcpy(&view[0], data, n * 4)
     return result
 
+# ------------------------------------------------------------------------------------ construction
 
-cdef object longs(int64_t* data, int64_t n):
-    result = np.empty(n, np.int64)
-    cdef int64_t[::1] view = result
-    if n:
-        memcpy(&view[0], data, n * 8)
+cdef struct OddBuilder:
+    Diagram diagram
+    const int32_t* levels
+    int32_t k
+    MemoTable memo       # (diagram node, depth) -> ODD node
+    MemoTable unique     # (low, high), depth -> ODD node
+    Buffer depth, low, high, count
+    int64_t nodes
+
+
+cdef int64_t _append(OddBuilder* b, int32_t depth, int64_t low, int64_t high,
+                     int64_t count) noexcept nogil:
+    """Add a node; its number, or a negative status."""
+    cdef int64_t n = b.nodes
+    if (n >= MAX_NODES or reserve(&b.depth, 4 * (n + 1)) or reserve(&b.low, 4 * (n + 1))
+            or reserve(&b.high, 4 * (n + 1)) or reserve(&b.count, 8 * (n + 1))):
+        return OUT_OF_MEMORY
+    (<int32_t*>b.depth.data)[n] = depth
+    (<int32_t*>b.low.data)[n] = <int32_t>low
+    (<int32_t*>b.high.data)[n] = <int32_t>high
+    (<int64_t*>b.count.data)[n] = count
+    b.nodes += 1
+    return n
+
+
+cdef int64_t _build_node(OddBuilder* b, int32_t node, int32_t depth) noexcept nogil:
+    """The ODD node of a diagram node seen from `depth`, or a negative status."""
+    cdef Diagram* d = &b.diagram
+    cdef int32_t level
+    cdef int64_t low, high, count_low, count_high, result
+    cdef uint64_t key
+    cdef MemoEntry* entry
+    if node < d.leaves:
+        if d.value[node] == 0:
+            return 0
+        if depth == b.k:
+            return 1
+    elif depth == b.k:
+        return FOREIGN_LEVEL
+    key = (<uint64_t><uint32_t>node << 32) | <uint32_t>depth
+    entry = memo_find(&b.memo, key, 0)
+    if not memo_is_empty(entry):
+        return entry.node
+    level = b.levels[depth]
+    if node >= d.leaves and d.level[node] < level:
+        return FOREIGN_LEVEL
+    if node >= d.leaves and d.level[node] == level:
+        low = _build_node(b, d.low[node], depth + 1)
+        if low < 0:
+            return low
+        high = _build_node(b, d.high[node], depth + 1)
+    else:
+        low = high = _build_node(b, node, depth + 1)
+    if high < 0:
+        return high
+    result = 0
+    if low or high:
+        count_low, count_high = (<int64_t*>b.count.data)[low], (<int64_t*>b.count.data)[high]
+        if count_low > INT64_MAX - count_high:
+            return OVERFLOW
+        entry = memo_find(&b.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
+        if not memo_is_empty(entry):
+            result = entry.node
+        else:
+            result = _append(b, depth, low, high, count_low + count_high)
+            if result < 0:
+                return result
+            entry = memo_insert(&b.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
+            if entry == NULL:
+                return OUT_OF_MEMORY
+            entry.node = <int32_t>result
+    entry = memo_insert(&b.memo, key, 0)
+    if entry == NULL:
+        return OUT_OF_MEMORY
+    entry.node = <int32_t>result
     return result
 
 
-cdef Odd odd_of(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
-                const int64_t[::1] count):
-    return Odd(&depth[0], &low[0], &high[0], &count[0])
+def build(tuple diagram, const int32_t[::1] levels):
+    """The ODD of the set of points where a diagram is not 0.
 
-# ----------------------------------------------------------------------------------------------
-# members as numbers
+    Args:
+        diagram: as the module says.
+        levels: int32[k], ascending.
+    Raises:
+        OverflowError: the set has 2**63 members or more.
+        ValueError: the diagram depends on a level that is not in `levels`.
+    """
+    cdef OddBuilder b
+    cdef int64_t result
+    memset(&b, 0, sizeof(OddBuilder))
+    b.diagram = diagram_of(diagram)
+    b.k = <int32_t>levels.shape[0]
+    b.levels = pointer_of(levels)
+    try:
+        if memo_open(&b.memo, 1024) < 0 or memo_open(&b.unique, 1024) < 0:
+            raise MemoryError
+        with nogil:
+            result = _append(&b, b.k, 0, 0, 0)
+            if result >= 0:
+                result = _append(&b, b.k, 1, 1, 1)
+            if result >= 0:
+                result = _build_node(&b, b.diagram.root, 0)
+        if result < 0:
+            raise walk_error(result)
+        count = np.empty(b.nodes, np.int64)
+        count[:] = <int64_t[:b.nodes]> <int64_t*> b.count.data
+        return (int32_array(b.depth.data, b.nodes), int32_array(b.low.data, b.nodes),
+                int32_array(b.high.data, b.nodes), count, int(result))
+    finally:
+        memo_close(&b.memo)
+        memo_close(&b.unique)
+        release(&b.depth)
+        release(&b.low)
+        release(&b.high)
+        release(&b.count)
 
-cdef struct Emission:
+# ------------------------------------------------------------------------------ numbers of members
+
+cdef struct Weighing:
     Odd odd
     const int64_t* weights
     int32_t last          # the deepest level with a weight
     int64_t* out
-    int64_t* first        # per node: first placement, or -1
+    int64_t* first        # per node: where it was first written, or -1
     int64_t* base         # ... and the sum of the weights above it
 
 
-cdef void _emit(Emission* e, int32_t node, int64_t at, int64_t prefix) noexcept nogil:
+cdef void _weigh(Weighing* w, int32_t node, int64_t at, int64_t prefix) noexcept nogil:
+    """Write the sums of the members below a node from position `at` on."""
     cdef int64_t i, n, delta
     cdef int64_t* out
     cdef const int64_t* source
     cdef int32_t depth
     while True:
-        depth = e.odd.depth[node]
-        out = e.out + at
-        n = e.odd.count[node]
-        if depth > e.last or node == 1:
+        depth = w.odd.depth[node]
+        out = w.out + at
+        n = w.odd.count[node]
+        if depth > w.last or node == 1:
             for i in range(n):
                 out[i] = prefix
             return
-        if e.odd.low[node] == 0:
-            prefix += e.weights[depth]
-            node = e.odd.high[node]
-        elif e.odd.high[node] == 0:
-            node = e.odd.low[node]
+        if w.odd.low[node] == 0:
+            prefix += w.weights[depth]
+            node = w.odd.high[node]
+        elif w.odd.high[node] == 0:
+            node = w.odd.low[node]
         else:
             break
-    if e.first[node] >= 0:
-        source = e.out + e.first[node]
-        delta = prefix - e.base[node]
+    if w.first[node] >= 0:
+        source = w.out + w.first[node]
+        delta = prefix - w.base[node]
         for i in range(n):
             out[i] = source[i] + delta
         return
-    e.first[node] = at
-    e.base[node] = prefix
-    n = e.odd.count[e.odd.low[node]]
-    _emit(e, e.odd.low[node], at, prefix)
-    _emit(e, e.odd.high[node], at + n, prefix + e.weights[depth])
+    w.first[node] = at
+    w.base[node] = prefix
+    n = w.odd.count[w.odd.low[node]]
+    _weigh(w, w.odd.low[node], at, prefix)
+    _weigh(w, w.odd.high[node], at + n, prefix + w.weights[depth])
 
 
-def emit(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
-         const int64_t[::1] count, int root, const int64_t[::1] weights, int64_t offset,
-         int64_t[::1] out):
-    """out[i] = offset + sum of weights[d] over the levels d at which bit d of member i is 1
-    (wrapping at 2**64).
+def weigh_bits(tuple odd, const int64_t[::1] weights, int64_t offset, int64_t[::1] out):
+    """For each member, the offset plus the weights of its bits that are 1, modulo 2**64.
 
-    Powers of two as weights give packed bits or the value of an integer variable. out:
-    int64[count[root]].
+    Powers of two as weights give packed bits or the value of an integer variable.
+
+    Args:
+        weights: int64[k].
+        out: int64[members], receives the sums.
     """
-    cdef Emission e
+    cdef Weighing w
     cdef int32_t d
-    cdef int64_t i, nodes = depth.shape[0]
-    cdef int64_t dummy = 0
-    if out.shape[0] != count[root]:
-        raise ValueError(f"{out.shape[0]} places for {count[root]} members")
+    cdef int64_t[::1] first, base
+    w.odd = odd_of(odd)
+    if out.shape[0] != w.odd.count[w.odd.root]:
+        raise ValueError(f"an array of {out.shape[0]} for {w.odd.count[w.odd.root]} members")
     if out.shape[0] == 0:
         return
-    e.odd = odd_of(depth, low, high, count)
-    e.weights = &weights[0] if weights.shape[0] else &dummy
-    e.out = &out[0]
-    e.last = -1
+    w.weights = &weights[0] if weights.shape[0] else NULL
+    w.out = &out[0]
+    w.last = -1
     for d in range(weights.shape[0]):
         if weights[d]:
-            e.last = d
-    e.first = <int64_t*>malloc(nodes * 8)
-    e.base = <int64_t*>malloc(nodes * 8)
-    if e.first == NULL or e.base == NULL:
-        free(e.first)
-        free(e.base)
-        raise MemoryError
+            w.last = d
+    first, base = np.full(len(odd[0]), -1, np.int64), np.empty(len(odd[0]), np.int64)
+    w.first, w.base = &first[0], &base[0]
     with nogil:
-        for i in range(nodes):
-            e.first[i] = -1
-        _emit(&e, root, 0, offset)
-    free(e.first)
-    free(e.base)
+        _weigh(&w, w.odd.root, 0, offset)
 
 
-def rank(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
-         const int64_t[::1] count, int root, const uint8_t[:, ::1] bits, int64_t[::1] out):
-    """out[i] = number of the member with bits[i, :] (uint8[m, k]), or -1 where it is no member."""
-    cdef int64_t i, at, m = bits.shape[0]
-    cdef int32_t node, k = <int32_t>bits.shape[1], d
+def rank(tuple odd, const uint8_t[:, ::1] bits, int64_t[::1] out):
+    """The numbers of members.
+
+    Args:
+        bits: uint8[m, k].
+        out: int64[m], receives the number of the member with these bits, -1 if there is none.
+    """
+    cdef Odd o = odd_of(odd)
+    cdef int64_t i, number
+    cdef int32_t node, d
     with nogil:
-        for i in range(m):
-            node = root
-            at = 0
-            for d in range(k):
+        for i in range(bits.shape[0]):
+            node = o.root
+            number = 0
+            for d in range(bits.shape[1]):
                 if bits[i, d]:
-                    at += count[low[node]]
-                    node = high[node]
+                    number += o.count[o.low[node]]
+                    node = o.high[node]
                 else:
-                    node = low[node]
+                    node = o.low[node]
                 if node == 0:
                     break
-            out[i] = at if node else -1
+            out[i] = number if node else -1
 
 
-def unrank(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
-           const int64_t[::1] count, int root, const int64_t[::1] indices, uint8_t[:, ::1] bits):
-    """bits[i, :] = the bits (uint8[m, k]) of member number indices[i]. Raises IndexError for a
-    number out of range.
+def unrank(tuple odd, const int64_t[::1] indices, uint8_t[:, ::1] bits):
+    """The bits of members.
+
+    Args:
+        indices: int64[m], numbers of members.
+        bits: uint8[m, k], receives their bits.
+    Raises:
+        IndexError: a number is out of range.
     """
-    cdef int64_t i, at, m = indices.shape[0]
-    cdef int32_t node, k = <int32_t>bits.shape[1], d
+    cdef Odd o = odd_of(odd)
+    cdef int64_t i, number, m = indices.shape[0]
+    cdef int32_t node, d
     for i in range(m):
-        if indices[i] < 0 or indices[i] >= count[root]:
-            raise IndexError(f"no member number {indices[i]} in a set of {count[root]}")
+        if indices[i] < 0 or indices[i] >= o.count[o.root]:
+            raise IndexError(f"no member number {indices[i]} in a set of {o.count[o.root]}")
     with nogil:
         for i in range(m):
-            node = root
-            at = indices[i]
-            for d in range(k):
-                if at >= count[low[node]]:
-                    at -= count[low[node]]
-                    bits[i, d] = 1
-                    node = high[node]
+            node = o.root
+            number = indices[i]
+            for d in range(bits.shape[1]):
+                bits[i, d] = number >= o.count[o.low[node]]
+                if bits[i, d]:
+                    number -= o.count[o.low[node]]
+                    node = o.high[node]
                 else:
-                    bits[i, d] = 0
-                    node = low[node]
+                    node = o.low[node]
 
-# ----------------------------------------------------------------------------------------------
-# subset numbers in a superset
+# --------------------------------------------------------------- numbers of a subset in a superset
 
 cdef struct Embedding:
-    Odd sub
-    Odd sup
-    MemoTable memo             # (sub node, sup node) -> first placement, base
+    Odd subset
+    Odd superset
+    MemoTable memo        # (subset node, superset node) -> where it was first written, base
     int64_t* out
 
 
 cdef int _embed(Embedding* e, int32_t node, int32_t other, int64_t at, int64_t base) noexcept nogil:
+    """Write the numbers of the members below `node`; returns 0 or a negative status."""
     cdef int64_t i, n, delta
     cdef int64_t* out
     cdef const int64_t* source
+    cdef const Odd* a = &e.subset
+    cdef const Odd* b = &e.superset
     cdef MemoEntry* entry
     cdef uint64_t key
     cdef int status
     out = e.out + at
-    n = e.sub.count[node]
+    n = a.count[node]
     while True:
         if other == 0:
             return NOT_A_SUBSET
-        # the same set, if it is a subset at all: then checked by its equal count
-        if n == e.sup.count[other]:
+        if n == b.count[other]:      # equal sets, if the one is a subset of the other at all
             for i in range(n):
                 out[i] = base + i
             return 0
-        if e.sub.low[node] == 0:
-            base += e.sup.count[e.sup.low[other]]
-            node = e.sub.high[node]
-            other = e.sup.high[other]
-        elif e.sub.high[node] == 0:
-            node = e.sub.low[node]
-            other = e.sup.low[other]
+        if a.low[node] == 0:
+            base += b.count[b.low[other]]
+            node = a.high[node]
+            other = b.high[other]
+        elif a.high[node] == 0:
+            node = a.low[node]
+            other = b.low[other]
         else:
             break
     key = (<uint64_t><uint32_t>node << 32) | <uint32_t>other
@@ -363,36 +359,34 @@ cdef int _embed(Embedding* e, int32_t node, int32_t other, int64_t at, int64_t b
         return OUT_OF_MEMORY
     entry.first = at
     entry.second = base
-    status = _embed(e, e.sub.low[node], e.sup.low[other], at, base)
+    status = _embed(e, a.low[node], b.low[other], at, base)
     if status < 0:
         return status
-    return _embed(e, e.sub.high[node], e.sup.high[other], at + e.sub.count[e.sub.low[node]],
-                  base + e.sup.count[e.sup.low[other]])
+    return _embed(e, a.high[node], b.high[other], at + a.count[a.low[node]],
+                  base + b.count[b.low[other]])
 
 
-def embed(sub, sup, int64_t[::1] out):
-    """out[i] = number in `sup` of member i of `sub`. Both are (depth, low, high, count, root) over
-    the same levels.
+def embed(tuple subset, tuple superset, int64_t[::1] out):
+    """The numbers that the members of a set have in a superset over the same levels.
 
-    `sub` must be a subset of `sup`; ValueError where the walk meets a member that is missing.
+    Args:
+        subset, superset: ODDs.
+        out: int64[members of the subset], receives the numbers.
+    Raises:
+        ValueError: the traversal meets a member that is not in the superset.
     """
     cdef Embedding e
-    cdef const int32_t[::1] depth = sub[0], low = sub[1], high = sub[2], depth2 = sup[0]
-    cdef const int32_t[::1] low2 = sup[1], high2 = sup[2]
-    cdef const int64_t[::1] count = sub[3], count2 = sup[3]
-    cdef int32_t root = sub[4], root2 = sup[4]
     cdef int status
-    if out.shape[0] != count[root]:
-        raise ValueError(f"{out.shape[0]} places for {count[root]} members")
+    e.subset, e.superset = odd_of(subset), odd_of(superset)
+    if out.shape[0] != e.subset.count[e.subset.root]:
+        raise ValueError(f"an array of {out.shape[0]} for {e.subset.count[e.subset.root]} members")
     if out.shape[0] == 0:
         return
-    e.sub = odd_of(depth, low, high, count)
-    e.sup = odd_of(depth2, low2, high2, count2)
     e.out = &out[0]
     if memo_open(&e.memo, 1024) < 0:
         raise MemoryError
     with nogil:
-        status = _embed(&e, root, root2, 0, 0)
+        status = _embed(&e, e.subset.root, e.superset.root, 0, 0)
     memo_close(&e.memo)
     if status < 0:
-        raise fault(status)
+        raise walk_error(status)

@@ -1,7 +1,8 @@
 # cython: language_level=3
-"""Declarations that the cutting of the DAG shares with its making."""
+"""The quad-DAG as plain C structures, shared with the block partition."""
 from libc.stdint cimport int32_t, int64_t, uint32_t
 
+from symcheck.kernels.diagrams.odd cimport Diagram, Odd
 from symcheck.kernels.tables.memo_table cimport MemoTable
 
 cdef struct Edge:
@@ -10,27 +11,17 @@ cdef struct Edge:
     uint32_t col
 
 cdef struct Node:
-    # in an order that gives each row its columns in ascending order; a run has none
+    # ordered so that each row gets ascending columns; a run has none
     Edge edges[4]
     int64_t entries
-    int64_t runs          # runs below, counted with repetition: the size when flattened
-    # extent: 1 + the last row, 1 + the last column; the first row and column are 0
+    int64_t runs          # runs below, with repetition: the size when flattened
+    # 1 + the last row; the first row and column are 0
     uint32_t rows
     uint32_t cols
     int32_t value         # of a run; -1 otherwise
 
-cdef struct Odd:
-    const int32_t* depth
-    const int32_t* low
-    const int32_t* high
-    const int64_t* count
-
-cdef struct Walk:
-    const int32_t* level
-    const int32_t* low
-    const int32_t* high
-    const double* values  # of the leaves, which are the nodes below `leaves`
-    int32_t leaves
+cdef struct Builder:
+    Diagram diagram
     const int32_t* row_levels
     const int32_t* col_levels
     int32_t k
@@ -38,14 +29,14 @@ cdef struct Walk:
     Odd col
     MemoTable memo             # triple -> node, place
     Node* nodes
-    int64_t used
-    int64_t room
+    int64_t node_count
+    int64_t capacity
     int32_t* unique       # open addressing over nodes, by content; 0 is free
     int64_t unique_size
 
-cdef class Quad:
-    cdef Walk w
+cdef class QuadDag:
+    cdef Builder builder
     cdef Edge* roots
-    cdef object table_values
+    cdef object values
     cdef readonly int64_t rows, columns, triples
     cdef readonly object entries

@@ -2,7 +2,7 @@ from symcheck.kernels.arrays import Floats, Int32s, Int64s
 
 _Odd = tuple[Int32s, Int32s, Int32s, Int64s, int]
 
-class Quad:
+class QuadDag:
     rows: int
     columns: int
     triples: int

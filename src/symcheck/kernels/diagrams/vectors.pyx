@@ -1,36 +1,60 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Between diagrams and arrays over the members of an ODD: values of a diagram, and the diagram of
-values.
+"""Between diagrams and arrays over the members of an ODD.
 
-ODDs and node tables are as in `symcheck.kernels.diagrams.odd`.
+ODDs and diagrams are tuples, as in `symcheck.kernels.diagrams.odd`. A new diagram is a tuple
+(level, low, high, root), int32[nodes] three times: leaves come first, with the level `bottom` and
+themselves as children; other nodes come after their children. Functions raise MemoryError when
+memory ends.
 """
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint32_t, uint64_t
-from libc.stdlib cimport free, malloc, realloc
+from libc.stdlib cimport free, malloc
 from libc.string cimport memcmp, memcpy, memset
 
-from symcheck.kernels.tables.memo_table cimport (MemoTable, MemoEntry, memo_close, memo_find,
-                                                 memo_is_empty, memo_insert, memo_open)
-from symcheck.kernels.diagrams.odd cimport (FOREIGN_LEVEL, OUT_OF_MEMORY, Odd, Table, fault, ints,
-                                            odd_of)
+from symcheck.kernels.diagrams.odd cimport (FOREIGN_LEVEL, MAX_NODES, OUT_OF_MEMORY, Diagram, Odd,
+                                            diagram_of, int32_array, odd_of, pointer_of, walk_error)
+from symcheck.kernels.memory cimport Buffer, release, reserve
+from symcheck.kernels.tables.hash_mix cimport double_bits
+from symcheck.kernels.tables.memo_table cimport (MemoEntry, MemoTable, memo_close, memo_find,
+                                                 memo_insert, memo_is_empty, memo_open)
 
 import numpy as np
 
-__all__ = ["collapse", "expand", "number", "vector_table"]
+__all__ = ["array_to_diagram", "diagram_to_array", "lookup", "mask_to_diagram", "number_values"]
 
-# ----------------------------------------------------------------------------------------------
-# diagram -> array
+
+def lookup(tuple diagram, const int32_t[::1] column_of_level, const uint8_t[:, ::1] bits,
+           double[::1] out):
+    """The value of a diagram at each row of bits.
+
+    Args:
+        column_of_level: int32[levels], the column of `bits` with the value of a level's variable.
+        bits: uint8[n, k].
+        out: float64[n], receives the values.
+    """
+    cdef Diagram d = diagram_of(diagram)
+    cdef int64_t i
+    cdef int32_t node
+    with nogil:
+        for i in range(bits.shape[0]):
+            node = d.root
+            while node >= d.leaves:
+                node = d.high[node] if bits[i, column_of_level[d.level[node]]] else d.low[node]
+            out[i] = d.value[node]
+
+# ------------------------------------------------------------------------------ diagram -> array
 
 cdef struct Expansion:
     Odd odd
-    Table table
+    Diagram diagram
     const int32_t* levels
     int32_t k
-    MemoTable memo             # (ODD node, diagram node) -> first placement
+    MemoTable memo        # (ODD node, diagram node) -> where it was first written
     char* out
     int64_t width         # bytes of an item: 1 or 8
 
 
 cdef void _fill(Expansion* e, int64_t at, int64_t n, double value) noexcept nogil:
+    """Write a value to n members from position `at` on."""
     cdef int64_t i
     cdef double* out
     if value == 0:        # the output starts as zeros: untouched pages are never allocated
@@ -44,21 +68,22 @@ cdef void _fill(Expansion* e, int64_t at, int64_t n, double value) noexcept nogi
 
 
 cdef int _expand(Expansion* e, int32_t node, int32_t f, int64_t at) noexcept nogil:
+    """Write the values of the members below an ODD node; 0 or a negative status."""
     cdef int32_t depth, f0, f1
     cdef int64_t n = e.odd.count[node]
     cdef uint64_t key
     cdef MemoEntry* entry
     cdef int status
     while True:
-        if f < e.table.leaves:
-            _fill(e, at, n, e.table.value[f])
+        if f < e.diagram.leaves:
+            _fill(e, at, n, e.diagram.value[f])
             return 0
         depth = e.odd.depth[node]
-        if depth == e.k or e.table.level[f] < e.levels[depth]:
+        if depth == e.k or e.diagram.level[f] < e.levels[depth]:
             return FOREIGN_LEVEL
-        if e.table.level[f] == e.levels[depth]:
-            f0 = e.table.low[f]
-            f1 = e.table.high[f]
+        if e.diagram.level[f] == e.levels[depth]:
+            f0 = e.diagram.low[f]
+            f1 = e.diagram.high[f]
         else:
             f0 = f1 = f
         if e.odd.low[node] == 0:
@@ -84,20 +109,24 @@ cdef int _expand(Expansion* e, int32_t node, int32_t f, int64_t at) noexcept nog
     return _expand(e, e.odd.high[node], f1, at + e.odd.count[e.odd.low[node]])
 
 
-def expand(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
-           const int64_t[::1] count, int root, const int32_t[::1] level, const int32_t[::1] tlow,
-           const int32_t[::1] thigh, const double[::1] value, int troot, const int32_t[::1] levels,
-           out):
-    """out[i] = value of the diagram at member i. out: float64[n], or uint8[n] (1 where the diagram
-    is not 0); zeroed before.
+def diagram_to_array(tuple odd, tuple diagram, const int32_t[::1] levels, out):
+    """The values of a diagram at the members of an ODD.
+
+    Args:
+        levels: int32[k], ascending, the levels of the ODD in the diagram.
+        out: float64[members], receives the values; or uint8[members], receives 1 where the diagram
+        is
+            not 0. It must hold zeros.
+    Raises:
+        ValueError: the diagram depends on a level that is not in `levels`.
     """
     cdef Expansion e
-    cdef uint8_t[::1] bytes_
+    cdef uint8_t[::1] masks
     cdef double[::1] doubles
     cdef int status
-    cdef int32_t dummy = 0
-    if len(out) != count[root]:
-        raise ValueError(f"{len(out)} places for {count[root]} members")
+    e.odd, e.diagram = odd_of(odd), diagram_of(diagram)
+    if len(out) != e.odd.count[e.odd.root]:
+        raise ValueError(f"an array of {len(out)} for {e.odd.count[e.odd.root]} members")
     if len(out) == 0:
         return
     if out.dtype == np.float64:
@@ -105,45 +134,52 @@ def expand(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] 
         e.out = <char*>&doubles[0]
         e.width = 8
     else:
-        bytes_ = out
-        e.out = <char*>&bytes_[0]
+        masks = out
+        e.out = <char*>&masks[0]
         e.width = 1
-    e.odd = odd_of(depth, low, high, count)
-    e.table = Table(&level[0], &tlow[0], &thigh[0], &value[0], <int32_t>value.shape[0])
     e.k = <int32_t>levels.shape[0]
-    e.levels = &levels[0] if e.k else &dummy
+    e.levels = pointer_of(levels)
     if memo_open(&e.memo, 1024) < 0:
         raise MemoryError
     with nogil:
-        status = _expand(&e, root, troot, 0)
+        status = _expand(&e, e.odd.root, e.diagram.root, 0)
     memo_close(&e.memo)
     if status < 0:
-        raise fault(status)
+        raise walk_error(status)
 
-# ----------------------------------------------------------------------------------------------
-# array -> diagram
+# ------------------------------------------------------------------------------ array -> diagram
 
 cdef struct Writer:
     Odd odd
     const int32_t* levels
-    int32_t* level        # the diagram being written
-    int32_t* low
-    int32_t* high
-    int64_t used
-    int64_t room
-    MemoTable unique           # (low, high), level -> diagram node
-    # collapse: (pattern, ODD node); vectors: (ODD node, constant) -> diagram node
-    MemoTable memo
-    int32_t* whole        # collapse: the diagram node of an ODD node's set, or -1
+    Buffer level, low, high   # the diagram that is written
+    int64_t nodes
+    MemoTable unique      # (low, high), level -> diagram node
+    MemoTable memo        # masks: (pattern, ODD node); values: (ODD node, leaf) -> diagram node
+    int32_t* full         # masks: the diagram node of an ODD node's set, or -1
     const uint64_t* bits
     const int32_t* ids
-    int64_t* last         # vectors: where the ODD node was last written, and as what
+    int64_t* last         # values: where the ODD node was last written, and as what
     int32_t* result
 
 
+cdef int64_t _append(Writer* w, int32_t level, int64_t low, int64_t high) noexcept nogil:
+    """Add a node; its number, or a negative status."""
+    cdef int64_t n = w.nodes
+    if (n >= MAX_NODES or reserve(&w.level, 4 * (n + 1)) or reserve(&w.low, 4 * (n + 1))
+            or reserve(&w.high, 4 * (n + 1))):
+        return OUT_OF_MEMORY
+    (<int32_t*>w.level.data)[n] = level
+    (<int32_t*>w.low.data)[n] = <int32_t>low
+    (<int32_t*>w.high.data)[n] = <int32_t>high
+    w.nodes += 1
+    return n
+
+
 cdef int64_t _node(Writer* w, int32_t level, int64_t low, int64_t high) noexcept nogil:
+    """The node with these children, or a negative status."""
     cdef MemoEntry* entry
-    cdef int64_t room
+    cdef int64_t node
     cdef uint64_t key
     if low < 0 or high < 0:
         return low if low < 0 else high
@@ -153,39 +189,41 @@ cdef int64_t _node(Writer* w, int32_t level, int64_t low, int64_t high) noexcept
     entry = memo_find(&w.unique, key, <uint32_t>level)
     if not memo_is_empty(entry):
         return entry.node
-    if w.used == w.room:
-        room = 2 * w.room
-        if room > 0x7FFFFFF0:
-            return OUT_OF_MEMORY
-        w.level = <int32_t*>realloc(w.level, room * 4)
-        w.low = <int32_t*>realloc(w.low, room * 4)
-        w.high = <int32_t*>realloc(w.high, room * 4)
-        if w.level == NULL or w.low == NULL or w.high == NULL:
-            return OUT_OF_MEMORY
-        w.room = room
-    w.level[w.used] = level
-    w.low[w.used] = <int32_t>low
-    w.high[w.used] = <int32_t>high
+    node = _append(w, level, low, high)
+    if node < 0:
+        return node
     entry = memo_insert(&w.unique, key, <uint32_t>level)
     if entry == NULL:
         return OUT_OF_MEMORY
-    entry.node = <int32_t>w.used
-    w.used += 1
-    return w.used - 1
+    entry.node = <int32_t>node
+    return node
 
 
-cdef int64_t _whole(Writer* w, int32_t node) noexcept nogil:
+cdef int64_t _remember(MemoTable* memo, uint64_t key, uint32_t extra, int64_t node) noexcept nogil:
+    """Store a result that is not a negative status; returns it, or a negative status."""
+    cdef MemoEntry* entry
+    if node < 0:
+        return node
+    entry = memo_insert(memo, key, extra)
+    if entry == NULL:
+        return OUT_OF_MEMORY
+    entry.node = <int32_t>node
+    return node
+
+
+cdef int64_t _full_set(Writer* w, int32_t node) noexcept nogil:
+    """The diagram of all members below an ODD node, or a negative status."""
     cdef int64_t result
-    if w.whole[node] >= 0:
-        return w.whole[node]
-    result = _node(w, w.levels[w.odd.depth[node]], _whole(w, w.odd.low[node]),
-                   _whole(w, w.odd.high[node]))
+    if w.full[node] >= 0:
+        return w.full[node]
+    result = _node(w, w.levels[w.odd.depth[node]], _full_set(w, w.odd.low[node]),
+                   _full_set(w, w.odd.high[node]))
     if result >= 0:
-        w.whole[node] = <int32_t>result
+        w.full[node] = <int32_t>result
     return result
 
 
-cdef inline uint64_t _window(Writer* w, int64_t at, int64_t n) noexcept nogil:
+cdef inline uint64_t _bits_at(Writer* w, int64_t at, int64_t n) noexcept nogil:
     """Bits at .. at+n, for n <= 64; the array has a spare word at its end."""
     cdef int64_t word = at >> 6
     cdef int shift = <int>(at & 63)
@@ -197,7 +235,8 @@ cdef inline uint64_t _window(Writer* w, int64_t at, int64_t n) noexcept nogil:
     return bits
 
 
-cdef int64_t _small(Writer* w, int32_t node, uint64_t pattern) noexcept nogil:
+cdef int64_t _small_mask(Writer* w, int32_t node, uint64_t pattern) noexcept nogil:
+    """The diagram of the members with a set bit, for a node of up to 64 members."""
     cdef int64_t n = w.odd.count[node], half, result
     cdef uint64_t full = <uint64_t>-1 if n == 64 else ((<uint64_t>1) << n) - 1
     cdef int32_t low, high, level
@@ -205,7 +244,7 @@ cdef int64_t _small(Writer* w, int32_t node, uint64_t pattern) noexcept nogil:
     if pattern == 0:
         return 0
     if pattern == full:
-        return _whole(w, node)
+        return _full_set(w, node)
     entry = memo_find(&w.memo, pattern, <uint32_t>node)
     if not memo_is_empty(entry):
         return entry.node
@@ -214,119 +253,118 @@ cdef int64_t _small(Writer* w, int32_t node, uint64_t pattern) noexcept nogil:
     level = w.levels[w.odd.depth[node]]
     half = w.odd.count[low]
     if low == 0:
-        result = _node(w, level, 0, _small(w, high, pattern))
+        result = _node(w, level, 0, _small_mask(w, high, pattern))
     elif high == 0:
-        result = _node(w, level, _small(w, low, pattern), 0)
+        result = _node(w, level, _small_mask(w, low, pattern), 0)
     else:                 # 0 < half < 64
-        result = _node(w, level, _small(w, low, pattern & (((<uint64_t>1) << half) - 1)),
-                       _small(w, high, pattern >> half))
-    if result < 0:
-        return result
-    entry = memo_insert(&w.memo, pattern, <uint32_t>node)
-    if entry == NULL:
-        return OUT_OF_MEMORY
-    entry.node = <int32_t>result
-    return result
+        result = _node(w, level, _small_mask(w, low, pattern & (((<uint64_t>1) << half) - 1)),
+                       _small_mask(w, high, pattern >> half))
+    return _remember(&w.memo, pattern, <uint32_t>node, result)
 
 
-cdef bint _uniform(Writer* w, int64_t at, int64_t n, uint64_t bits) noexcept nogil:
-    """Are the n bits from `at` all as those of the word `bits` (all zeros or all ones)?"""
+cdef bint _all_equal(Writer* w, int64_t at, int64_t n, uint64_t bits) noexcept nogil:
+    """Whether the n bits from `at` on are those of the word `bits` (all zeros or all ones)."""
     cdef int64_t i = at, end = at + n
     while end - i >= 64:
-        if _window(w, i, 64) != bits:
+        if _bits_at(w, i, 64) != bits:
             return False
         i += 64
-    return end == i or _window(w, i, end - i) == bits & (((<uint64_t>1) << (end - i)) - 1)
+    return end == i or _bits_at(w, i, end - i) == bits & (((<uint64_t>1) << (end - i)) - 1)
 
 
 cdef int64_t _collapse(Writer* w, int32_t node, int64_t at) noexcept nogil:
+    """The diagram of the members below a node with a set bit, or a negative status."""
     cdef int64_t n = w.odd.count[node]
     cdef uint64_t start
     cdef int32_t low, high, level
     if n <= 64:
-        return _small(w, node, _window(w, at, n)) if n else 0
-    start = _window(w, at, 64)
-    if start == 0 and _uniform(w, at, n, 0):
+        return _small_mask(w, node, _bits_at(w, at, n)) if n else 0
+    start = _bits_at(w, at, 64)
+    if start == 0 and _all_equal(w, at, n, 0):
         return 0
-    if start == <uint64_t>-1 and _uniform(w, at, n, <uint64_t>-1):
-        return _whole(w, node)
-    return _split(w, node, at)
+    if start == <uint64_t>-1 and _all_equal(w, at, n, <uint64_t>-1):
+        return _full_set(w, node)
+    return _split_mask(w, node, at)
 
 
-cdef int64_t _split(Writer* w, int32_t node, int64_t at) noexcept nogil:
-    """A block that is known to be mixed: a level with one branch need not look again."""
+cdef int64_t _split_mask(Writer* w, int32_t node, int64_t at) noexcept nogil:
+    """The diagram of a node that is known to have both kinds of bits."""
     cdef int32_t low = w.odd.low[node], high = w.odd.high[node], level = w.levels[w.odd.depth[node]]
     cdef int64_t first
     if low == 0:
-        return _node(w, level, 0, _split(w, high, at))
+        return _node(w, level, 0, _split_mask(w, high, at))
     if high == 0:
-        return _node(w, level, _split(w, low, at), 0)
+        return _node(w, level, _split_mask(w, low, at), 0)
     first = _collapse(w, low, at)
     if first < 0:
         return first
     return _node(w, level, first, _collapse(w, high, at + w.odd.count[low]))
 
 
-cdef int _open(Writer* w, int64_t leaves, int32_t bottom) except -1:
+cdef int _open(Writer* w, tuple odd, const int32_t[::1] levels, int64_t leaves,
+               int32_t bottom) except -1:
+    """Begin a diagram with its leaves."""
     cdef int64_t i
-    w.room = leaves + 1024
-    w.level = <int32_t*>malloc(w.room * 4)
-    w.low = <int32_t*>malloc(w.room * 4)
-    w.high = <int32_t*>malloc(w.room * 4)
-    if (w.level == NULL or w.low == NULL or w.high == NULL or memo_open(&w.unique, 1024) < 0
-            or memo_open(&w.memo, 1024) < 0):
+    memset(w, 0, sizeof(Writer))
+    w.odd = odd_of(odd)
+    w.levels = pointer_of(levels)
+    if memo_open(&w.unique, 1024) < 0 or memo_open(&w.memo, 1024) < 0:
         raise MemoryError
     for i in range(leaves):
-        w.level[i] = bottom
-        w.low[i] = w.high[i] = <int32_t>i
-    w.used = leaves
+        if _append(w, bottom, i, i) < 0:
+            raise MemoryError
     return 0
 
 
+cdef object _result(Writer* w, int64_t root):
+    """The diagram, or the exception for a negative status."""
+    if root < 0:
+        raise walk_error(root)
+    return (int32_array(w.level.data, w.nodes), int32_array(w.low.data, w.nodes),
+            int32_array(w.high.data, w.nodes), int(root))
+
+
 cdef void _close(Writer* w) noexcept:
+    """Free the memory of a diagram that is written."""
     memo_close(&w.unique)
     memo_close(&w.memo)
-    free(w.level)
-    free(w.low)
-    free(w.high)
-    free(w.whole)
+    release(&w.level)
+    release(&w.low)
+    release(&w.high)
+    free(w.full)
     free(w.last)
     free(w.result)
 
 
-def collapse(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
-             const int64_t[::1] count, int root, const uint64_t[::1] bits,
-             const int32_t[::1] levels, int bottom):
-    """The BDD of the members whose bit is set, as a node table (level, low, high, root).
+def mask_to_diagram(tuple odd, const uint64_t[::1] bits, const int32_t[::1] levels, int bottom):
+    """The BDD of the members of an ODD whose bit is set.
 
-    Nodes 0 and 1 are the leaves, of level `bottom` and their own children; other children come
-    before their parents.
+    Equal bits cost one comparison per word; blocks of up to 64 members are memoised by content.
 
-    bits: member i is bit i % 64 of word i // 64; one spare word at the end. Blocks of equal bits
-    cost one look at their words; blocks of up to 64 members are memoised by their content.
+    Args:
+        bits: uint64[members // 64 + 1 or more], member i is bit i % 64 of word i // 64.
+        levels: int32[k], ascending, the levels of the ODD in the diagram.
+        bottom: level of the leaves 0 and 1.
+    Returns:
+        level, low, high, root.
     """
     cdef Writer w
-    cdef int64_t result = 0, i, nodes = depth.shape[0]
-    memset(&w, 0, sizeof(Writer))
-    if bits.shape[0] * 64 < count[root] + 64:
-        raise ValueError("too few words of bits")
-    w.odd = odd_of(depth, low, high, count)
-    w.levels = &levels[0] if levels.shape[0] else NULL
-    w.bits = &bits[0]
-    w.whole = <int32_t*>malloc(nodes * 4)
+    cdef int64_t root, i, nodes = len(odd[0])
     try:
-        if w.whole == NULL:
+        _open(&w, odd, levels, 2, bottom)
+        if bits.shape[0] * 64 < w.odd.count[w.odd.root] + 64:
+            raise ValueError("too few words of bits")
+        w.bits = &bits[0]
+        w.full = <int32_t*>malloc(nodes * 4)
+        if w.full == NULL:
             raise MemoryError
-        for i in range(nodes):
-            w.whole[i] = -1
-        w.whole[0] = 0
-        w.whole[1] = 1
-        _open(&w, 2, bottom)
         with nogil:
-            result = _collapse(&w, root, 0)
-        if result < 0:
-            raise fault(result)
-        return ints(w.level, w.used), ints(w.low, w.used), ints(w.high, w.used), int(result)
+            for i in range(nodes):
+                w.full[i] = -1
+            w.full[0] = 0
+            w.full[1] = 1
+            root = _collapse(&w, w.odd.root, 0)
+        return _result(&w, root)
     finally:
         _close(&w)
 
@@ -346,16 +384,11 @@ cdef int64_t _constant(Writer* w, int32_t node, int32_t value) noexcept nogil:
         return entry.node
     result = _node(w, w.levels[w.odd.depth[node]], _constant(w, w.odd.low[node], value),
                    _constant(w, w.odd.high[node], value))
-    if result < 0:
-        return result
-    entry = memo_insert(&w.memo, key, 0)
-    if entry == NULL:
-        return OUT_OF_MEMORY
-    entry.node = <int32_t>result
-    return result
+    return _remember(&w.memo, key, 0, result)
 
 
 cdef int64_t _vector(Writer* w, int32_t node, int64_t at) noexcept nogil:
+    """The diagram of the values of the members below a node, or a negative status."""
     cdef const int32_t* ids = w.ids + at
     cdef int64_t i = 1, n = w.odd.count[node], first, result
     cdef int32_t low, high, level
@@ -378,40 +411,41 @@ cdef int64_t _vector(Writer* w, int32_t node, int64_t at) noexcept nogil:
     return result
 
 
-def number(const double[::1] values, int32_t[::1] ids):
-    """Number the distinct values: ids[i] is the index of values[i] in the result (float64, first
-    entry 0). -0.0 counts as 0.
+def number_values(const double[::1] values, int32_t[::1] ids):
+    """Number the distinct values; value 0 has number 0, and -0.0 counts as 0.
+
+    Args:
+        values: float64[n].
+        ids: int32[n], receives the number of each value.
+    Returns:
+        float64[numbers], the value of each number.
     """
     cdef MemoTable memo
     cdef MemoEntry* entry
-    cdef int64_t i, n = values.shape[0]
-    cdef int32_t used = 1
+    cdef int64_t i
+    cdef int32_t used = 1, number = 0
     cdef double x
     cdef uint64_t key, previous = 0
-    cdef int32_t id_ = 0
     cdef bint failed = False
     if memo_open(&memo, 1024) < 0:
         raise MemoryError
     with nogil:
-        entry = memo_insert(&memo, 0, 0)
-        entry.node = 0
-        for i in range(n):
+        memo_insert(&memo, 0, 0).node = 0
+        for i in range(values.shape[0]):
             x = values[i]
-            if x == 0:
-                x = 0.0
-            memcpy(&key, &x, 8)
+            key = double_bits(x) if x != 0 else 0
             if key != previous:
                 previous = key
                 entry = memo_find(&memo, key, 0)
                 if memo_is_empty(entry):
                     entry = memo_insert(&memo, key, 0)
-                    if entry == NULL or used == 0x7FFFFFF0:
+                    if entry == NULL or used == MAX_NODES:
                         failed = True
                         break
                     entry.node = used
                     used += 1
-                id_ = entry.node
-            ids[i] = id_
+                number = entry.node
+            ids[i] = number
     if failed:
         memo_close(&memo)
         raise MemoryError
@@ -424,36 +458,34 @@ def number(const double[::1] values, int32_t[::1] ids):
     return leaves
 
 
-def vector_table(const int32_t[::1] depth, const int32_t[::1] low, const int32_t[::1] high,
-                 const int64_t[::1] count, int root, const int32_t[::1] ids, int leaves,
-                 const int32_t[::1] levels, int bottom):
-    """The MTBDD of a vector over the members, 0 elsewhere: (level, low, high, root); leaves as in
-    `collapse`.
+def array_to_diagram(tuple odd, const int32_t[::1] ids, int leaves, const int32_t[::1] levels,
+                     int bottom):
+    """The MTBDD of a vector over the members of an ODD; it is 0 elsewhere.
 
-    ids: int32[n], the number of each member's value, where 0 is the value 0. Blocks of one value
-    cost one comparison run.
+    Args:
+        ids: int32[members], the leaf of each member; leaf 0 is the value 0.
+        leaves: number of leaves.
+        levels: int32[k], ascending, the levels of the ODD in the diagram.
+        bottom: level of the leaves.
+    Returns:
+        level, low, high, root.
     """
     cdef Writer w
-    cdef int64_t result = 0, i, nodes = depth.shape[0]
-    memset(&w, 0, sizeof(Writer))
-    if ids.shape[0] != count[root]:
-        raise ValueError(f"{ids.shape[0]} values for {count[root]} members")
-    w.odd = odd_of(depth, low, high, count)
-    w.levels = &levels[0] if levels.shape[0] else NULL
-    w.ids = &ids[0] if ids.shape[0] else NULL
-    w.last = <int64_t*>malloc(nodes * 8)
-    w.result = <int32_t*>malloc(nodes * 4)
+    cdef int64_t root = 0, i, nodes = len(odd[0])
     try:
+        _open(&w, odd, levels, leaves, bottom)
+        if ids.shape[0] != w.odd.count[w.odd.root]:
+            raise ValueError(f"{ids.shape[0]} values for {w.odd.count[w.odd.root]} members")
+        w.ids = pointer_of(ids)
+        w.last = <int64_t*>malloc(nodes * 8)
+        w.result = <int32_t*>malloc(nodes * 4)
         if w.last == NULL or w.result == NULL:
             raise MemoryError
         for i in range(nodes):
             w.last[i] = -1
-        _open(&w, leaves, bottom)
         if ids.shape[0]:
             with nogil:
-                result = _vector(&w, root, 0)
-        if result < 0:
-            raise fault(result)
-        return ints(w.level, w.used), ints(w.low, w.used), ints(w.high, w.used), int(result)
+                root = _vector(&w, w.odd.root, 0)
+        return _result(&w, root)
     finally:
         _close(&w)

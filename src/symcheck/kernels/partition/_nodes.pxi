@@ -1,34 +1,39 @@
-# Nodes of diagrams, each kept once.
+# The unique table of diagram nodes.
 
 cdef class Nodes:
-    """A table of nodes. A child or a node that is negative is the leaf -1 - child."""
+    """The unique table of nodes. A negative child or node is the leaf -1 - child."""
 
     cdef int bits
     cdef int64_t limit
     cdef Stop stop
-    cdef uint64_t ticks
+    cdef uint64_t operations
     cdef public double deadline  # of processor time (time.process_time)
-    cdef Buffer places, lows, highs
+    cdef Buffer node_bits, lows, highs
     cdef int32_t* table
     cdef int64_t mask, nodes
 
-    cdef int64_t used(self) noexcept nogil:
-        """Bytes in use."""
-        return self.places.size + self.lows.size + self.highs.size + 4 * (self.mask + 1)
+    cdef int64_t bytes_used(self) noexcept nogil:
+        """Memory held, in bytes."""
+        return self.node_bits.size + self.lows.size + self.highs.size + 4 * (self.mask + 1)
 
     @cython.final
     cdef inline int fail(self) noexcept nogil:
-        if self.stop == GOES_ON:
-            self.stop = NO_MEMORY
-        return NOTHING
+        """Note that memory ended."""
+        if self.stop == RUNNING:
+            self.stop = OUT_OF_MEMORY
+        return EMPTY
 
     @cython.final
-    cdef inline int place_of(self, int x) noexcept nogil:
-        return self.bits if x < 0 else (<int32_t*>self.places.data)[x]
+    cdef inline int bit_of(self, int x) noexcept nogil:
+        """The bit of a node; `bits` for leaves."""
+        return self.bits if x < 0 else (<int32_t*>self.node_bits.data)[x]
 
     @cython.final
-    cdef inline void split(self, int x, int place, int* low, int* high) noexcept nogil:
-        if x >= 0 and (<int32_t*>self.places.data)[x] == place:
+    cdef inline void children(self, int x, int bit, int* low, int* high) noexcept nogil:
+        """The children of a node at a bit, which are the node itself if it does not depend on the
+        bit.
+        """
+        if x >= 0 and (<int32_t*>self.node_bits.data)[x] == bit:
             low[0] = (<int32_t*>self.lows.data)[x]
             high[0] = (<int32_t*>self.highs.data)[x]
         else:
@@ -37,43 +42,44 @@ cdef class Nodes:
 
     @cython.final
     cdef inline bint tick(self) noexcept nogil:
-        self.ticks += 1
-        return (self.ticks & 0xFFFF) == 0 and self.look_up()
+        """Count an operation, and check the limits from time to time; whether to stop."""
+        self.operations += 1
+        return (self.operations & (CHECK_INTERVAL - 1)) == 0 and self.check_limits()
 
-    cdef bint look_up(self) noexcept nogil:
-        """Whether to stop: memory, time or a signal."""
-        if self.used() > self.limit:
+    cdef bint check_limits(self) noexcept nogil:
+        """Whether to stop: the limits of memory and time, and signals."""
+        if self.bytes_used() > self.limit:
             self.fail()
         else:
             with gil:
                 if PyErr_CheckSignals() != 0:
                     self.stop = SIGNAL
                 elif process_time() > self.deadline:
-                    self.stop = LATE
-        return self.stop != GOES_ON
+                    self.stop = TIMED_OUT
+        return self.stop != RUNNING
 
     @cython.final
-    cdef int make(self, int place, int low, int high) noexcept nogil:
+    cdef int make(self, int bit, int low, int high) noexcept nogil:
         """The node with these children."""
         cdef int64_t at
         cdef int x
-        if low == high or self.stop != GOES_ON:
+        if low == high or self.stop != RUNNING:
             return low
         if self.tick():
-            return NOTHING
-        at = <int64_t>mix_pair(pair_key(low, high), place) & self.mask
+            return EMPTY
+        at = <int64_t>mix_pair(pair_key(low, high), bit) & self.mask
         while self.table[at] >= 0:
             x = self.table[at]
             if ((<int32_t*>self.lows.data)[x] == low and (<int32_t*>self.highs.data)[x] == high
-                    and (<int32_t*>self.places.data)[x] == place):
+                    and (<int32_t*>self.node_bits.data)[x] == bit):
                 return x
             at = (at + 1) & self.mask
-        if (self.nodes >= 0x7FFFFFF0 or reserve(&self.places, 4 * (self.nodes + 1))
+        if (self.nodes >= MAX_NODES or reserve(&self.node_bits, 4 * (self.nodes + 1))
                 or reserve(&self.lows, 4 * (self.nodes + 1))
             or reserve(&self.highs, 4 * (self.nodes + 1))):
             return self.fail()
         x = <int>self.nodes
-        (<int32_t*>self.places.data)[x] = place
+        (<int32_t*>self.node_bits.data)[x] = bit
         (<int32_t*>self.lows.data)[x] = low
         (<int32_t*>self.highs.data)[x] = high
         self.table[at] = x
@@ -84,6 +90,7 @@ cdef class Nodes:
 
     @cython.final
     cdef int rehash(self) noexcept nogil:
+        """Double the hash table; -1 when memory ends."""
         cdef int64_t mask = 2 * self.mask + 1, at, x
         cdef int32_t* table = <int32_t*>malloc((mask + 1) * sizeof(int32_t))
         if table == NULL:
@@ -92,7 +99,7 @@ cdef class Nodes:
         for x in range(self.nodes):
             at = <int64_t>mix_pair(pair_key((<int32_t*>self.lows.data)[x],
                                             (<int32_t*>self.highs.data)[x]),
-                                   (<int32_t*>self.places.data)[x]) & mask
+                                   (<int32_t*>self.node_bits.data)[x]) & mask
             while table[at] >= 0:
                 at = (at + 1) & mask
             table[at] = <int32_t>x
@@ -102,23 +109,26 @@ cdef class Nodes:
         return 0
 
     @cython.final
-    cdef inline int keep(self, PairMap* memo, int a, int b, int result) noexcept nogil:
-        if self.stop == GOES_ON and pair_map_insert(memo, a, b, result) < 0:
+    cdef inline int memoise(self, PairMap* memo, int a, int b, int result) noexcept nogil:
+        """Store the result of a pair."""
+        if self.stop == RUNNING and pair_map_insert(memo, a, b, result) < 0:
             return self.fail()
         return result
 
     @cython.final
-    cdef inline int leaf(self, int bag) noexcept nogil:
-        return self.fail() if bag < 0 else -1 - bag
+    cdef inline int leaf(self, int vector) noexcept nogil:
+        """The leaf of a signature or block number; -1 says that memory ended."""
+        return self.fail() if vector < 0 else -1 - vector
 
     @cython.final
-    cdef int ended(self) except -1:
+    cdef int raise_if_stopped(self) except -1:
+        """Raise the exception of the reason to stop, if there is one."""
         cdef Stop stop = self.stop
-        self.stop = GOES_ON
+        self.stop = RUNNING
         if stop == SIGNAL:
-            return pending()
-        if stop == NO_MEMORY:
+            return raise_pending()
+        if stop == OUT_OF_MEMORY:
             raise MemoryError
-        if stop == LATE:
+        if stop == TIMED_OUT:
             raise TimeoutError
         return 0

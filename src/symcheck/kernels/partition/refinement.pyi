@@ -3,9 +3,9 @@ from numpy.typing import NDArray
 
 from symcheck.kernels.arrays import Floats, Int32s
 
-__all__ = ["Partition", "largest_sum"]
+__all__ = ["Partition", "largest_row_sum"]
 
-def largest_sum(
+def largest_row_sum(
     level: Int32s, low: Int32s, high: Int32s, weight: Floats, roots: Int32s
 ) -> float: ...
 
@@ -33,10 +33,10 @@ class Partition:
     def start(
         self, level: Int32s, low: Int32s, high: Int32s, leaves: Int32s, root: int
     ) -> None: ...
-    def colour(
+    def separate(
         self, level: Int32s, low: Int32s, high: Int32s, leaves: Int32s, root: int
     ) -> None: ...
-    def tell_apart(
+    def separate_rows(
         self,
         choice: int,
         structure: int,
@@ -47,7 +47,7 @@ class Partition:
         root: int,
     ) -> None: ...
     def step(self) -> bool: ...
-    def meeting(
+    def blocks_meeting(
         self, level: Int32s, low: Int32s, high: Int32s, leaves: Int32s, root: int
     ) -> NDArray[np.int64]: ...
     def first_members(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]: ...

@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-def signatures(
+def row_signatures(
     indptr: NDArray[np.int64],
     indices: NDArray[np.int32],
     data: NDArray[np.float64],

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.diagrams.lookup import lookup
+from symcheck.kernels.diagrams.vectors import lookup
 from symcheck.kernels.rows.sparse import merge_columns
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix, starts_of
 from symcheck.symbolic import tuning
@@ -86,7 +86,10 @@ class _Function:
     def at(self, bits: Bits) -> Floats:
         out = np.empty(len(bits))
         lookup(
-            self.level, self.low, self.high, self.values, self.root, self.column_of_level, bits, out
+            (self.level, self.low, self.high, self.values, self.root),
+            self.column_of_level,
+            bits,
+            out,
         )
         return out
 
