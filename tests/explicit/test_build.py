@@ -13,7 +13,7 @@ from explicit.models import models
 from symcheck.errors import InputError, Interrupted, MemoryLimitError, ModelFault, TimeLimitError
 from symcheck.explicit.build import Exploration, explore
 from symcheck.explicit.states import StateLayout
-from symcheck.kernels.explore.packed_states import order_rows
+from symcheck.kernels.explore.packed_states import sort_rows
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.interpreter import initial_states, state_rewards, transitions
@@ -295,7 +295,7 @@ def test_layout_is_lossless_and_ordered(ranges):
     tuples = list(zip(*(c.tolist() for c in columns), strict=True))
     assert [layout.unpack(r) for r in rows] == tuples
     order, rank = np.empty(50, np.int32), np.empty(50, np.int32)
-    order_rows(rows, order, rank)
+    sort_rows(rows, order, rank)
     assert sorted(tuples) == [tuples[i] for i in order]
     assert (order[rank] == np.arange(50)).all()
 
@@ -305,5 +305,5 @@ def test_order_of_many_rows():
     rows = rng.integers(0, 5, (5000, 3)).astype(np.uint64) << np.array([60, 0, 31], np.uint64)
     rows[:, 2] |= rng.integers(0, 1 << 20, 5000).astype(np.uint64)
     order, rank = np.empty(5000, np.int32), np.empty(5000, np.int32)
-    order_rows(rows, order, rank)
+    sort_rows(rows, order, rank)
     assert (rows[order] == rows[np.lexsort(rows.T[::-1])]).all()

@@ -21,7 +21,7 @@ def block_of(
     problem: LinearProblem, states: list[int], wide: bool = False, x: float = 0.0
 ) -> component_bounds.Block:
     m = problem.rows
-    system = component_bounds.System(
+    system = component_bounds.ComponentSolver(
         m.indptr,
         m.indices,
         m.data,
@@ -51,13 +51,15 @@ systems = st.lists(st.lists(row(), min_size=1, max_size=3), min_size=3, max_size
 def test_the_width_of_numbers_changes_no_digit(direction: str | None, system: System) -> None:
     problem = problem_of(system if direction else [rows[:1] for rows in system], direction)
     narrow, wide = (block_of(problem, [2, 0, 1], w) for w in (False, True))
-    assert (narrow.row_ptr.dtype, wide.row_ptr.dtype) == (np.int32, np.int64)
-    assert np.array_equal(narrow.group, wide.group)
-    assert narrow.interval(1e-9, True, 7) == wide.interval(1e-9, True, 7)
+    assert (narrow.indptr.dtype, wide.indptr.dtype) == (np.int32, np.int64)
+    assert np.array_equal(narrow.groups, wide.groups)
+    assert narrow.interval_iteration(1e-9, True, 7) == wide.interval_iteration(1e-9, True, 7)
     assert np.array_equal(narrow.x, wide.x)
-    assert narrow.optimistic(1e-6, True, 500) == wide.optimistic(1e-6, True, 500)
+    assert narrow.optimistic_value_iteration(1e-6, True, 500) == wide.optimistic_value_iteration(
+        1e-6, True, 500
+    )
     assert np.array_equal(narrow.x, wide.x)
-    assert np.array_equal(narrow.choice, wide.choice)
+    assert np.array_equal(narrow.policy, wide.policy)
     (one, _), (other, _) = (solve_extrapolated(b, 1e-6, True) for b in (narrow, wide))
     assert (one is None) == (other is None)
     if one is not None and other is not None:
@@ -73,9 +75,9 @@ def test_rows_that_only_loop_are_left_out_and_choices_still_name_the_rows_there_
     ]
     block = block_of(problem_of(system, "max"), [1, 0])
     assert block.rows == 3
-    assert block.group.tolist() == [0, 1, 3]
-    assert block.chosen(np.array([0, 0], dtype=np.int32)).tolist() == [4, 1]
-    assert block.chosen(np.array([-1, 1], dtype=np.int32)).tolist() == [-1, 3]
+    assert block.groups.tolist() == [0, 1, 3]
+    assert block.global_rows(np.array([0, 0], dtype=np.int32)).tolist() == [4, 1]
+    assert block.global_rows(np.array([-1, 1], dtype=np.int32)).tolist() == [-1, 3]
 
 
 def test_what_leaves_counts_known_states_and_is_scaled_as_the_loop_is() -> None:
@@ -85,9 +87,9 @@ def test_what_leaves_counts_known_states_and_is_scaled_as_the_loop_is() -> None:
         [({}, Fraction(0), Fraction(1))],
     ]
     block = block_of(problem_of(system, None), [0, 1], x=1.0)
-    assert block.leaving().tolist() == [0.5, 0.5]
-    assert np.asarray(block.val)[: block.entries].tolist() == [0.5, 0.5]
-    assert block.bl[0] == pytest.approx(0.25, rel=1e-14)
+    assert block.exit_masses().tolist() == [0.5, 0.5]
+    assert np.asarray(block.data)[: block.entries].tolist() == [0.5, 0.5]
+    assert block.constant_low[0] == pytest.approx(0.25, rel=1e-14)
 
 
 def test_bounds_begin_at_the_least_and_the_greatest_value_on_leaving() -> None:

@@ -18,7 +18,7 @@ from symcheck.numerics.linear.subsystem import Bounds
 
 def block_of(problem: LinearProblem) -> component_bounds.Block:
     m = problem.rows
-    system = component_bounds.System(
+    system = component_bounds.ComponentSolver(
         m.indptr,
         m.indices,
         m.data,
@@ -72,7 +72,7 @@ def test_bounds_hold_and_policies_attain_them(
     if found.policy is None:
         return
     flat = [row for choices in system for row in choices]
-    values = solve_chain([flat[r] for r in block.chosen(found.policy)])
+    values = solve_chain([flat[r] for r in block.global_rows(found.policy)])
     assert values is not None
     for low, value, high in zip(found.lower, values, found.upper, strict=True):
         assert (

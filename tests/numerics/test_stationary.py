@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symcheck.kernels.chains.gth_elimination import Elimination
+from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.matrices.numbers import rationals
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
@@ -102,7 +102,7 @@ def test_elimination_has_the_relative_accuracy_that_it_claims(n: int, seed: int)
     leave = np.zeros(n)
     leave[0] = 2.0**-46
     matrix = sparse_of(weights)
-    factors = Elimination(matrix.indptr, matrix.indices, matrix.data, leave, 10**9)
+    factors = GthElimination(matrix.indptr, matrix.indices, matrix.data, leave, 10**9)
     right = np.zeros(n)
     right[n - 1] = 1.0
     found = factors.solve(right)

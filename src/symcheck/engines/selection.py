@@ -77,7 +77,7 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
     Raises ModelFault for a faulty model, and ResourceError.
     """
     from symcheck.explicit.build import Exploration
-    from symcheck.kernels.explore.breadth_first import give_back
+    from symcheck.kernels.explore.breadth_first import malloc_trim
 
     if model.initial is not None and _valuations(model) > _ENUMERATED:
         options = _ordered(model, options, observer)
@@ -111,7 +111,7 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
                         observer,
                         f"{space.states.node_count:,} nodes hold {space.count:,} states",
                     )
-        give_back()  # what the diagrams took
+        malloc_trim()  # what the diagrams took
         if missed.found > _TURNS[-1][1]:
             states = missed.found
             break

@@ -30,8 +30,8 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import Assignments, tables, total_reward
-from symcheck.kernels.explore.breadth_first import Explorer, Outcome, give_back
-from symcheck.kernels.explore.packed_states import order_rows
+from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
+from symcheck.kernels.explore.packed_states import sort_rows
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
 from symcheck.semantics import state_faults
@@ -229,7 +229,7 @@ class Exploration:
         e.states.drop_table()
         order, rank = np.empty(n, np.int32), np.empty(n, np.int32)
         # The rows are not copied, because the memory of a large model peaks here.
-        order_rows(e.states.view_rows(), order, rank)
+        sort_rows(e.states.view_rows(), order, rank)
         states = StateTable(self.layout, e.states.view_rows()[order].reshape(-1, words))
         e.states.drop_rows()
         deadlocks = np.empty(e.deadlock_count, np.int64)
@@ -241,7 +241,7 @@ class Exploration:
         levels = e.level + 1
         state_rewards = self._state_rewards(states)
         if n > tuning.MIN_STATES_TO_TRIM:
-            give_back()
+            malloc_trim()
         self._seconds += time.perf_counter() - started
         # np.unique would import numpy.ma, which takes a tenth of the time of a small model.
         ordered = np.sort(initial)

@@ -267,8 +267,8 @@ cdef class BlockOperations(BlockPartition):
                         high = min(high, self.range_bounds[p + 1] + shift)
                     range_of[i], columns_read[i, 0], columns_read[i, 1] = p, low, high - 1
         first, last = np.searchsorted(range_bounds, all_columns_read, side="right").T - 1
-        np.add.next_row(changes, (ranges_of, first), 1)
-        np.add.next_row(changes, (ranges_of, last + 1), -1)
+        np.add.at(changes, (ranges_of, first), 1)
+        np.add.at(changes, (ranges_of, last + 1), -1)
         return np.cumsum(changes, axis=1)[:, : self.ranges] > 0
 
     def multiply_transposed(self, int root, const double[::1] x, double[::1] y):

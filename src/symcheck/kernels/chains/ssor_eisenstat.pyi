@@ -5,27 +5,38 @@ from symcheck.kernels.arrays import Floats, Int32s, Int64s
 
 _Values = NDArray[np.generic]  # uint8, uint16 or float64
 
-def distinct(data: Floats, most: int) -> Floats | None: ...
-def sizes(indptr: Int64s, indices: Int32s, lower: Int32s, upper: Int32s) -> tuple[int, int]: ...
-def fill(
+def distinct_values(data: Floats, largest: int) -> Floats | None: ...
+def triangle_sizes(
+    indptr: Int64s, indices: Int32s, lower: Int32s, upper: Int32s
+) -> tuple[int, int]: ...
+def fill_triangles(
     indptr: Int64s,
     indices: Int32s,
     data: Floats,
     table: Floats,
-    low_idx: Int32s,
-    low_val: _Values,
-    up_idx: Int32s,
-    up_val: _Values,
+    lower_indices: Int32s,
+    lower_values: _Values,
+    upper_indices: Int32s,
+    upper_values: _Values,
 ) -> None: ...
-def loops(indptr: Int64s, indices: Int32s, data: Floats) -> Floats: ...
-def back(
-    count: Int32s, idx: Int32s, val: _Values, table: Floats, scale: Floats, r: Floats, p: Floats, v: Floats, beta: float, gamma: float,
-    t: Floats,
-) -> None: ...  # fmt: skip
-def forth(
+def diagonal(indptr: Int64s, indices: Int32s, data: Floats) -> Floats: ...
+def solve_upper(
     count: Int32s,
-    idx: Int32s,
-    val: _Values,
+    indices: Int32s,
+    values: _Values,
+    table: Floats,
+    scale: Floats,
+    r: Floats,
+    p: Floats,
+    v: Floats,
+    beta: float,
+    gamma: float,
+    t: Floats,
+) -> None: ...
+def solve_lower(
+    count: Int32s,
+    indices: Int32s,
+    values: _Values,
     table: Floats,
     scale: Floats,
     v: Floats,
@@ -34,7 +45,7 @@ def forth(
     out: Floats,
     other: Floats,
 ) -> tuple[float, float]: ...
-def update(
+def update_iterate(
     x: Floats, p: Floats, r: Floats, q: Floats, shadow: Floats, alpha: float, omega: float
 ) -> tuple[float, float, float]: ...
-def shift(y: Floats, z: Floats, c: float, other: Floats) -> tuple[float, float]: ...
+def add_multiple(y: Floats, z: Floats, c: float, other: Floats) -> tuple[float, float]: ...

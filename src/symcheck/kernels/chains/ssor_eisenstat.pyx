@@ -1,8 +1,12 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""I - A = K1 + K2 - I, with K1 the lower and K2 the upper triangle, and products with K1^-1 (I - A) K2^-1.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""SSOR preconditioning by Eisenstat's trick, with the vector operations of BiCGStab.
 
-A = diag(scale) R, where R is without its loops: its values are stored as codes into a table where few of them differ. One
-solution with K1 and one with K2 make a product (Eisenstat 1981), and what BiCGStab does with vectors is done on the way.
+I - A = K1 + K2 - I, with K1 the lower and K2 the upper triangle (with unit diagonals); A =
+diag(scale) R, where R has no diagonal. The product with K1^-1 (I - A) K2^-1 takes one solution with
+K1 and one with K2 (Eisenstat 1981), and the vector operations of BiCGStab are done in the same
+passes. Values of R are stored as codes of one or two bytes into a table where few of them are
+distinct. count: int32[n], the entries of each row of a triangle, whose indices and values follow
+each other. Vectors are float64[n].
 """
 
 import numpy as np
@@ -12,7 +16,7 @@ from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint64_t
 from libc.string cimport memcpy
 
 cdef enum:
-    SLOTS = 1 << 18       # of the table of values: four times what codes can tell apart
+    VALUE_TABLE_SIZE = 1 << 18       # of the hash table of values: four times the number of codes
 
 ctypedef fused Value:
     uint8_t
@@ -20,40 +24,48 @@ ctypedef fused Value:
     double
 
 
-cdef inline int64_t _slot(double value, const int32_t* slot, const double* table) noexcept nogil:
-    """Where a value is, or where it goes. Values are not compared by their bits: there must be no negative zero."""
+cdef inline int64_t _find_slot(double value, const int32_t* slot,
+                               const double* table) noexcept nogil:
+    """The slot of a value, or where it belongs. Values are compared as numbers, so -0.0 must not
+    occur.
+    """
     cdef uint64_t bits, h
     memcpy(&bits, &value, 8)
-    h = (((bits ^ (bits >> 29)) * <uint64_t>0x9E3779B97F4A7C15) >> 40) & (SLOTS - 1)
+    h = (((bits ^ (bits >> 29)) * <uint64_t>0x9E3779B97F4A7C15) >> 40) & (VALUE_TABLE_SIZE - 1)
     while slot[h] >= 0 and table[slot[h]] != value:
-        h = (h + 1) & (SLOTS - 1)
+        h = (h + 1) & (VALUE_TABLE_SIZE - 1)
     return <int64_t>h
 
 
-def distinct(const double[::1] data, int most):
-    """The values that occur, in order of first occurrence, or None where they are more than `most` (at most 65 536)."""
+def distinct_values(const double[::1] data, int largest):
+    """The distinct values in order of first occurrence, or None if there are more than `most` (at
+    most 65,536).
+    """
     cdef int64_t k, h, count = 0
     cdef double value
-    slots = np.full(SLOTS, -1, dtype=np.int32)
-    found = np.empty(most)
+    slots = np.full(VALUE_TABLE_SIZE, -1, dtype=np.int32)
+    values = np.empty(largest)
     cdef int32_t[::1] slot = slots
-    cdef double[::1] out = found
+    cdef double[::1] out = values
     with nogil:
         for k in range(data.shape[0]):
             value = data[k] + 0.0
-            h = _slot(value, &slot[0], &out[0])
+            h = _find_slot(value, &slot[0], &out[0])
             if slot[h] < 0:
-                if count == most:
+                if count == largest:
                     count = -1
                     break
                 slot[h] = <int32_t>count
                 out[count] = value
                 count += 1
-    return None if count < 0 else found[:count].copy()
+    return None if count < 0 else values[:count].copy()
 
 
-def sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_t[::1] lower, int32_t[::1] upper):
-    """How many entries of each row lead to an earlier and to a later one; returns the totals."""
+def triangle_sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_t[::1] lower,
+                   int32_t[::1] upper):
+    """Count the entries below and above the diagonal in each row (int32[n] each); returns the
+    totals.
+    """
     cdef int64_t i, k, a = 0, b = 0
     cdef int32_t x, y
     with nogil:
@@ -69,17 +81,22 @@ def sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_t[::1] lo
     return a, b
 
 
-def fill(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, const double[::1] table,
-         int32_t[::1] low_idx, Value[::1] low_val, int32_t[::1] up_idx, Value[::1] up_val):
-    """The entries that `sizes` counted, row by row. table: what codes stand for (not looked at where values are kept)."""
+def fill_triangles(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+                   const double[::1] table, int32_t[::1] lower_indices, Value[::1] lower_values,
+                   int32_t[::1] upper_indices, Value[::1] upper_values):
+    """Write the triangles of a matrix without its diagonal.
+
+    table: float64, the values of the codes (unused if the values are float64). lower_values,
+    upper_values: uint8, uint16 or float64.
+    """
     cdef int64_t i, k, t, a = 0, b = 0
     cdef Value code
-    slots = np.full(SLOTS, -1, dtype=np.int32)
+    slots = np.full(VALUE_TABLE_SIZE, -1, dtype=np.int32)
     cdef int32_t[::1] slot = slots
     with nogil:
         if Value is not double:
             for t in range(table.shape[0]):
-                slot[_slot(table[t], &slot[0], &table[0])] = <int32_t>t
+                slot[_find_slot(table[t], &slot[0], &table[0])] = <int32_t>t
         for i in range(indptr.shape[0] - 1):
             for k in range(indptr[i], indptr[i + 1]):
                 if indices[k] == i:
@@ -87,19 +104,19 @@ def fill(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1
                 if Value is double:
                     code = data[k]
                 else:
-                    code = <Value>slot[_slot(data[k] + 0.0, &slot[0], &table[0])]
+                    code = <Value>slot[_find_slot(data[k] + 0.0, &slot[0], &table[0])]
                 if indices[k] < i:
-                    low_idx[a] = indices[k]
-                    low_val[a] = code
+                    lower_indices[a] = indices[k]
+                    lower_values[a] = code
                     a += 1
                 else:
-                    up_idx[b] = indices[k]
-                    up_val[b] = code
+                    upper_indices[b] = indices[k]
+                    upper_values[b] = code
                     b += 1
 
 
-def loops(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data):
-    """The diagonal, float64[n]."""
+def diagonal(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data):
+    """The diagonal of a matrix in compressed rows: float64[n]."""
     cdef int64_t i, k, n = indptr.shape[0] - 1
     cdef double[::1] out = np.zeros(n)
     with nogil:
@@ -110,42 +127,49 @@ def loops(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::
     return np.asarray(out)
 
 
-cdef inline double _row(const int32_t* idx, const Value* val, const double* table, const double* x, int64_t begin, int64_t end) noexcept nogil:
+cdef inline double _row_product(const int32_t* indices, const Value* values, const double* table,
+                                const double* x, int64_t begin, int64_t end) noexcept nogil:
+    """The product of a row of a triangle and x."""
     cdef double total = 0.0
     cdef int64_t k
     for k in range(begin, end):
         if Value is double:
-            total = total + val[k] * x[idx[k]]
+            total = total + values[k] * x[indices[k]]
         else:
-            total = total + table[val[k]] * x[idx[k]]
+            total = total + table[values[k]] * x[indices[k]]
     return total
 
 
-def back(const int32_t[::1] count, const int32_t[::1] idx, const Value[::1] val, const double[::1] table, const double[::1] scale,
-         const double[::1] r, double[::1] p, const double[::1] v, double beta, double gamma, double[::1] t):
-    """p <- r + beta p - gamma v, t = K2^-1 p. p may be r."""
-    cdef int64_t i, k = idx.shape[0], m
-    cdef const int32_t* e = &idx[0] if k else NULL
-    cdef const Value* a = &val[0] if k else NULL
+def solve_upper(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
+                const double[::1] table, const double[::1] scale, const double[::1] r,
+                double[::1] p, const double[::1] v, double beta, double gamma, double[::1] t):
+    """p = r + beta p - gamma v, and t = K2^-1 p. p may be r."""
+    cdef int64_t i, k = indices.shape[0], m
+    cdef const int32_t* e = &indices[0] if k else NULL
+    cdef const Value* a = &values[0] if k else NULL
     with nogil:
         for i in range(count.shape[0] - 1, -1, -1):
             m = k - count[i]
             p[i] = r[i] + beta * p[i] - gamma * v[i]
-            t[i] = p[i] + scale[i] * _row(e, a, &table[0], &t[0], m, k)
+            t[i] = p[i] + scale[i] * _row_product(e, a, &table[0], &t[0], m, k)
             k = m
 
 
-def forth(const int32_t[::1] count, const int32_t[::1] idx, const Value[::1] val, const double[::1] table, const double[::1] scale,
-          const double[::1] v, const double[::1] t, double[::1] w, double[::1] out, const double[::1] other):
-    """out = t + w with w = K1^-1 (v - t), which is K1^-1 (I - A) t where v = K2 t; returns (other·out, out·out)."""
+def solve_lower(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
+                const double[::1] table, const double[::1] scale, const double[::1] v,
+                const double[::1] t, double[::1] w, double[::1] out, const double[::1] other):
+    """out = t + w with w = K1^-1 (v - t), which is K1^-1 (I - A) t if v = K2 t.
+
+    Returns (other · out, out · out).
+    """
     cdef int64_t i, k = 0, m
     cdef double total, dot = 0.0, square = 0.0
-    cdef const int32_t* e = &idx[0] if idx.shape[0] else NULL
-    cdef const Value* a = &val[0] if idx.shape[0] else NULL
+    cdef const int32_t* e = &indices[0] if indices.shape[0] else NULL
+    cdef const Value* a = &values[0] if indices.shape[0] else NULL
     with nogil:
         for i in range(count.shape[0]):
             m = k + count[i]
-            total = v[i] - t[i] + scale[i] * _row(e, a, &table[0], &w[0], k, m)
+            total = v[i] - t[i] + scale[i] * _row_product(e, a, &table[0], &w[0], k, m)
             k = m
             w[i] = total
             total = total + t[i]
@@ -155,32 +179,35 @@ def forth(const int32_t[::1] count, const int32_t[::1] idx, const Value[::1] val
     return dot, square
 
 
-def update(double[::1] x, const double[::1] p, double[::1] r, const double[::1] q, const double[::1] shadow, double alpha,
-           double omega):
-    """x += alpha p + omega r, r -= omega q; returns (shadow·r, r·r, greatest |r|)."""
+def update_iterate(double[::1] x, const double[::1] p, double[::1] r, const double[::1] q,
+                   const double[::1] shadow, double alpha, double omega):
+    """x += alpha p + omega r, then r -= omega q.
+
+    Returns (shadow · r, r · r, greatest |r|).
+    """
     cdef int64_t i
-    cdef double dot = 0.0, square = 0.0, most = 0.0, left
+    cdef double dot = 0.0, square = 0.0, largest = 0.0, residual
     with nogil:
         for i in range(x.shape[0]):
             x[i] = x[i] + alpha * p[i] + omega * r[i]
-            left = r[i] - omega * q[i]
-            r[i] = left
-            dot = dot + shadow[i] * left
-            square = square + left * left
-            left = fabs(left)
-            if not left <= most:
-                most = left
-    return dot, square, most
+            residual = r[i] - omega * q[i]
+            r[i] = residual
+            dot = dot + shadow[i] * residual
+            square = square + residual * residual
+            residual = fabs(residual)
+            if not residual <= largest:
+                largest = residual
+    return dot, square, largest
 
 
-def shift(double[::1] y, const double[::1] z, double c, const double[::1] other):
-    """y += c z; returns (other·y, y·y)."""
+def add_multiple(double[::1] y, const double[::1] z, double c, const double[::1] other):
+    """y += c z; returns (other · y, y · y)."""
     cdef int64_t i
-    cdef double dot = 0.0, square = 0.0, whole
+    cdef double dot = 0.0, square = 0.0, sum_i
     with nogil:
         for i in range(y.shape[0]):
-            whole = y[i] + c * z[i]
-            y[i] = whole
-            dot = dot + other[i] * whole
-            square = square + whole * whole
+            sum_i = y[i] + c * z[i]
+            y[i] = sum_i
+            dot = dot + other[i] * sum_i
+            square = square + sum_i * sum_i
     return dot, square

@@ -1,6 +1,6 @@
 from symcheck.kernels.arrays import Floats, Int32s, Int64s
 
-def steps(
+def uniformized_steps(
     indptr: Int64s,
     indices: Int32s,
     data: Floats,

@@ -1,4 +1,4 @@
-"""Types of the compiled exploration."""
+"""Stub of the compiled exploration."""
 
 from enum import IntEnum
 from typing import Any
@@ -17,7 +17,7 @@ class Outcome(IntEnum):
     NO_MEMORY = ...
     TOO_MANY = ...
 
-def give_back() -> None: ...
+def malloc_trim() -> None: ...
 
 class Explorer:
     states: StateSet

@@ -1,9 +1,9 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Breadth-first exploration of a model given as tables, straight into compressed rows.
+"""Breadth-first exploration of a model in compiled tables, directly into compressed rows.
 
-A batch of states of one level is expanded into one array of successors; these are then numbered
-through the hash table, and the rows are closed. So the table is probed with prefetching, and a deep
-search over narrow levels costs no more per state than a wide one.
+A batch of states of one level is expanded into one array of successors. These are numbered by the
+hash table, and the rows are closed. So the table is probed with prefetching, and a deep exploration
+of narrow levels costs no more per state than a wide one.
 """
 
 from libc.stdint cimport int32_t, int64_t, uint64_t
@@ -15,6 +15,7 @@ from symcheck.kernels.explore.successors cimport Expander
 from symcheck.kernels.tables.state_table cimport StateSet
 from symcheck.kernels.memory cimport Buffer, release, reserve
 from symcheck.kernels.explore.register_machine cimport Status
+from symcheck.kernels.tuning cimport BATCH_STATES, BATCH_SUCCESSORS, CLOCK_INTERVAL
 
 cdef extern from *:
     """
@@ -28,12 +29,6 @@ cdef extern from *:
     """
     void trim_heap() nogil
 
-cdef enum:
-    BATCH = 256  # states
-    WIDE = 16384  # successors: a batch ends here
-    PATIENCE = 2048  # states between looks at the clock
-
-
 cpdef enum Outcome:
     COMPLETE = 0
     PAUSED
@@ -43,26 +38,31 @@ cpdef enum Outcome:
     TOO_MANY
 
 
-def give_back():
-    """Give memory that was freed, and that the allocator keeps, back to the system, where it can be
-    told to.
-    """
+def malloc_trim():
+    """Return freed memory that the allocator keeps to the system, if the C library can do that."""
     with nogil:
         trim_heap()
 
 
 cdef double now() noexcept nogil:
+    """Seconds on the monotonic clock."""
     cdef timespec t
     clock_gettime(CLOCK_MONOTONIC, &t)
     return t.tv_sec + 1e-9 * t.tv_nsec
 
 
 cdef class Explorer:
-    """A search that can be paused. `tables`: see `symcheck.explicit.tables.Tables`.
+    """An exploration that can be paused.
 
-    `add` puts states in, `run` explores; `states` and `rows` hold what was found, in the order of
-    discovery. After a fault, `fault_state` is the number of the state that the model breaks a rule
-    in.
+    `add` inserts states and `run` explores; `states` and `rows` hold the states and rows in the
+    order of their discovery. `explored` states have been expanded; `level` is the breadth-first
+    distance of those that come next. After a fault, `fault_state` is the number of the state in
+    which the model breaks a rule, and `fault_status` the status of the register machine.
+
+    Args:
+        tables: see `symcheck.explicit.tables.Tables`.
+    Raises:
+        MemoryError: memory ended.
     """
 
     cdef readonly StateSet states
@@ -92,14 +92,12 @@ cdef class Explorer:
         return self.expander.deadlock_count
 
     def copy_deadlocks(self, int64_t[::1] out):
-        """Numbers of the deadlock states, into `out` (int64[deadlock_count])."""
+        """Copy the numbers of the deadlock states into `out` (int64[deadlock_count])."""
         if self.expander.deadlock_count:
             memcpy(&out[0], self.expander.deadlocks.data, self.expander.deadlock_count * 8)
 
     def add(self, const uint64_t[:, ::1] rows):
-        """Put states in (uint64[n, words]), to be explored in their turn; known ones are passed
-        over.
-        """
+        """Insert states (uint64[n, words]) to be explored; known ones are ignored."""
         cdef int32_t[::1] ids
         if rows.shape[0] == 0:
             return
@@ -111,8 +109,11 @@ cdef class Explorer:
             self.level_end = self.states.count
 
     def run(self, long long budget, double seconds):
-        """Explore until nothing is left, `budget` states are known, or about so many seconds have
-        passed.
+        """Explore until nothing is left, `budget` states are known, or `seconds` have passed.
+
+        Returns:
+            The outcome: COMPLETE, PAUSED (time), BUDGET, FAULT, NO_MEMORY or TOO_MANY (2**31
+                states).
         """
         cdef int outcome
         with nogil:
@@ -120,55 +121,56 @@ cdef class Explorer:
         return Outcome(outcome)
 
     cdef int _run(self, long long budget, double deadline) noexcept nogil:
-        cdef long long looked = self.explored
+        cdef long long last_check = self.explored
         cdef int outcome
         while self.explored < self.states.count:
             if self.states.count >= budget:
                 return Outcome.BUDGET
-            if self.explored - looked >= PATIENCE or self.expander.successor_count >= WIDE:
-                looked = self.explored
+            if (self.explored - last_check >= CLOCK_INTERVAL
+                    or self.expander.successor_count >= BATCH_SUCCESSORS):
+                last_check = self.explored
                 if now() > deadline:
                     return Outcome.PAUSED
             if self.explored >= self.level_end:
                 self.level += 1
                 self.level_end = self.states.count
-            outcome = self._batch()
+            outcome = self._explore_batch()
             if outcome:
                 return outcome
         return Outcome.COMPLETE
 
-    cdef int _batch(self) noexcept nogil:
+    cdef int _explore_batch(self) noexcept nogil:
         """Explore some states of one level."""
         cdef const uint64_t* rows = <const uint64_t*> self.states.rows.data
-        cdef long long stop = min(self.level_end, self.explored + BATCH)
-        cdef int failed
+        cdef long long stop = min(self.level_end, self.explored + BATCH_STATES)
+        cdef int status
         self.expander.clear()
-        while self.explored < stop and self.expander.successor_count < WIDE:
-            failed = self.expander.expand(self.explored, rows + self.explored * self.states.words)
-            if failed == Status.MEMORY:
+        while self.explored < stop and self.expander.successor_count < BATCH_SUCCESSORS:
+            status = self.expander.expand(self.explored, rows + self.explored * self.states.words)
+            if status == Status.MEMORY:
                 return Outcome.NO_MEMORY
-            if failed:
-                self.fault_status = failed
+            if status:
+                self.fault_status = status
                 self.fault_state = self.explored
                 return Outcome.FAULT
             self.explored += 1
-        failed = self._settle()
-        if failed:
-            return Outcome.TOO_MANY if failed == 2 else Outcome.NO_MEMORY
+        status = self._number_successors()
+        if status:
+            return Outcome.TOO_MANY if status == 2 else Outcome.NO_MEMORY
         return 0
 
-    cdef int _settle(self) noexcept nogil:
-        """Number the batch's successors and append its rows."""
+    cdef int _number_successors(self) noexcept nogil:
+        """Number the successors of the batch and write its rows."""
         cdef long long row, begin = 0, end, n = self.expander.successor_count
         cdef const double* weights = <const double*> self.expander.weights.data
         cdef int32_t* ids
-        cdef int failed
+        cdef int status
         if reserve(&self.ids, n * 4):
             return 1
         ids = <int32_t*> self.ids.data
-        failed = self.states.insert(<const uint64_t*> self.expander.targets.data, n, ids)
-        if failed:
-            return failed
+        status = self.states.insert(<const uint64_t*> self.expander.targets.data, n, ids)
+        if status:
+            return status
         for row in range(self.expander.row_count):
             end = (<const int64_t*> self.expander.ends.data)[row]
             if self.rows.close_row(ids + begin, weights + begin, end - begin):

@@ -1,13 +1,11 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Order on packed states: rows of uint64 words, compared word by word."""
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Lexicographic order of packed states: rows of uint64 words."""
 
 from libc.stdint cimport int32_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
-cdef enum:
-    SMALL = 48  # below this, insertion sort
-    DIGIT = 11
+from symcheck.kernels.tuning cimport INSERTION_SORT_ROWS, RADIX_BITS
 
 
 cdef struct Item:
@@ -15,7 +13,8 @@ cdef struct Item:
     int32_t row
 
 
-cdef void insertion(Item* items, long long n) noexcept nogil:
+cdef void insertion_sort(Item* items, long long n) noexcept nogil:
+    """Sort few items by key."""
     cdef long long i, j
     cdef Item item
     for i in range(1, n):
@@ -27,14 +26,14 @@ cdef void insertion(Item* items, long long n) noexcept nogil:
         items[j] = item
 
 
-cdef void radix(Item* items, Item* spare, long long n, uint64_t varying) noexcept nogil:
-    """Sort by key, least significant digit first, passing over digits in which no key differs."""
-    cdef long long counts[1 << DIGIT]
+cdef void radix_sort(Item* items, Item* spare, long long n, uint64_t varying) noexcept nogil:
+    """Sort by key, least significant digit first, skipping digits in which no key differs."""
+    cdef long long counts[1 << RADIX_BITS]
     cdef int shift = 0, d
-    cdef long long i, total, c
+    cdef long long i, total, occurrences
     cdef Item* source = items
     cdef Item* target = spare
-    cdef uint64_t mask = (1 << DIGIT) - 1
+    cdef uint64_t mask = (1 << RADIX_BITS) - 1
     while shift < 64:
         if not (varying >> shift) & 1:
             shift += 1
@@ -43,52 +42,61 @@ cdef void radix(Item* items, Item* spare, long long n, uint64_t varying) noexcep
         for i in range(n):
             counts[(source[i].key >> shift) & mask] += 1
         total = 0
-        for d in range(1 << DIGIT):
-            c = counts[d]
+        for d in range(1 << RADIX_BITS):
+            occurrences = counts[d]
             counts[d] = total
-            total += c
+            total += occurrences
         for i in range(n):
             d = (source[i].key >> shift) & mask
             target[counts[d]] = source[i]
             counts[d] += 1
         source, target = target, source
-        shift += DIGIT
+        shift += RADIX_BITS
     if source != items:
         for i in range(n):
             items[i] = source[i]
 
 
-cdef void order_range(const uint64_t* rows, int words, int word, Item* items, Item* spare, long long n) noexcept nogil:
+cdef void sort_range(const uint64_t* rows, int words, int word, Item* items, Item* spare,
+                     long long n) noexcept nogil:
+    """Sort items by the words from `word` on."""
     cdef long long i, begin
-    cdef uint64_t both = ~(<uint64_t> 0), any = 0
+    cdef uint64_t common_bits = ~(<uint64_t> 0), any_bits = 0
     while True:
-        both = ~(<uint64_t> 0)
-        any = 0
+        common_bits = ~(<uint64_t> 0)
+        any_bits = 0
         for i in range(n):
             items[i].key = rows[<long long> items[i].row * words + word]
-            both &= items[i].key
-            any |= items[i].key
-        if any != both:
+            common_bits &= items[i].key
+            any_bits |= items[i].key
+        if any_bits != common_bits:
             break
         word += 1
         if word == words:
             return
-    if n <= SMALL:
-        insertion(items, n)
+    if n <= INSERTION_SORT_ROWS:
+        insertion_sort(items, n)
     else:
-        radix(items, spare, n, any & ~both)
+        radix_sort(items, spare, n, any_bits & ~common_bits)
     if word + 1 == words:
         return
     begin = 0
     for i in range(1, n + 1):
         if i == n or items[i].key != items[begin].key:
             if i - begin > 1:
-                order_range(rows, words, word + 1, items + begin, spare + begin, i - begin)
+                sort_range(rows, words, word + 1, items + begin, spare + begin, i - begin)
             begin = i
 
 
-def order_rows(const uint64_t[:, ::1] rows, int32_t[::1] order, int32_t[::1] rank):
-    """Sort rows (uint64[n, words]) lexicographically: row `order[i]` is the i-th, and row j is the `rank[j]`-th."""
+def sort_rows(const uint64_t[:, ::1] rows, int32_t[::1] order, int32_t[::1] rank):
+    """Sort rows lexicographically.
+
+    Args:
+        rows: uint64[n, words].
+        order: int32[n], receives the row at each position; rank: int32[n], its inverse.
+    Raises:
+        MemoryError: memory ended.
+    """
     cdef long long n = rows.shape[0], i
     cdef int words = rows.shape[1]
     cdef Item* items
@@ -101,30 +109,36 @@ def order_rows(const uint64_t[:, ::1] rows, int32_t[::1] order, int32_t[::1] ran
         for i in range(n):
             items[i].row = <int32_t> i
         if words:
-            order_range(&rows[0, 0], words, 0, items, items + n, n)
+            sort_range(&rows[0, 0], words, 0, items, items + n, n)
         for i in range(n):
             order[i] = items[i].row
             rank[items[i].row] = <int32_t> i
     free(items)
 
 
-def find_rows(const uint64_t[:, ::1] table, const uint64_t[:, ::1] wanted, int32_t[::1] found):
-    """The place of each wanted row in a sorted table, -1 where it is not there."""
+def find_rows(const uint64_t[:, ::1] table, const uint64_t[:, ::1] requested,
+              int32_t[::1] positions):
+    """Find rows in a sorted table by binary search.
+
+    Args:
+        table: uint64[n, words], sorted. requested: uint64[m, words].
+        positions: int32[m], receives the position of each row, -1 if it is not in the table.
+    """
     cdef long long n = table.shape[0], low, high, middle, i
     cdef int words = table.shape[1], w, sign
     with nogil:
-        for i in range(wanted.shape[0]):
+        for i in range(requested.shape[0]):
             low, high = 0, n
-            found[i] = -1
+            positions[i] = -1
             while low < high:
                 middle = (low + high) // 2
                 sign = 0
                 for w in range(words):
-                    if table[middle, w] != wanted[i, w]:
-                        sign = -1 if table[middle, w] < wanted[i, w] else 1
+                    if table[middle, w] != requested[i, w]:
+                        sign = -1 if table[middle, w] < requested[i, w] else 1
                         break
                 if sign == 0:
-                    found[i] = <int32_t> middle
+                    positions[i] = <int32_t> middle
                     break
                 if sign < 0:
                     low = middle + 1

@@ -1,8 +1,8 @@
 # cython: language_level=3
-"""The register machine that evaluates compiled expressions: shared by the kernels that run it."""
+"""The register machine that evaluates compiled expressions, for the kernels that run it."""
 
 
-cdef union Slot:
+cdef union Register:
     long long i
     double d
 
@@ -50,7 +50,7 @@ cpdef enum Op:
     NOT
     AND
     OR
-    # From here on `dst` is the place to jump to.
+    # From here on `dst` is the target of a jump.
     JUMP
     JTRUE
     JFALSE
@@ -73,11 +73,11 @@ cpdef enum Status:
     MODULUS
     NEGATIVE_POWER
     NOT_A_NUMBER
-    # These are found by the explorer, not by the machine.
+    # These are detected by the exploration, not by the machine.
     RANGE
     PROBABILITY
     SUM
     MEMORY
 
 
-cdef int execute(const Instruction* pc, const Instruction* code, Slot* r) noexcept nogil
+cdef int execute(const Instruction* pc, const Instruction* code, Register* r) noexcept nogil

@@ -1,4 +1,4 @@
-"""Types of the compiled register machine."""
+"""Stub of the compiled register machine."""
 
 from enum import IntEnum
 

@@ -1,9 +1,10 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""A register machine for expressions over int64, double and bool (0 or 1 in an integer slot).
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""A register machine for expressions over int64, double and bool (0 or 1 as an integer).
 
-A program is int32[n, 4]: operation, destination, two operands, all registers alike (variables, constants, temporaries).
-It ends with HALT (status DONE) or FAIL (DISABLED: a guard is false) or with the status of what went wrong.
-Doubles follow IEEE 754 (division by zero gives an infinity or NaN); integers never wrap: they end with OVERFLOW.
+A program is int32[n, 4]: operation, destination, two operands, all of them registers (variables,
+constants, temporaries). It ends with HALT (status DONE), FAIL (DISABLED: a guard is false) or the
+status of an error. Doubles follow IEEE 754 (division by zero gives an infinity or NaN); integer
+overflow is an error.
 """
 
 from libc.math cimport INFINITY, NAN, ceil, floor, log, pow
@@ -15,14 +16,15 @@ cdef extern from *:
     bint __builtin_sub_overflow(long long, long long, long long*) nogil
     bint __builtin_mul_overflow(long long, long long, long long*) nogil
 
-cdef inline int whole(double x, Slot* result) noexcept nogil:
+cdef inline int to_integer(double x, Register* result) noexcept nogil:
+    """Convert a double; a status if it is no int64."""
     if not (-9223372036854775808.0 <= x < 9223372036854775808.0):
         return Status.NOT_A_NUMBER if x - x != 0 else Status.OVERFLOW
     result.i = <long long> x
     return 0
 
 
-cdef int power(long long base, long long exponent, Slot* result) noexcept nogil:
+cdef int power(long long base, long long exponent, Register* result) noexcept nogil:
     cdef long long value = 1
     if exponent < 0:
         return Status.NEGATIVE_POWER
@@ -33,13 +35,14 @@ cdef int power(long long base, long long exponent, Slot* result) noexcept nogil:
         if exponent == 0:
             break
         if __builtin_mul_overflow(base, base, &base):
-            # A base that no longer fits is needed again: only 0 and +-1 stay small, and they never overflow.
+            # A base that no longer fits is needed again: only 0 and +-1 stay small, and they never
+            # overflow.
             return Status.OVERFLOW
     result.i = value
     return 0
 
 
-cdef inline int modulo(long long x, long long y, Slot* result) noexcept nogil:
+cdef inline int modulo(long long x, long long y, Register* result) noexcept nogil:
     if y == 0:
         return Status.MODULUS
     x = 0 if y == -1 else x % y  # the smallest int64 has no remainder by -1 in C
@@ -55,7 +58,7 @@ cdef inline double logarithm(double x, double base) noexcept nogil:
     return log(x) / log(base)
 
 
-cdef int execute(const Instruction* pc, const Instruction* code, Slot* r) noexcept nogil:
+cdef int execute(const Instruction* pc, const Instruction* code, Register* r) noexcept nogil:
     """Run from `pc` until the program ends; jumps are relative to `code`."""
     cdef int op, dst, a, b, status
     while True:
@@ -115,15 +118,15 @@ cdef int execute(const Instruction* pc, const Instruction* code, Slot* r) noexce
         elif op == Op.LOGD:
             r[dst].d = logarithm(r[a].d, r[b].d)
         elif op == Op.FLOOR:
-            status = whole(floor(r[a].d), &r[dst])
+            status = to_integer(floor(r[a].d), &r[dst])
             if status:
                 return status
         elif op == Op.CEIL:
-            status = whole(ceil(r[a].d), &r[dst])
+            status = to_integer(ceil(r[a].d), &r[dst])
             if status:
                 return status
         elif op == Op.ROUND:
-            status = whole(floor(r[a].d + 0.5), &r[dst])
+            status = to_integer(floor(r[a].d + 0.5), &r[dst])
             if status:
                 return status
         elif op == Op.EQI:
@@ -188,43 +191,56 @@ cdef int execute(const Instruction* pc, const Instruction* code, Slot* r) noexce
                 pc = code + dst
 
 
-cdef inline void give(Slot* r, int result, double[::1] reals, long long[::1] integers, Py_ssize_t row) noexcept nogil:
+cdef inline void store_result(Register* r, int result, double[::1] reals, long long[::1] integers,
+                              Py_ssize_t row) noexcept nogil:
+    """Store the value of register `result`."""
     if reals is not None:
         reals[row] = r[result].d
     else:
         integers[row] = r[result].i
 
 
-def run_columns(const int[:, ::1] code, const long long[::1] slots, const int[::1] registers, const long long[:, ::1] columns,
-                int result, double[::1] reals, long long[::1] integers, unsigned char[::1] valid):
-    """Evaluate a program for each lane of `columns` (int64[k, n]; column j goes to register `registers[j]`).
+def run_columns(const int[:, ::1] code, const long long[::1] slots, const int[::1] registers,
+                const long long[:, ::1] columns, int result, double[::1] reals,
+                long long[::1] integers, unsigned char[::1] valid):
+    """Evaluate a program for each lane of some columns.
 
-    The value of register `result` goes to `reals` or, where that is None, to `integers`. Gives (lane, status) of the
-    first lane that has no value, or (-1, 0). With `valid` (uint8[n], set to 1 or 0) it goes on after such lanes instead.
+    Args:
+        code: int32[instructions, 4]. slots: int64[registers], the first content of the registers.
+        registers: int32[k], the register of each column. columns: int64[k, n], a value per lane.
+        result: the register whose value is stored.
+        reals, integers: float64[n] or int64[n], the one that is not None receives the values.
+        valid: uint8[n] or None; it receives 1 for lanes with a value, and lanes without one are
+            skipped.
+    Returns:
+        (lane, status) of the first lane without a value if `valid` is None; otherwise, or if all
+            have values, (-1, 0).
+    Raises:
+        MemoryError: memory ended.
     """
     cdef Py_ssize_t n = columns.shape[1], k = columns.shape[0], row, j
     cdef const Instruction* program = <const Instruction*> &code[0, 0]
     cdef int status = 0
-    cdef Slot* r = <Slot*> malloc(slots.shape[0] * sizeof(Slot) + 8)
+    cdef Register* r = <Register*> malloc(slots.shape[0] * sizeof(Register) + 8)
     if r == NULL:
         raise MemoryError
-    cdef Py_ssize_t bad = -1
+    cdef Py_ssize_t faulty = -1
     with nogil:
         if slots.shape[0]:
-            memcpy(r, &slots[0], slots.shape[0] * sizeof(Slot))
+            memcpy(r, &slots[0], slots.shape[0] * sizeof(Register))
         for row in range(n):
             for j in range(k):
                 r[registers[j]].i = columns[j, row]
             status = execute(program, program, r)
             if status == 0:
-                give(r, result, reals, integers, row)
+                store_result(r, result, reals, integers, row)
             elif valid is None:
-                bad = row
+                faulty = row
                 break
             if valid is not None:
                 valid[row] = status == 0
     free(r)
-    return bad, status if bad >= 0 else 0
+    return faulty, status if faulty >= 0 else 0
 
 
 cdef struct Field:
@@ -235,48 +251,58 @@ cdef struct Field:
     long long low
 
 
-def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, ::1] fields, const long long[::1] lows,
-               const unsigned long long[:, ::1] states, int result, double[::1] reals, long long[::1] integers,
-               unsigned char[::1] truths):
-    """Evaluate a program on packed states (uint64[n, words]).
+def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, ::1] fields,
+               const long long[::1] lows, const unsigned long long[:, ::1] states, int result,
+               double[::1] reals, long long[::1] integers, unsigned char[::1] truths):
+    """Evaluate a program on packed states.
 
-    `fields` (int32[k, 4]: register, word, shift, bits) and `lows` say what to unpack. The value of register `result` goes to
-    the one of `reals`, `integers` and `truths` that is not None. Gives (state, status) of the first state that has no value,
-    or (-1, 0).
+    Args:
+        code, slots, result: as in `run_columns`.
+        fields: int32[k, 4], register, word, shift and bits of each variable. lows: int64[k], their
+            least values.
+        states: uint64[n, words].
+        reals, integers, truths: float64[n], int64[n] or uint8[n], the one that is not None receives
+            the values.
+    Returns:
+        (state, status) of the first state without a value, or (-1, 0).
+    Raises:
+        MemoryError: memory ended.
     """
     cdef Py_ssize_t n = states.shape[0], words = states.shape[1], row
     cdef int k = <int> fields.shape[0], j
     cdef const Instruction* program = <const Instruction*> &code[0, 0]
     cdef const unsigned long long* state
+    cdef unsigned long long bits
     cdef int status = 0
-    cdef Py_ssize_t bad = -1
-    cdef Slot* r = <Slot*> malloc(slots.shape[0] * sizeof(Slot) + 8)
-    cdef Field* read = <Field*> malloc(k * sizeof(Field) + 8)
-    if r == NULL or read == NULL:
+    cdef Py_ssize_t faulty = -1
+    cdef Register* r = <Register*> malloc(slots.shape[0] * sizeof(Register) + 8)
+    cdef Field* unpacked = <Field*> malloc(k * sizeof(Field) + 8)
+    if r == NULL or unpacked == NULL:
         free(r)
-        free(read)
+        free(unpacked)
         raise MemoryError
     with nogil:
         if slots.shape[0]:
-            memcpy(r, &slots[0], slots.shape[0] * sizeof(Slot))
+            memcpy(r, &slots[0], slots.shape[0] * sizeof(Register))
         for j in range(k):
-            read[j].slot = fields[j, 0]
-            read[j].word = fields[j, 1]
-            read[j].shift = fields[j, 2]
-            read[j].mask = (<unsigned long long> 1 << fields[j, 3]) - 1
-            read[j].low = lows[j]
+            unpacked[j].slot = fields[j, 0]
+            unpacked[j].word = fields[j, 1]
+            unpacked[j].shift = fields[j, 2]
+            unpacked[j].mask = (<unsigned long long> 1 << fields[j, 3]) - 1
+            unpacked[j].low = lows[j]
         for row in range(n):
             state = &states[0, 0] + row * words
             for j in range(k):
-                r[read[j].slot].i = <long long> ((state[read[j].word] >> read[j].shift) & read[j].mask) + read[j].low
+                bits = (state[unpacked[j].word] >> unpacked[j].shift) & unpacked[j].mask
+                r[unpacked[j].slot].i = <long long> bits + unpacked[j].low
             status = execute(program, program, r)
             if status:
-                bad = row
+                faulty = row
                 break
             if truths is not None:
                 truths[row] = <unsigned char> r[result].i
             else:
-                give(r, result, reals, integers, row)
+                store_result(r, result, reals, integers, row)
     free(r)
-    free(read)
-    return bad, status
+    free(unpacked)
+    return faulty, status

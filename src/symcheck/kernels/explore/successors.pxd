@@ -1,11 +1,11 @@
 # cython: language_level=3
-"""Successors of states, one batch of states at a time."""
+"""Successors of packed states: see successors.pyx."""
 
 from libc.stdint cimport int32_t, int64_t, uint64_t
 
 from symcheck.kernels.rows.csr_builder cimport CsrBuilder
 from symcheck.kernels.memory cimport Buffer
-from symcheck.kernels.explore.register_machine cimport Instruction, Slot
+from symcheck.kernels.explore.register_machine cimport Instruction, Register
 
 
 cdef class Expander:
@@ -27,8 +27,8 @@ cdef class Expander:
     cdef const int32_t[:, ::1] rewards, canonical
     cdef int root, canonical_code, events
     cdef const Instruction* code
-    cdef Slot* r
-    cdef Slot* canonical_slots
+    cdef Register* r
+    cdef Register* canonical_slots
     # scratch of one state
     cdef int32_t* candidates
     cdef int32_t* enabled
@@ -42,25 +42,28 @@ cdef class Expander:
     cdef uint64_t* evaluated_value
     cdef uint64_t* level_words
     cdef int candidate_count, enabled_count, evaluated_count, part_count
-    cdef int joint, row_action
+    cdef int joint_choices, row_action
     # scratch of one batch
     cdef Buffer targets, weights, ends, deadlocks
     cdef long long successor_count, row_count, deadlock_count
 
     cdef void clear(self) noexcept nogil
     cdef int expand(self, long long state, const uint64_t* source) noexcept nogil
-    cdef int _deadlock(self, long long state, const uint64_t* source) noexcept nogil
+    cdef int _add_deadlock_loop(self, long long state, const uint64_t* source) noexcept nogil
     cdef int _open_row(self) noexcept nogil
     cdef void _end_row(self, int action) noexcept nogil
-    cdef int _room(self, long long more) noexcept nogil
-    cdef void _walk(self, int node) noexcept nogil
+    cdef int _reserve_branches(self, long long more) noexcept nogil
+    cdef void _collect_candidates(self, int node) noexcept nogil
     cdef void _sort_candidates(self, int first) noexcept nogil
-    cdef int _alone(self, int32_t event, const uint64_t* source) noexcept nogil
-    cdef int _together(self, int32_t event, const uint64_t* source) noexcept nogil
-    cdef int _guards(self, int part) noexcept nogil
-    cdef int _evaluate(self, int32_t command, int place) noexcept nogil
-    cdef int _update(self, int u) noexcept nogil
-    cdef int _choice(self, int32_t event, const uint64_t* source) noexcept nogil
-    cdef void _product(self, int part, double weight, const uint64_t* base) noexcept nogil
+    cdef int _expand_single(self, int32_t event, const uint64_t* source) noexcept nogil
+    cdef int _expand_synchronised(self, int32_t event, const uint64_t* source) noexcept nogil
+    cdef const int32_t* _participant_commands(self, int participant, int* count) noexcept nogil
+    cdef inline int64_t _unpack(self, const uint64_t* state, int variable) noexcept nogil
+    cdef int _find_enabled(self, int participant) noexcept nogil
+    cdef int _evaluate_command(self, int32_t command, int position) noexcept nogil
+    cdef int _evaluate_update(self, int u) noexcept nogil
+    cdef int _add_joint_choice(self, int32_t event, const uint64_t* source) noexcept nogil
+    cdef void _combine_updates(self, int participant, double weight,
+                               const uint64_t* base) noexcept nogil
     cdef int _canonicalise(self, long long first) noexcept nogil
-    cdef int _reward(self, int32_t event, long long first) noexcept nogil
+    cdef int _add_rewards(self, int32_t event, long long first) noexcept nogil

@@ -1,5 +1,5 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Successors of states, one batch of states at a time: guards, updates, products of synchronised commands."""
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Successors of packed states: guards, updates, products of synchronised commands."""
 
 from libc.stdint cimport int32_t, int64_t, uint64_t
 from libc.stdlib cimport free, malloc
@@ -9,7 +9,7 @@ import numpy as np
 
 from symcheck.kernels.rows.csr_builder cimport CsrBuilder
 from symcheck.kernels.memory cimport Buffer, release, reserve
-from symcheck.kernels.explore.register_machine cimport Instruction, Slot, Status, execute
+from symcheck.kernels.explore.register_machine cimport Instruction, Register, Status, execute
 
 cdef enum Kind:
     DTMC = 0
@@ -29,8 +29,8 @@ cdef object copy_array(const void* data, long long count, object dtype):
 cdef class Expander:
     """A model given as tables (see `symcheck.explicit.tables.Tables`).
 
-    `expand` appends the successors of a state to the batch (`targets`, `weights`) and opens its rows in `rows`, where
-    row i of the batch ends at `ends[i]`; `clear` begins the next batch.
+    `expand` appends the successors of a state to the batch (`targets`, `weights`) and opens its
+    rows in `rows`, where row i of the batch ends at `ends[i]`; `clear` begins the next batch.
     """
 
     def __cinit__(self, tables):
@@ -46,21 +46,26 @@ cdef class Expander:
         self.update_probability, self.update_code = tables.update_probability, tables.update_code
         self.update_assignments = tables.update_assignments
         self.update_keep, self.update_preset = tables.update_keep, tables.update_preset
-        self.assignment_register, self.assignment_variable = tables.assignment_register, tables.assignment_variable
+        self.assignment_register, self.assignment_variable = (tables.assignment_register,
+                                                              tables.assignment_variable)
         self.event_action, self.event_parts = tables.event_action, tables.event_parts
-        self.part_commands, self.part_list, self.part_forest = tables.part_commands, tables.part_list, tables.part_forest
+        self.part_commands, self.part_list, self.part_forest = (tables.part_commands,
+                                                                tables.part_list,
+                                                                tables.part_forest)
         self.forest, self.root = tables.forest, tables.root
-        self.action_rewards, self.rewards, self.structures = tables.action_rewards, tables.rewards, tables.structures
+        self.action_rewards, self.rewards, self.structures = (tables.action_rewards,
+                                                              tables.rewards, tables.structures)
         self.canonical_code, self.canonical = tables.canonical_code, tables.canonical
         self.events = self.event_action.shape[0]
         self.code = <const Instruction*> &self.program[0, 0]
         self._allocate(tables.slots, tables.most_updates, tables.most_commands, tables.most_parts)
         self.rows = CsrBuilder(self.structures)
 
-    def _allocate(self, const int64_t[::1] slots, int most_updates, int most_commands, int most_parts):
-        cdef size_t size = slots.shape[0] * sizeof(Slot) + 8
-        self.r = <Slot*> malloc(size)
-        self.canonical_slots = <Slot*> malloc(size)
+    def _allocate(self, const int64_t[::1] slots, int most_updates, int most_commands,
+                  int most_parts):
+        cdef size_t size = slots.shape[0] * sizeof(Register) + 8
+        self.r = <Register*> malloc(size)
+        self.canonical_slots = <Register*> malloc(size)
         self.candidates = <int32_t*> malloc((self.events + most_commands + 1) * 4)
         self.enabled = <int32_t*> malloc((most_commands + 1) * 4)
         self.enabled_begin = <int32_t*> malloc((most_commands + 2) * 4)
@@ -72,14 +77,15 @@ cdef class Expander:
         self.evaluated_update = <int32_t*> malloc((most_updates + 1) * 4)
         self.evaluated_value = <uint64_t*> malloc((most_updates + 1) * 8 * self.words)
         self.level_words = <uint64_t*> malloc((most_parts + 1) * 8 * self.words)
-        if (self.r == NULL or self.canonical_slots == NULL or self.candidates == NULL or self.enabled == NULL
-                or self.enabled_begin == NULL or self.enabled_total == NULL or self.enabled_status == NULL
-                or self.part_begin == NULL or self.chosen == NULL or self.evaluated_weight == NULL
-                or self.evaluated_update == NULL or self.evaluated_value == NULL or self.level_words == NULL):
+        if (self.r == NULL or self.canonical_slots == NULL or self.candidates == NULL
+                or self.enabled == NULL or self.enabled_begin == NULL or self.enabled_total == NULL
+            or self.enabled_status == NULL or self.part_begin == NULL or self.chosen == NULL
+            or self.evaluated_weight == NULL or self.evaluated_update == NULL
+            or self.evaluated_value == NULL or self.level_words == NULL):
             raise MemoryError
         if slots.shape[0]:
-            memcpy(self.r, &slots[0], slots.shape[0] * sizeof(Slot))
-            memcpy(self.canonical_slots, &slots[0], slots.shape[0] * sizeof(Slot))
+            memcpy(self.r, &slots[0], slots.shape[0] * sizeof(Register))
+            memcpy(self.canonical_slots, &slots[0], slots.shape[0] * sizeof(Register))
 
     def __dealloc__(self):
         free(self.r)
@@ -111,11 +117,12 @@ cdef class Expander:
         Args:
             states: uint64[n, words], packed states.
         Returns:
-            (status, state, arrays). Status 0: the arrays are choice_ends int64[n] (end of each state's choices),
-            branch_ends int64[choices] (end of each choice's branches), actions int32[choices] (-1: none), weights
-            float64[branches], targets uint64[branches, words] and deadlocks int64[d] (numbers of states without a
-            choice; each of them has one choice, a loop of weight 1). Any other status: the model breaks a rule in the
-            state with this number, and the arrays are None.
+            (status, state, arrays). Status 0: the arrays are choice_ends int64[n] (end of each
+            state's choices), branch_ends int64[choices] (end of each choice's branches), actions
+            int32[choices] (-1: none), weights float64[branches], targets uint64[branches, words]
+            and deadlocks int64[d] (numbers of states without a choice; each of them has one choice,
+            a loop of weight 1). Any other status: the model breaks a rule in the state with this
+            number, and the arrays are None.
         Raises:
             MemoryError: no memory for the branches; the next call begins anew.
         """
@@ -129,76 +136,82 @@ cdef class Expander:
                 raise MemoryError
             if status:
                 return status, i, None
-        return 0, n, (
-            copy_array(self.rows.group_ends.data, self.rows.groups, np.int64),
-            copy_array(self.ends.data, self.row_count, np.int64),
-            copy_array(self.rows.actions.data, self.rows.opened, np.int32),
-            copy_array(self.weights.data, self.successor_count, np.float64),
-            copy_array(self.targets.data, self.successor_count * self.words, np.uint64).reshape(-1, self.words),
-            copy_array(self.deadlocks.data, self.deadlock_count, np.int64),
-        )
+        return (0, n, (copy_array(self.rows.group_ends.data, self.rows.groups, np.int64),
+                       copy_array(self.ends.data, self.row_count, np.int64),
+                       copy_array(self.rows.actions.data, self.rows.opened, np.int32),
+                       copy_array(self.weights.data, self.successor_count, np.float64),
+                       copy_array(self.targets.data, self.successor_count * self.words,
+                                  np.uint64).reshape(-1, self.words),
+                       copy_array(self.deadlocks.data, self.deadlock_count, np.int64)))
 
     cdef void clear(self) noexcept nogil:
         """Begin a batch."""
         self.successor_count = 0
         self.row_count = 0
 
-    # ------------------------------------------------------------------------------------------ one state
+    # ------------------------------------------------------------------------------------- one
+    # state
+
+    cdef inline int64_t _unpack(self, const uint64_t* state, int variable) noexcept nogil:
+        """The value of a variable in a packed state."""
+        cdef const int32_t* field = &self.fields[variable, 0]
+        cdef uint64_t bits = (state[field[1]] >> field[2]) & ((<uint64_t> 1 << field[3]) - 1)
+        return <int64_t> bits + self.lows[variable]
 
     cdef int expand(self, long long state, const uint64_t* source) noexcept nogil:
-        """Successors of one state at the end of the batch, with its rows."""
+        """Append the successors and rows of a state to the batch."""
         cdef const int32_t* field
         cdef long long first = self.successor_count, i
         cdef int v, k, status
         cdef int32_t e
         for v in range(self.variables):
-            field = &self.fields[v, 0]
-            self.r[v].i = <int64_t> ((source[field[1]] >> field[2]) & ((<uint64_t> 1 << field[3]) - 1)) + self.lows[v]
+            self.r[v].i = self._unpack(source, v)
         if self.kind != Kind.MDP and self._open_row():
             return Status.MEMORY
-        self.joint = 0
+        self.joint_choices = 0
         self.row_action = -1
         self.candidate_count = 0
-        self._walk(self.root)
+        self._collect_candidates(self.root)
         self._sort_candidates(0)
         k = self.candidate_count
         for v in range(k):
             e = self.candidates[v]
             if self.event_parts[e + 1] - self.event_parts[e] == 1:
-                status = self._alone(e, source)
+                status = self._expand_single(e, source)
             else:
-                status = self._together(e, source)
+                status = self._expand_synchronised(e, source)
             if status:
                 return status
         if self.successor_count == first:
-            return self._deadlock(state, source)
-        if self.kind == Kind.DTMC and self.joint > 1:
+            return self._add_deadlock_loop(state, source)
+        if self.kind == Kind.DTMC and self.joint_choices > 1:
             for i in range(first, self.successor_count):
-                (<double*> self.weights.data)[i] /= self.joint
+                (<double*> self.weights.data)[i] /= self.joint_choices
             for v in range(self.structures):
-                (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint
+                (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint_choices
         if self.kind != Kind.MDP:
             self._end_row(self.row_action)
             return 0
         return Status.MEMORY if self.rows.end_group() else 0
 
-    cdef int _deadlock(self, long long state, const uint64_t* source) noexcept nogil:
-        """A loop with probability (rate) 1 and no action."""
+    cdef int _add_deadlock_loop(self, long long state, const uint64_t* source) noexcept nogil:
+        """A self-loop of probability (rate) 1 without an action."""
         cdef int v
-        if reserve(&self.deadlocks, (self.deadlock_count + 1) * 8) or self._room(1):
+        if reserve(&self.deadlocks, (self.deadlock_count + 1) * 8) or self._reserve_branches(1):
             return Status.MEMORY
         if self.kind == Kind.MDP and self._open_row():
             return Status.MEMORY
         (<int64_t*> self.deadlocks.data)[self.deadlock_count] = state
         self.deadlock_count += 1
-        memcpy(<uint64_t*> self.targets.data + self.successor_count * self.words, source, self.words * 8)
+        memcpy(<uint64_t*> self.targets.data + self.successor_count * self.words, source,
+               self.words * 8)
         (<double*> self.weights.data)[self.successor_count] = 1.0
         self.successor_count += 1
         self._end_row(-1)
         return Status.MEMORY if self.kind == Kind.MDP and self.rows.end_group() else 0
 
     cdef int _open_row(self) noexcept nogil:
-        """Make room for one more row, which counts as a choice from now on."""
+        """Open a row, which counts as a choice."""
         return reserve(&self.ends, (self.row_count + 1) * 8) or self.rows.open_row()
 
     cdef void _end_row(self, int action) noexcept nogil:
@@ -206,15 +219,19 @@ cdef class Expander:
         self.rows.set_action(action)
         self.row_count += 1
 
-    cdef int _room(self, long long more) noexcept nogil:
-        """Make room for so many more successors."""
+    cdef int _reserve_branches(self, long long more) noexcept nogil:
+        """Make room for so many more branches."""
         return (reserve(&self.targets, (self.successor_count + more) * self.words * 8)
                 or reserve(&self.weights, (self.successor_count + more) * 8))
 
-    # ------------------------------------------------------------------------------------------ candidates
+    # ------------------------------------------------------------------------------------
+    # candidates
 
-    cdef void _walk(self, int node) noexcept nogil:
-        """Collect what a forest holds for the current state. Nodes: (0, n, items…) or (1, variable, low, next, children…)."""
+    cdef void _collect_candidates(self, int node) noexcept nogil:
+        """Collect the items of a decision tree for the current state.
+
+        Nodes: (0, n, items…) or (1, variable, low, next, children…).
+        """
         cdef int i
         cdef int32_t child
         cdef const int32_t* f = &self.forest[0]
@@ -226,11 +243,11 @@ cdef class Expander:
                 return
             child = f[node + 4 + <int> (self.r[f[node + 1]].i - f[node + 2])]
             if child >= 0:
-                self._walk(child)
+                self._collect_candidates(child)
             node = f[node + 3]
 
     cdef void _sort_candidates(self, int first) noexcept nogil:
-        """Into the order of the model. Few, and nearly sorted."""
+        """Sort candidates into the order of the model; they are few and nearly sorted."""
         cdef int i, j
         cdef int32_t item
         for i in range(first + 1, self.candidate_count):
@@ -241,25 +258,18 @@ cdef class Expander:
                 j -= 1
             self.candidates[j] = item
 
-    # ------------------------------------------------------------------------------------------ events
+    # ----------------------------------------------------------------------------------------
+    # events
 
-    cdef int _alone(self, int32_t event, const uint64_t* source) noexcept nogil:
+    cdef int _expand_single(self, int32_t event, const uint64_t* source) noexcept nogil:
         """An event with one participant: each enabled command is a choice."""
-        cdef int part = self.event_parts[event], i, count, offset = self.candidate_count, status
+        cdef int participant = self.event_parts[event], i, count, status
         cdef const int32_t* commands
-        if self.part_forest[part] >= 0:
-            self._walk(self.part_forest[part])
-            self._sort_candidates(offset)
-            count = self.candidate_count - offset
-            self.candidate_count = offset
-            commands = self.candidates + offset
-        else:
-            commands = &self.part_list[self.part_commands[part]]
-            count = self.part_commands[part + 1] - self.part_commands[part]
+        commands = self._participant_commands(participant, &count)
         self.part_count = 1
         for i in range(count):
             self.evaluated_count = 0
-            status = self._evaluate(commands[i], 0)
+            status = self._evaluate_command(commands[i], 0)
             if status == Status.DISABLED:
                 continue
             if status:
@@ -267,18 +277,19 @@ cdef class Expander:
             self.enabled_begin[0] = 0
             self.enabled_begin[1] = self.evaluated_count
             self.chosen[0] = 0
-            status = self._choice(event, source)
+            status = self._add_joint_choice(event, source)
             if status:
                 return status
         return 0
 
-    cdef int _together(self, int32_t event, const uint64_t* source) noexcept nogil:
+    cdef int _expand_synchronised(self, int32_t event, const uint64_t* source) noexcept nogil:
         """A synchronised event: all combinations of the participants' enabled commands."""
-        cdef int first = self.event_parts[event], parts = self.event_parts[event + 1] - first, p, i, status
+        cdef int first = self.event_parts[event], parts = self.event_parts[event + 1] - first, p, i
+        cdef int status
         self.enabled_count = 0
         for p in range(parts):
             self.part_begin[p] = self.enabled_count
-            status = self._guards(first + p)
+            status = self._find_enabled(first + p)
             if status:
                 return status
             if self.enabled_count == self.part_begin[p]:
@@ -288,14 +299,14 @@ cdef class Expander:
         self.evaluated_count = 0
         for i in range(self.enabled_count):
             self.enabled_begin[i] = self.evaluated_count
-            status = self._evaluate(self.enabled[i], i)
+            status = self._evaluate_command(self.enabled[i], i)
             if status:
                 return status
         self.enabled_begin[self.enabled_count] = self.evaluated_count
         for p in range(parts):
             self.chosen[p] = self.part_begin[p]
         while True:
-            status = self._choice(event, source)
+            status = self._add_joint_choice(event, source)
             if status:
                 return status
             p = parts - 1
@@ -308,19 +319,23 @@ cdef class Expander:
             if p < 0:
                 return 0
 
-    cdef int _guards(self, int part) noexcept nogil:
-        """Append the participant's enabled commands to `enabled`."""
-        cdef int i, count, offset = self.candidate_count, status
+    cdef const int32_t* _participant_commands(self, int participant, int* count) noexcept nogil:
+        """The commands of a participant that may be enabled in the current state."""
+        cdef int first = self.candidate_count
+        if self.part_forest[participant] < 0:
+            count[0] = self.part_commands[participant + 1] - self.part_commands[participant]
+            return &self.part_list[self.part_commands[participant]]
+        self._collect_candidates(self.part_forest[participant])
+        self._sort_candidates(first)
+        count[0] = self.candidate_count - first
+        self.candidate_count = first
+        return self.candidates + first
+
+    cdef int _find_enabled(self, int participant) noexcept nogil:
+        """Append the enabled commands of a participant to `enabled`."""
+        cdef int i, count, status
         cdef const int32_t* commands
-        if self.part_forest[part] >= 0:
-            self._walk(self.part_forest[part])
-            self._sort_candidates(offset)
-            count = self.candidate_count - offset
-            self.candidate_count = offset
-            commands = self.candidates + offset
-        else:
-            commands = &self.part_list[self.part_commands[part]]
-            count = self.part_commands[part + 1] - self.part_commands[part]
+        commands = self._participant_commands(participant, &count)
         for i in range(count):
             status = execute(self.code + self.command_guard[commands[i]], self.code, self.r)
             if status == Status.DONE:
@@ -330,15 +345,16 @@ cdef class Expander:
                 return status
         return 0
 
-    cdef int _evaluate(self, int32_t command, int place) noexcept nogil:
-        """Guard, probabilities and new values of a command, appended to the evaluated updates.
+    cdef int _evaluate_command(self, int32_t command, int position) noexcept nogil:
+        """Evaluate guard, probabilities and new values of a command.
 
-        An update that has no value is a fault only if the commands chosen with it are possible: `_choice` decides.
+        An update without a value is an error only if the commands that are combined with it are
+        possible, which `_add_joint_choice` decides.
         """
         cdef int u, first = self.command_updates[command], end = self.command_updates[command + 1]
         cdef int status = execute(self.code + self.command_code[command], self.code, self.r)
         cdef double weight, total = 0.0
-        self.enabled_status[place] = 0
+        self.enabled_status[position] = 0
         if status:
             return status
         for u in range(first, end):
@@ -346,20 +362,20 @@ cdef class Expander:
             if not (0 <= weight <= 1.7976931348623157e308):
                 return Status.PROBABILITY
             total += weight
-        self.enabled_total[place] = total
+        self.enabled_total[position] = total
         for u in range(first, end):
             weight = self.r[self.update_probability[u]].d
             if weight == 0:
                 continue
-            status = self._update(u)
+            status = self._evaluate_update(u)
             if status:
-                self.enabled_status[place] = status
+                self.enabled_status[position] = status
             self.evaluated_weight[self.evaluated_count] = weight
             self.evaluated_update[self.evaluated_count] = u
             self.evaluated_count += 1
         return 0
 
-    cdef int _update(self, int u) noexcept nogil:
+    cdef int _evaluate_update(self, int u) noexcept nogil:
         """The new values of an update, packed."""
         cdef int w, a, status
         cdef int32_t variable
@@ -379,24 +395,25 @@ cdef class Expander:
             value[self.fields[variable, 1]] |= bits << self.fields[variable, 2]
         return 0
 
-    cdef int _choice(self, int32_t event, const uint64_t* source) noexcept nogil:
-        """One joint choice: all combinations of the updates of the chosen commands."""
-        cdef long long many = 1, first = self.successor_count
+    cdef int _add_joint_choice(self, int32_t event, const uint64_t* source) noexcept nogil:
+        """A joint choice: all combinations of the updates of the chosen commands."""
+        cdef long long combinations = 1, first = self.successor_count
         cdef double total = 1.0
         cdef int p, status = 0
         for p in range(self.part_count):
-            many *= self.enabled_begin[self.chosen[p] + 1] - self.enabled_begin[self.chosen[p]]
+            combinations *= self.enabled_begin[self.chosen[p]
+                                               + 1] - self.enabled_begin[self.chosen[p]]
             total *= self.enabled_total[self.chosen[p]]
             status = status or self.enabled_status[self.chosen[p]]
         if self.check_sums and not (-self.tolerance <= total - 1 <= self.tolerance):
             return Status.SUM
-        if many == 0:
+        if combinations == 0:
             return 0
         if status:
             return status
-        if self._room(many):
+        if self._reserve_branches(combinations):
             return Status.MEMORY
-        self._product(0, 1.0, source)
+        self._combine_updates(0, 1.0, source)
         if self.successor_count == first:
             return 0
         if self.kind == Kind.MDP and self._open_row():
@@ -406,19 +423,23 @@ cdef class Expander:
             if status:
                 return status
         if self.structures:
-            status = self._reward(event, first)
+            status = self._add_rewards(event, first)
             if status:
                 return status
-        self.row_action = self.event_action[event] if self.joint == 0 or self.row_action == self.event_action[event] else -1
-        self.joint += 1
+        self.row_action = (self.event_action[event] if self.joint_choices == 0
+                           or self.row_action == self.event_action[event] else -1)
+        self.joint_choices += 1
         if self.kind == Kind.MDP:
             self._end_row(self.event_action[event])
         return 0
 
-    cdef void _product(self, int part, double weight, const uint64_t* base) noexcept nogil:
-        cdef int c = self.chosen[part], i, w, words = self.words
-        cdef bint last = part == self.part_count - 1
-        cdef uint64_t* target = self.level_words + part * words
+    cdef void _combine_updates(self, int participant, double weight,
+                               const uint64_t* base) noexcept nogil:
+        """Append the products of updates from a participant on."""
+        cdef int c = self.chosen[participant], i, w, words = self.words
+        cdef bint last = participant == self.part_count - 1
+        cdef uint64_t* target = self.level_words + participant * words
+        cdef double* weights = <double*> self.weights.data
         cdef const uint64_t* keep
         cdef const uint64_t* value
         for i in range(self.enabled_begin[c], self.enabled_begin[c + 1]):
@@ -429,39 +450,43 @@ cdef class Expander:
             for w in range(words):
                 target[w] = (base[w] & keep[w]) | value[w]
             if last:
-                (<double*> self.weights.data)[self.successor_count] = weight * self.evaluated_weight[i]
+                weights[self.successor_count] = weight * self.evaluated_weight[i]
                 # A product that underflows is no transition.
                 self.successor_count += weight * self.evaluated_weight[i] > 0
             else:
-                self._product(part + 1, weight * self.evaluated_weight[i], target)
+                self._combine_updates(participant + 1, weight * self.evaluated_weight[i], target)
 
     cdef int _canonicalise(self, long long first) noexcept nogil:
-        """Replace each new successor by its canonical form: variables set to values computed from the successor."""
+        """Replace each new successor by its canonical form: variables are set to values computed
+        from it.
+        """
         cdef long long s
         cdef int v, k, status
         cdef const int32_t* field
         cdef uint64_t* row
-        cdef uint64_t mask
+        cdef uint64_t mask, bits
         for s in range(first, self.successor_count):
             row = <uint64_t*> self.targets.data + s * self.words
             for v in range(self.variables):
-                field = &self.fields[v, 0]
-                self.canonical_slots[v].i = <int64_t> ((row[field[1]] >> field[2]) & ((<uint64_t> 1 << field[3]) - 1)) + self.lows[v]
+                self.canonical_slots[v].i = self._unpack(row, v)
             status = execute(self.code + self.canonical_code, self.code, self.canonical_slots)
             if status:
                 return status
             for k in range(self.canonical.shape[0]):
                 field = &self.fields[self.canonical[k, 0], 0]
                 mask = ((<uint64_t> 1 << field[3]) - 1) << field[2]
-                row[field[1]] = (row[field[1]] & ~mask) | (
-                    (<uint64_t> (self.canonical_slots[self.canonical[k, 1]].i - self.lows[self.canonical[k, 0]]) << field[2]) & mask)
+                bits = self.canonical_slots[self.canonical[k, 1]].i - self.lows[self.canonical[k,
+                                                                                               0]]
+                row[field[1]] = (row[field[1]] & ~mask) | ((bits << field[2]) & mask)
         return 0
 
-    cdef int _reward(self, int32_t event, long long first) noexcept nogil:
-        """Add the action's rewards, weighted with the choice's total weight, to the current row."""
+    cdef int _add_rewards(self, int32_t event, long long first) noexcept nogil:
+        """Add the rewards of the action, times the total weight of the choice, to the current row.
+        """
         cdef int action = self.event_action[event] + 1, k, status
         cdef long long i
         cdef double total = 0.0, reward
+        cdef double* row_rewards
         if self.action_rewards[action] == self.action_rewards[action + 1]:
             return 0
         for i in range(first, self.successor_count):
@@ -473,5 +498,6 @@ cdef class Expander:
             reward = self.r[self.rewards[k, 2]].d
             if reward - reward != 0:
                 return Status.NOT_A_NUMBER
-            (<double*> self.rows.rewards[self.rewards[k, 0]].data)[self.rows.opened - 1] += total * reward
+            row_rewards = <double*> self.rows.rewards[self.rewards[k, 0]].data
+            row_rewards[self.rows.opened - 1] += total * reward
         return 0

@@ -4,7 +4,7 @@ def certify(
     indptr: Int64s,
     indices: Int32s,
     data: Floats,
-    groups_: Int64s | None,
+    groups: Int64s | None,
     lower_b: Floats,
     upper_b: Floats,
     x: Floats,
@@ -12,14 +12,14 @@ def certify(
     policy: Int64s,
     mode: int,
 ) -> tuple[float, float]: ...
-def levels(
+def component_depths(
     edges: Int64s, indices: Int32s, component: Int32s, order: Int32s, start: Int64s, size: int
 ) -> Int32s: ...
-def sweep(
+def gauss_seidel_sweep(
     indptr: Int64s,
     indices: Int32s,
     data: Floats,
-    groups_: Int64s | None,
+    groups: Int64s | None,
     b: Floats,
     x: Floats,
     mode: int,

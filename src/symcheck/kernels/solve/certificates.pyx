@@ -1,34 +1,45 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""One pass over compressed rows: proofs of bounds, depths of components, plain sweeps."""
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Single passes over compressed rows: certificates of bounds, depths of components, plain sweeps.
+
+indptr, indices, data: int64[rows+1], int32, float64. groups: int64[states+1] or None, the rows of
+each state. mode: 0 without choices, 1 minimum, 2 maximum.
+"""
 
 import numpy as np
 
 from libc.math cimport fabs, INFINITY
 from libc.stdint cimport int32_t, int64_t
 
-cdef double U = 1.1102230246251568e-16   # a little above 2^-53
-cdef double SLACK = 8.0
-cdef double TINY = 1e-307
+from symcheck.kernels.rounding cimport UNDERFLOW_MARGIN, error_of_sum
 
 
-def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, groups_,
-            const double[::1] lower_b, const double[::1] upper_b, const double[::1] x, const double[::1] weight,
-            const int64_t[::1] policy, int mode):
-    """Least factors (low, high) for which x - low*weight and x + high*weight are proved to bound the solution.
+def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, groups,
+            const double[::1] lower_b, const double[::1] upper_b, const double[::1] x,
+            const double[::1] weight, const int64_t[::1] policy, int mode):
+    """The least factors (low, high) for which x - low * weight and x + high * weight are proved
+    bounds.
 
-    Upper bound u = x + h w: A_r u + b_r <= u_s for every row of s (max), or for the policy's row (min and none); lower bound
-    the other way round. As an inequality in h per row: gap <= h * slack, with slack = w_s - A_r w: a least h where slack is
-    positive, a greatest one where it is negative. Roundings are counted in. Infinity: no proof with this weight.
+    The upper bound u = x + h w needs A_r u + b_r <= u_s for every row r of s (maximum), or for the
+    row of the policy (minimum and no choices); the lower bound is symmetric. As a condition on h
+    this is gap <= h * slack per row, with slack = w_s - A_r w: a least h where the slack is
+    positive, and a greatest one where it is negative. Rounding errors are included.
+
+    Args:
+        lower_b, upper_b: float64[rows], bounds on b.
+        x, weight: float64[states].
+        policy: int64[states], a row per state (unused without groups).
+    Returns:
+        The two factors; infinity if this weight proves nothing.
     """
     cdef int64_t n = x.shape[0], s, r, k, first, last
     cdef double ax, aw, size, margin, gap, slack
     cdef double low = 0.0, high = 0.0, low_limit = INFINITY, high_limit = INFINITY
-    cdef bint grouped = groups_ is not None, own
-    cdef const int64_t[::1] groups = groups_ if grouped else indptr
+    cdef bint grouped = groups is not None, in_policy
+    cdef const int64_t[::1] group_ptr = groups if grouped else indptr
     with nogil:
         for s in range(n):
-            first = groups[s] if grouped else s
-            last = groups[s + 1] if grouped else s + 1
+            first = group_ptr[s] if grouped else s
+            last = group_ptr[s + 1] if grouped else s + 1
             for r in range(first, last):
                 ax = 0.0
                 aw = 0.0
@@ -37,15 +48,17 @@ def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[
                     ax = ax + data[k] * x[indices[k]]
                     size = size + data[k] * fabs(x[indices[k]])
                     aw = aw + data[k] * weight[indices[k]]
-                margin = (indptr[r + 1] - indptr[r] + SLACK) * U
+                margin = error_of_sum(indptr[r + 1] - indptr[r])
                 slack = weight[s] - aw - (aw + weight[s]) * margin
-                own = not grouped or policy[s] == r
-                if mode == 2 or own:
-                    gap = ax + upper_b[r] - x[s] + (size + fabs(upper_b[r])) * margin + TINY
-                    limit(gap, slack, &high, &high_limit)
-                if mode != 2 or own:
-                    gap = x[s] - ax - lower_b[r] + (size + fabs(lower_b[r])) * margin + TINY
-                    limit(gap, slack, &low, &low_limit)
+                in_policy = not grouped or policy[s] == r
+                if mode == 2 or in_policy:
+                    gap = (ax + upper_b[r] - x[s] + (size + fabs(upper_b[r])) * margin
+                           + UNDERFLOW_MARGIN)
+                    narrow_factor(gap, slack, &high, &high_limit)
+                if mode != 2 or in_policy:
+                    gap = (x[s] - ax - lower_b[r] + (size + fabs(lower_b[r])) * margin
+                           + UNDERFLOW_MARGIN)
+                    narrow_factor(gap, slack, &low, &low_limit)
         low = low * (1.0 + 1e-14)
         high = high * (1.0 + 1e-14)
         if low > low_limit:
@@ -55,8 +68,9 @@ def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[
     return low, high
 
 
-cdef inline void limit(double gap, double slack, double* least, double* greatest) noexcept nogil:
-    """Narrow least <= h <= greatest by gap <= h * slack."""
+cdef inline void narrow_factor(double gap, double slack, double* least,
+                               double* greatest) noexcept nogil:
+    """Narrow the range least <= h <= greatest by gap <= h * slack."""
     if slack > 0.0:
         if gap > least[0] * slack:
             least[0] = gap / slack
@@ -66,11 +80,18 @@ cdef inline void limit(double gap, double slack, double* least, double* greatest
         greatest[0] = gap / slack
 
 
-def levels(const int64_t[::1] edges, const int32_t[::1] indices, const int32_t[::1] component, const int32_t[::1] order,
-           const int64_t[::1] start, int64_t size):
-    """int32[components]: the most components of more than `size` states on a path from a component (itself included).
+def component_depths(const int64_t[::1] edges, const int32_t[::1] indices,
+                     const int32_t[::1] component, const int32_t[::1] order,
+                     const int64_t[::1] start, int64_t size):
+    """The most components of more than `size` states on a path from each component:
+    int32[components].
 
-    Edges to states that have no component (-1) do not count.
+    A component counts for itself. Edges to states without a component (-1) do not count.
+
+    Args:
+        edges: int64[states+1], the entries of each state in `indices`.
+        component: int32[states]. order: int32, the states by component. start:
+            int64[components+1].
     """
     cdef int64_t count = start.shape[0] - 1, c, i, k, s
     cdef int32_t[::1] out = np.zeros(count, dtype=np.int32)
@@ -88,20 +109,24 @@ def levels(const int64_t[::1] edges, const int32_t[::1] indices, const int32_t[:
     return np.asarray(out)
 
 
-def sweep(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, groups_, const double[::1] b,
-          double[::1] x, int mode, bint backwards):
-    """One Gauss-Seidel sweep in index order, in place, without bounds."""
+def gauss_seidel_sweep(const int64_t[::1] indptr, const int32_t[::1] indices,
+                       const double[::1] data, groups, const double[::1] b, double[::1] x,
+                       int mode, bint backwards):
+    """One Gauss-Seidel sweep x = opt(A x + b) in place, in index order, without bounds.
+
+    b: float64[rows]. x: float64[states]. backwards: from the last state on.
+    """
     cdef int64_t n = x.shape[0], i, s, r, k, first, last
-    cdef bint grouped = groups_ is not None, any_
-    cdef const int64_t[::1] groups = groups_ if grouped else indptr
+    cdef bint grouped = groups is not None, found_row
+    cdef const int64_t[::1] group_ptr = groups if grouped else indptr
     cdef double total, loop, best
     with nogil:
         for i in range(n):
             s = n - 1 - i if backwards else i
-            first = groups[s] if grouped else s
-            last = groups[s + 1] if grouped else s + 1
+            first = group_ptr[s] if grouped else s
+            last = group_ptr[s + 1] if grouped else s + 1
             best = 0.0
-            any_ = False
+            found_row = False
             for r in range(first, last):
                 total = b[r]
                 loop = 0.0
@@ -113,7 +138,7 @@ def sweep(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::
                 if loop >= 1.0:
                     continue
                 total = total / (1.0 - loop)
-                if not any_ or (total > best if mode == 2 else total < best):
+                if not found_row or (total > best if mode == 2 else total < best):
                     best = total
-                    any_ = True
+                    found_row = True
             x[s] = best

@@ -2,7 +2,7 @@ from symcheck.kernels.arrays import Floats, Int32s, Int64s
 from symcheck.kernels.solve.equations import Equations
 from symcheck.kernels.solve.sweeps import Block
 
-class System(Equations):
+class ComponentSolver(Equations):
     def block(self, states: Int32s, x: Floats, wide: bool = False) -> Block: ...
     def store(self, block: Block, x: Floats, strategy: Int64s) -> None: ...
     def sweep_acyclic(self, x: Floats, strategy: Int64s, descending: bool) -> None: ...
@@ -13,10 +13,10 @@ class System(Equations):
         component: int,
         x: Floats,
         strategy: Int64s,
-        deep: Int32s,
-        share: float,
+        depth: Int32s,
+        width_per_depth: float,
         relative: bool,
         probability: bool,
-        small: int,
+        elimination_limit: int,
         counters: Int64s,
     ) -> int: ...

@@ -1,7 +1,8 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Bounds for x = A x + b with non-negative A and b, component by component: the cheap means, as far as they go.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Bounds for x = A x + b with non-negative A and b, component by component, as far as cheap methods
+go.
 
-How rows are widened: kernels/equations.
+Rows are rounded outwards (`rounding.pxd`).
 """
 
 import numpy as np
@@ -10,99 +11,112 @@ from libc.float cimport DBL_MAX, DBL_MIN
 from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t
 
-from symcheck.kernels.solve.equations cimport Equations, Part, index_t
+from symcheck.kernels.solve.equations cimport Equations, EquationBlock, index_t
 from symcheck.kernels.solve.sweeps cimport Block
-
-cdef double U = 1.1102230246251568e-16   # a little above 2^-53
-cdef double SLACK = 8.0
-cdef double TINY = 1e-307
-
-cdef int64_t FEW = 20000      # states of a block with choices that is swept a little at once
-cdef int64_t EFFORT = 50000   # entries that such sweeps go over
+from symcheck.kernels.tuning cimport MAX_SWEEPS, MIN_SWEEPS, SWEEP_ENTRIES, SWEEP_STATES
+from symcheck.kernels.rounding cimport (UNDERFLOW_MARGIN, UNIT_ROUNDOFF, error_of_sum, round_down,
+                                        round_up)
 
 
-cdef bint eliminate(Part part):
-    """Solve a block without choices by elimination without subtraction (Grassmann, Taksar & Heyman 1985).
+cdef bint eliminate_block(EquationBlock block):
+    """Solve a block without choices by GTH elimination in a full matrix, for few states.
 
-    In a full matrix, for few states; the error is bounded as in kernels/eliminate. False where some state cannot leave, or
-    where numbers leave the range of normal doubles: sums that are normal have lost no more than a rounding.
+    The error is bounded as in chains/gth_elimination. Returns False if a state cannot leave, or if
+    numbers leave the range of normal doubles (a normal sum has lost at most a rounding).
+    Source: Grassmann, Taksar & Heyman (1985).
     """
-    cdef int64_t n = part.n, i, j, k
-    cdef double[:, ::1] m = np.zeros((n, n))
-    cdef double[::1] v = part.leaving()
-    cdef double[::1] s = np.empty(n)
-    cdef double g, error
-    cdef bint lost = False
+    cdef int64_t n = block.n, i, j, k
+    cdef double[:, ::1] matrix = np.zeros((n, n))
+    cdef double[::1] exit_mass = block.exit_masses()
+    cdef double[::1] pivot = np.empty(n)
+    cdef double factor, error
+    cdef bint out_of_range = False
     cdef int64_t updates = 0
     cdef long double total, lo, hi
-    part.begin()
+    block.start_bounds()
     with nogil:
-        if part.wide:
-            fill(part, &part.ptr64[0], m)
+        if block.wide:
+            add_to_full_matrix(block, &block.row_ptr64[0], matrix)
         else:
-            fill(part, &part.ptr32[0], m)
+            add_to_full_matrix(block, &block.row_ptr32[0], matrix)
         for k in range(n - 1, -1, -1):
-            total = v[k]
+            total = exit_mass[k]
             for j in range(k):
-                total = total + m[k, j]
+                total = total + matrix[k, j]
             if total <= 0.0:
                 with gil:
                     return False
-            s[k] = <double>total
+            pivot[k] = <double>total
             for i in range(k):
-                if m[i, k] > 0.0:
-                    g = m[i, k] / s[k]
+                if matrix[i, k] > 0.0:
+                    factor = matrix[i, k] / pivot[k]
                     updates += 1
                     for j in range(k):
-                        m[i, j] += g * m[k, j]
-                        if m[i, j] < DBL_MIN and m[k, j] > 0.0:
-                            lost = True
-                    v[i] += g * v[k]
-                    part.bl[i] += g * part.bl[k]
-                    part.bh[i] += g * part.bh[k]
-                    if g < DBL_MIN or (v[i] < DBL_MIN and v[k] > 0.0) or (part.bl[i] < DBL_MIN and part.bl[k] > 0.0):
-                        lost = True
-        error = (10.0 * updates + 10.0 * n + 20.0) * U
+                        matrix[i, j] += factor * matrix[k, j]
+                        if matrix[i, j] < DBL_MIN and matrix[k, j] > 0.0:
+                            out_of_range = True
+                    exit_mass[i] += factor * exit_mass[k]
+                    block.constant_low[i] += factor * block.constant_low[k]
+                    block.constant_high[i] += factor * block.constant_high[k]
+                    if (factor < DBL_MIN or (exit_mass[i] < DBL_MIN and exit_mass[k] > 0.0)
+                            or (block.constant_low[i] < DBL_MIN and block.constant_low[k] > 0.0)):
+                        out_of_range = True
+        error = (10.0 * updates + 10.0 * n + 20.0) * UNIT_ROUNDOFF
         for k in range(n):
-            lo = part.bl[k]
-            hi = part.bh[k]
+            lo = block.constant_low[k]
+            hi = block.constant_high[k]
             for j in range(k):
-                lo = lo + <long double>m[k, j] * part.bounds[j, 0]
-                hi = hi + <long double>m[k, j] * part.bounds[j, 1]
-            part.bounds[k, 0] = <double>(lo / s[k])
-            part.bounds[k, 1] = <double>(hi / s[k])
-            if (lo > 0.0 and part.bounds[k, 0] < DBL_MIN) or (part.bounds[k, 1] > DBL_MAX and hi <= DBL_MAX):
-                lost = True
+                lo = lo + <long double>matrix[k, j] * block.bounds[j, 0]
+                hi = hi + <long double>matrix[k, j] * block.bounds[j, 1]
+            block.bounds[k, 0] = <double>(lo / pivot[k])
+            block.bounds[k, 1] = <double>(hi / pivot[k])
+            if (lo > 0.0 and block.bounds[k, 0] < DBL_MIN) or (block.bounds[k, 1] > DBL_MAX
+                                                               and hi <= DBL_MAX):
+                out_of_range = True
         for k in range(n):
-            part.bounds[k, 0] = part.bounds[k, 0] * (1.0 - error)
-            part.bounds[k, 1] = part.bounds[k, 1] * (1.0 + error) + (TINY if part.bounds[k, 1] > 0.0 else 0.0)
-    return not lost
+            block.bounds[k, 0] = block.bounds[k, 0] * (1.0 - error)
+            block.bounds[k, 1] *= 1.0 + error
+            if block.bounds[k, 1] > 0.0:
+                block.bounds[k, 1] += UNDERFLOW_MARGIN
+    return not out_of_range
 
 
-cdef void fill(Part part, const index_t* ptr, double[:, ::1] m) noexcept nogil:
-    """Add the entries of a part to a full matrix."""
+cdef void add_to_full_matrix(EquationBlock block, const index_t* indptr,
+                             double[:, ::1] matrix) noexcept nogil:
+    """Add the entries of a block to a full matrix."""
     cdef int64_t i, e
-    for i in range(part.n):
-        for e in range(ptr[i], ptr[i + 1]):
-            m[i, part.idx[e]] += part.val[e]
+    for i in range(block.n):
+        for e in range(indptr[i], indptr[i + 1]):
+            matrix[i, block.indices[e]] += block.data[e]
 
 
-cdef class System(Equations):
-    """The whole problem, and how far its components are solved at once."""
+cdef class ComponentSolver(Equations):
+    """A system of equations, and the solution of its components by cheap methods; see Equations for
+    the arguments.
+    """
 
     def block(self, const int32_t[::1] states, double[:, ::1] x, bint wide=False):
-        """The block of `states`, the others' bounds known; `wide`: with room for 2**31 entries even where there are fewer."""
+        """The block of some states, with the bounds of all others known.
+
+        Args:
+            states: int32[n].
+            x: float64[states of the system, 2], the bounds.
+            wide: force int64 starts, even for less than 2**31 entries.
+        """
         cdef Block block = Block()
         block.load(self, states, x, wide)
         return block
 
     def store(self, Block block, double[:, ::1] x, int64_t[::1] strategy):
-        """Write a block's bounds and choices back."""
-        block.begin()
+        """Write the bounds of a block to x (float64[states, 2]) and its choices to strategy
+        (int64[states] or empty).
+        """
+        block.start_bounds()
         block.store(x, strategy)
 
-    cdef bint single(self, int64_t s, double[:, ::1] x, int64_t[::1] strategy) noexcept nogil:
-        """Bounds of a state that is a component of its own. False where it is infinite."""
+    cdef bint solve_single_state(self, int64_t s, double[:, ::1] x,
+                                 int64_t[::1] strategy) noexcept nogil:
+        """Bounds of a state that is a component of its own; False if its value is infinite."""
         cdef int64_t first = s if self.mode == 0 else self.groups[s]
         cdef int64_t last = s + 1 if self.mode == 0 else self.groups[s + 1]
         cdef int64_t r, k, best = -1
@@ -114,10 +128,10 @@ cdef class System(Equations):
         cdef double lo, hi, loop, margin, best_lo = 0.0, best_hi = 0.0, a
         cdef int32_t c
         cdef long double total
-        cdef bint infinite = False, constants = self.bl is not None
+        cdef bint infinite = False, constants = self.constant_low is not None
         for r in range(first, last):
-            lo = self.bl[r] if constants else 0.0
-            hi = self.bh[r] if constants else 0.0
+            lo = self.constant_low[r] if constants else 0.0
+            hi = self.constant_high[r] if constants else 0.0
             loop = 0.0
             for k in range(indptr[r], indptr[r + 1]):
                 c = indices[k]
@@ -128,8 +142,8 @@ cdef class System(Equations):
                     y = base + 2 * <int64_t>c
                     lo = lo + a * y[0]
                     hi = hi + a * y[1]
-            if loop > 0.0 or self.rates:
-                total = self.exit[r] if self.exit is not None else 0.0
+            if loop > 0.0 or self.normalise:
+                total = self.exit_mass[r] if self.exit_mass is not None else 0.0
                 for k in range(indptr[r], indptr[r + 1]):
                     if indices[k] != s:
                         total = total + data[k]
@@ -139,9 +153,9 @@ cdef class System(Equations):
                     continue
                 lo = <double>(lo / total)
                 hi = <double>(hi / total)
-            margin = (indptr[r + 1] - indptr[r] + SLACK) * U
-            lo = lo - lo * margin
-            hi = hi + (hi * margin + (TINY if hi > 0.0 else 0.0))
+            margin = error_of_sum(indptr[r + 1] - indptr[r])
+            lo = round_down(lo, margin)
+            hi = round_up(hi, margin)
             if best < 0:
                 best = r
                 best_lo = lo
@@ -167,53 +181,78 @@ cdef class System(Equations):
         return not infinite
 
     def sweep_acyclic(self, double[:, ::1] x, int64_t[::1] strategy, bint descending):
-        """All states in index order, where every edge but loops leads to states that come earlier in that order."""
+        """Solve all states in index order.
+
+        Every edge but self-loops must lead to states that come earlier in that order.
+
+        Args:
+            x: float64[states, 2], receives the bounds. strategy: int64[states] or empty, receives
+                the rows.
+            descending: start at the last state.
+        """
         cdef int64_t i, s
         with nogil:
             for i in range(self.n):
                 s = self.n - 1 - i if descending else i
                 if self.unknown is None or self.unknown[s]:
-                    self.single(s, x, strategy)
+                    self.solve_single_state(s, x, strategy)
 
-    def advance(self, const int32_t[::1] order, const int64_t[::1] start, int64_t component, double[:, ::1] x,
-                int64_t[::1] strategy, const int32_t[::1] deep, double share, bint relative, bint probability, int64_t small,
+    def advance(self, const int32_t[::1] order, const int64_t[::1] start, int64_t component,
+                double[:, ::1] x, int64_t[::1] strategy, const int32_t[::1] depth,
+                double width_per_depth, bint relative, bint probability, int64_t elimination_limit,
                 int64_t[::1] counters):
-        """Solve components from number `component` on, as far as cheap means go; returns the first that needs more.
+        """Solve components one after the other, as far as cheap methods go.
 
-        Single states, blocks without choices of up to `small` states, and blocks with choices that a few sweeps (hundreds,
-        where they are small) solve. The width wanted of component c is deep[c] * share.
-        counters: [single, eliminated, swept, sweeps, largest eliminated, largest swept].
+        These are: single states; elimination of blocks without choices; a limited number of sweeps
+        over blocks with choices.
+
+        Args:
+            order: int32, the states by component, successors first. start: int64[components+1] into
+                `order`.
+            component: the first component to solve.
+            x: float64[states, 2], receives the bounds. strategy: int64[states] or empty, receives
+                the rows.
+            depth: int32[components]; the bounds of component c must be depth[c] * width_per_depth
+                apart.
+            relative: whether widths are relative. probability: whether values are at most 1.
+            elimination_limit: most states of a block to eliminate.
+            counters: int64[6], to which are added: single states, eliminated blocks, swept blocks,
+                sweeps; and which keep the states of the largest eliminated and of the largest swept
+                block.
+        Returns:
+            The first component that needs another method, or the number of components.
         """
         cdef int64_t count = start.shape[0] - 1, size, sweeps
-        cdef double goal
+        cdef double width
         cdef Block block = Block()
         cdef bint done
         while component < count:
             with nogil:
                 while component < count and start[component + 1] - start[component] == 1:
-                    self.single(order[start[component]], x, strategy)
+                    self.solve_single_state(order[start[component]], x, strategy)
                     counters[0] += 1
                     component += 1
             if component == count:
                 break
             states = order[start[component]: start[component + 1]]
             size = states.shape[0]
-            if size > (small if self.mode == 0 else FEW):
+            if size > (elimination_limit if self.mode == 0 else SWEEP_STATES):
                 break
             block.load(self, states, x, False)
-            if not block.open_ or (block.mode == 0 and size > small):
+            if not block.has_exit or (block.mode == 0 and size > elimination_limit):
                 break
             if block.mode == 0:
-                done = eliminate(block)
+                done = eliminate_block(block)
                 counters[1] += 1
                 counters[4] = max(counters[4], size)
             else:
-                goal = deep[component] * share
-                sweeps = min(400, max(24, EFFORT // (block.entries + block.n + 1)))
+                width = depth[component] * width_per_depth
+                sweeps = min(MAX_SWEEPS, max(MIN_SWEEPS, SWEEP_ENTRIES // (block.entries + block.n
+                                                                           + 1)))
                 if probability:
-                    done, sweeps, _ = block.interval(goal, relative, sweeps)
+                    done, sweeps, _ = block.interval_iteration(width, relative, sweeps)
                 else:
-                    done, sweeps, _ = block.optimistic(goal, relative, sweeps)
+                    done, sweeps, _ = block.optimistic_value_iteration(width, relative, sweeps)
                 counters[3] += sweeps
                 counters[2] += done
                 counters[5] = max(counters[5], size if done else 0)

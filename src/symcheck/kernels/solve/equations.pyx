@@ -1,9 +1,10 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""x = A x + b with non-negative A and b: all equations, and those of some states copied together, with known bounds put in.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Equations x = A x + b with non-negative A and b, and the blocks of some states that are copied
+from them.
 
-Values are pairs (lower, upper), side by side. A sum of k products of non-negative doubles is off by less than
-(k+1) 2^-53 relative, in any order; every row is therefore widened by (k + SLACK) 2^-53, which also pays for the division by
-1 - (self-loop), and by TINY for underflow. So each update maps true bounds to true bounds, whatever the machine rounds.
+Values are pairs (lower, upper), stored side by side. Rows are rounded outwards (`rounding.pxd`), so
+each update maps true bounds to true bounds, whatever the machine rounds. Functions raise
+MemoryError when memory ends.
 """
 
 import numpy as np
@@ -11,82 +12,104 @@ import numpy as np
 from libc.math cimport fabs, INFINITY
 from libc.stdint cimport int32_t, int64_t, INT32_MAX
 
-cdef double U = 1.1102230246251568e-16   # a little above 2^-53
-cdef double SLACK = 8.0
-cdef double TINY = 1e-307
+from symcheck.kernels.rounding cimport EXTRA_ROUNDINGS, UNDERFLOW_MARGIN, UNIT_ROUNDOFF
 
 
 cdef class Equations:
-    """The whole problem: compressed rows, constants, and mass that leaves the matrix, per row.
+    """A system of equations in compressed rows.
 
-    lower, upper, exit: float64[rows], or None where they are 0 in every row. unknown: uint8[states], the states whose equations
-    these are, where others in the matrix have values that are known; None for all. rates: rows, and their constants, are divided
-    by all that leaves their state.
+    Args:
+        indptr, indices, data: int64[rows+1], int32, float64: A.
+        groups: int64[states+1], the rows (choices) of each state; None if each state has one.
+        lower, upper: float64[rows], bounds on b; None for 0.
+        exit: float64[rows], the mass that leaves the matrix; None for 0.
+        mode: 0 without choices, 1 minimum, 2 maximum.
+        unknown: uint8[states], the states that the equations determine, where other states of the
+            matrix have known values; None for all.
+        rates: whether rows and their constants are divided by all that leaves the state.
     """
 
-    def __init__(self, indptr, indices, data, groups, lower, upper, exit, int mode, unknown=None, bint rates=False):
+    def __init__(self, indptr, indices, data, groups, lower, upper, exit_mass, int mode,
+                 unknown=None, bint normalise=False):
         self.indptr, self.indices, self.data = indptr, indices, data
-        self.bl, self.bh, self.exit = lower, upper, exit
+        self.constant_low, self.constant_high, self.exit_mass = lower, upper, exit_mass
         self.mode = mode
         self.n = indptr.shape[0] - 1 if groups is None else groups.shape[0] - 1
         self.groups = np.zeros(1, dtype=np.int64) if groups is None else groups
         self.unknown = unknown
-        self.rates = rates
-        self.place = None
+        self.normalise = normalise
+        self.local_index = None
 
-    cdef void put(self, const int32_t[::1] states):
-        """Number these states, and no others."""
+    cdef void number_states(self, const int32_t[::1] states):
+        """Number the states of a block."""
         cdef int64_t i
-        if self.place is None:
-            self.place = np.full(self.n, -1, dtype=np.int32)
+        if self.local_index is None:
+            self.local_index = np.full(self.n, -1, dtype=np.int32)
         for i in range(states.shape[0]):
-            self.place[states[i]] = <int32_t>i
+            self.local_index[states[i]] = <int32_t>i
 
-    cdef void clear(self, const int32_t[::1] states) noexcept nogil:
-        """Take the numbers back."""
+    cdef void clear_numbers(self, const int32_t[::1] states) noexcept nogil:
+        """Forget the numbers of the states of a block."""
         cdef int64_t i
         for i in range(states.shape[0]):
-            self.place[states[i]] = -1
+            self.local_index[states[i]] = -1
 
-    cdef bint useless(self, int64_t state, int64_t row) noexcept nogil:
-        """Whether a row only loops on its state, so that its value is infinite (and never the least), or of no use."""
+    cdef bint is_redundant(self, int64_t state, int64_t row) noexcept nogil:
+        """Whether a row only loops on its state.
+
+        Its value is then infinite, which is never the minimum, or 0, which is never needed for the
+        maximum.
+        """
         cdef int64_t k
-        if self.mode == 0 or (self.exit is not None and self.exit[row] > 0.0):
+        if self.mode == 0 or (self.exit_mass is not None and self.exit_mass[row] > 0.0):
             return False
         for k in range(self.indptr[row], self.indptr[row + 1]):
             if self.indices[k] != state and self.data[k] > 0.0:
                 return False
-        return self.mode == 1 or self.bh is None or self.bh[row] == 0.0
+        return self.mode == 1 or self.constant_high is None or self.constant_high[row] == 0.0
 
 
-cdef class Part:
-    """The equations of some states, copied together, with self-loops divided out: x_s = opt over rows of (b + sum a x).
+cdef class EquationBlock:
+    """The equations of some states, copied together, with self-loops divided out.
 
-    Local rows r of local state s: group[s] to group[s+1]; rows that only loop on s are left out. `x` are the bounds, and
-    `choice` the row, counted among the state's, that gave the bound a strategy can attain (-1: none yet); there is no memory for
-    these two before they are asked for. Starts of rows and groups are int32, or int64 (`wide`) where entries are too many for that.
+    x_s = opt over the rows r of s of (b_r + sum of a_rt x_t). Local state s owns the local rows
+    groups[s] to groups[s+1]; rows that only loop on s are left out. Row r has the entries indptr[r]
+    to indptr[r+1] of `indices` and `data`, and a constant between `constant_low` and
+    `constant_high`; these four arrays may be longer than needed. `x` are bounds on the values, and
+    `policy` the row (counted among the rows of its state) that gave the bound that a strategy
+    attains, -1: none yet; both are allocated on first use. indptr and groups are int32, or int64
+    (`wide`) if there are too many entries. `mode`: 0 without choices, 1 minimum, 2 maximum; it is
+    0, too, if every state has one row. `grouped`: whether the system has choices. `has_exit`:
+    whether some mass leaves the block.
     """
 
-    cdef reserve(self, bint offsets):
-        """Room for these numbers of states, rows and entries, and one more. A view that was never set has no length, and is not None."""
+    cdef allocate(self, bint offsets):
+        """Make room for the numbers of states, rows and entries, and one more.
+
+        A memory view that was never set has length 0, and is not None.
+        """
         if self.wide and self.group64.shape[0] <= self.n:
-            self.group64 = np.empty(roomy(self.n), dtype=np.int64)
-        if self.wide and self.ptr64.shape[0] <= self.rows:
-            self.ptr64 = np.empty(roomy(self.rows), dtype=np.int64)
+            self.group64 = np.empty(with_spare(self.n), dtype=np.int64)
+        if self.wide and self.row_ptr64.shape[0] <= self.rows:
+            self.row_ptr64 = np.empty(with_spare(self.rows), dtype=np.int64)
         if not self.wide and self.group32.shape[0] <= self.n:
-            self.group32 = np.empty(roomy(self.n), dtype=np.int32)
-        if not self.wide and self.ptr32.shape[0] <= self.rows:
-            self.ptr32 = np.empty(roomy(self.rows), dtype=np.int32)
-        if self.bl.shape[0] <= self.rows:
-            self.bl, self.bh = np.empty(roomy(self.rows)), np.empty(roomy(self.rows))
-        if self.idx.shape[0] <= self.entries:
-            self.idx, self.val = np.empty(roomy(self.entries), dtype=np.int32), np.empty(roomy(self.entries))
-        self.offset = np.empty(self.rows, dtype=np.int32) if offsets else None
+            self.group32 = np.empty(with_spare(self.n), dtype=np.int32)
+        if not self.wide and self.row_ptr32.shape[0] <= self.rows:
+            self.row_ptr32 = np.empty(with_spare(self.rows), dtype=np.int32)
+        if self.constant_low.shape[0] <= self.rows:
+            self.constant_low, self.constant_high = (np.empty(with_spare(self.rows)),
+                                                     np.empty(with_spare(self.rows)))
+        if self.indices.shape[0] <= self.entries:
+            self.indices, self.data = (np.empty(with_spare(self.entries), dtype=np.int32),
+                                       np.empty(with_spare(self.entries)))
+        self.row_offset = np.empty(self.rows, dtype=np.int32) if offsets else None
 
     cdef load(self, Equations system, const int32_t[::1] states, double[:, ::1] x, bint wide):
-        """Copy the equations of `states`; the bounds in `x` of all other states are taken as known."""
+        """Copy the equations of `states`; the bounds in `x` (float64[n, 2]) of all other states
+        count as known.
+        """
         cdef int64_t n = states.shape[0], i, r, s, first, last
-        cdef bint grouped = system.mode != 0, useless = False
+        cdef bint grouped = system.mode != 0, is_redundant = False
         self.system, self.states = system, states
         self.n = n
         self.rows = self.entries = 0
@@ -98,92 +121,94 @@ cdef class Part:
                 self.rows += last - first
                 self.entries += system.indptr[last] - system.indptr[first]
                 for r in range(first, last):
-                    useless = useless or system.useless(s, r)
+                    is_redundant = is_redundant or system.is_redundant(s, r)
         self.wide = wide or self.entries > INT32_MAX or self.rows > INT32_MAX
         self.mode = system.mode
         self.grouped = grouped
-        self.begun = False
-        self.reserve(useless)
-        system.put(states)
+        self.started = False
+        self.allocate(is_redundant)
+        system.number_states(states)
         with nogil:
             if self.wide:
-                copy(self, system, x, &self.ptr64[0], &self.group64[0])
+                copy_rows(self, system, x, &self.row_ptr64[0], &self.group64[0])
             else:
-                copy(self, system, x, &self.ptr32[0], &self.group32[0])
-            system.clear(states)
-            if grouped and self.forced():
+                copy_rows(self, system, x, &self.row_ptr32[0], &self.group32[0])
+            system.clear_numbers(states)
+            if grouped and self.is_chain():
                 self.mode = 0
 
-    cdef begin(self):
-        """Make `x` and `choice`, once per load.
+    cdef start_bounds(self):
+        """Set `x` and `policy` to the first bounds, once per load.
 
-        What leaves surely has an average of the values b/exit on leaving, which is where `x` starts (for probabilities this is
-        the maximum principle; rewards have better starts).
+        The value of a state that leaves the block almost surely is an average of b / exit over the
+        rows: for probabilities this is the maximum principle; rewards have better starts.
         """
         cdef int64_t i
         cdef int32_t choice = 0 if self.mode == 0 else -1
-        if self.begun:
+        if self.started:
             return
         if self.bounds.shape[0] <= self.n:
-            self.bounds = np.empty((roomy(self.n), 2))
-        if self.grouped and self.picked.shape[0] <= self.n:
-            self.picked = np.empty(roomy(self.n), dtype=np.int32)
+            self.bounds = np.empty((with_spare(self.n), 2))
+        if self.grouped and self.policy_rows.shape[0] <= self.n:
+            self.policy_rows = np.empty(with_spare(self.n), dtype=np.int32)
         for i in range(self.n):
-            self.bounds[i, 0] = self.least
-            self.bounds[i, 1] = self.most
+            self.bounds[i, 0] = self.start_low
+            self.bounds[i, 1] = self.start_high
             if self.grouped:
-                self.picked[i] = choice
-        self.begun = True
+                self.policy_rows[i] = choice
+        self.started = True
 
     @property
     def x(self):
-        """float64[n, 2]: the bounds, which may be written to as long as they are bounds."""
-        self.begin()
+        """The bounds: float64[n, 2]. They may be written to, as long as they remain bounds."""
+        self.start_bounds()
         return np.asarray(self.bounds)[: self.n]
 
     @property
-    def choice(self):
-        """int32[n]: choices that may be written to; empty where there are none."""
-        self.begin()
-        return np.asarray(self.picked)[: self.n] if self.grouped else np.empty(0, dtype=np.int32)
+    def policy(self):
+        """The policy: int32[n], which may be written to; empty without choices."""
+        self.start_bounds()
+        return (np.asarray(self.policy_rows)[: self.n]
+                if self.grouped else np.empty(0, dtype=np.int32))
 
     @property
-    def row_ptr(self):
-        """int32 or int64[rows+1]: where each row begins."""
-        return (np.asarray(self.ptr64) if self.wide else np.asarray(self.ptr32))[: self.rows + 1]
+    def indptr(self):
+        """Starts of the rows: int32 or int64[rows+1]."""
+        return (np.asarray(self.row_ptr64)
+                if self.wide else np.asarray(self.row_ptr32))[: self.rows + 1]
 
     @property
-    def group(self):
-        """int32 or int64[n+1]: where the rows of each state begin."""
+    def groups(self):
+        """Starts of the rows of each state: int32 or int64[n+1]."""
         return (np.asarray(self.group64) if self.wide else np.asarray(self.group32))[: self.n + 1]
 
-    def leaving(self):
-        """float64[rows]: the mass that leaves the part, per row, self-loops divided out; made anew each time."""
+    def exit_masses(self):
+        """The mass that leaves the block, per row, with self-loops divided out: float64[rows]."""
         cdef double[::1] out = np.empty(self.rows)
-        self.system.put(self.states)
+        self.system.number_states(self.states)
         with nogil:
-            exits(self, self.system, out)
-            self.system.clear(self.states)
+            sum_exits(self, self.system, out)
+            self.system.clear_numbers(self.states)
         return np.asarray(out)
 
-    def chosen(self, const int32_t[::1] choice):
-        """int64[n]: the rows of the whole problem that these choices are (-1 for none)."""
+    def global_rows(self, const int32_t[::1] policy):
+        """The rows of the system that a policy (int32[n]) chooses: int64[n], -1 for none."""
         cdef int64_t i
         cdef int64_t[::1] out = np.empty(self.n, dtype=np.int64)
         for i in range(self.n):
-            out[i] = self.original(i, choice[i])
+            out[i] = self.global_row(i, policy[i])
         return np.asarray(out)
 
-    cdef int64_t original(self, int64_t i, int64_t choice) noexcept nogil:
-        """The row of the whole problem that is a choice of state i."""
+    cdef int64_t global_row(self, int64_t i, int64_t choice) noexcept nogil:
+        """The row of the system that is a choice of local state i, -1 for none."""
         if choice < 0:
             return -1
-        if self.offset is not None:
-            choice = self.offset[(self.group64[i] if self.wide else self.group32[i]) + choice]
+        if self.row_offset is not None:
+            choice = self.row_offset[(self.group64[i] if self.wide else self.group32[i]) + choice]
         return self.system.groups[self.states[i]] + choice
 
-    cdef bint forced(self) noexcept nogil:
-        """Whether every state has one row: the block is a chain, and the choices are known."""
+    cdef bint is_chain(self) noexcept nogil:
+        """Whether every state has one row, so that the policy is known."""
         cdef int64_t i
         if self.rows != self.n:
             return False
@@ -193,125 +218,128 @@ cdef class Part:
         return True
 
     cdef void store(self, double[:, ::1] x, int64_t[::1] strategy) noexcept nogil:
-        """Write bounds and choices back; `strategy` may be empty, where nobody wants it."""
+        """Write bounds and choices back to arrays over all states; `strategy` may be empty."""
         cdef int64_t i
-        cdef bint chosen = self.grouped and strategy.shape[0] > 0
+        cdef bint global_rows = self.grouped and strategy.shape[0] > 0
         for i in range(self.n):
             x[self.states[i], 0] = self.bounds[i, 0]
             x[self.states[i], 1] = self.bounds[i, 1]
-            if chosen and self.picked[i] >= 0:
-                strategy[self.states[i]] = self.original(i, self.picked[i])
+            if global_rows and self.policy_rows[i] >= 0:
+                strategy[self.states[i]] = self.global_row(i, self.policy_rows[i])
 
 
-cdef inline int64_t roomy(int64_t size) noexcept nogil:
-    """A little more for small parts, many of which are loaded one after the other."""
+cdef inline int64_t with_spare(int64_t size) noexcept nogil:
+    """A somewhat larger size for small blocks, many of which are loaded one after the other."""
     if size > 100_000:
         return size + 1
     return size + size // 4 if size > 64 else 80
 
 
-cdef void copy(Part part, Equations system, double[:, ::1] x, index_t* row_ptr, index_t* group) noexcept nogil:
-    """The rows, their constants with the known bounds in `x` put in, and the least and the greatest value on leaving."""
+cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x, index_t* row_ptr,
+                    index_t* group_ptr) noexcept nogil:
+    """Copy the rows, add the known bounds in `x` to their constants, and find the first bounds."""
     cdef const int32_t[::1] indices = system.indices
     cdef const double[::1] data = system.data
-    cdef int32_t[::1] place = system.place
-    cdef bint grouped = part.grouped, constants = system.bl is not None
-    cdef int64_t i, r, k, s, first, last, rows = 0, entries = 0, begin
+    cdef int32_t[::1] local_index = system.local_index
+    cdef bint grouped = block.grouped, constants = system.constant_low is not None
+    cdef int64_t i, r, k, s, first, last, rows = 0, entries = 0, first_entry
     cdef int32_t c
-    cdef double lo, hi, scale, loop, terms, least = INFINITY, most = 0.0
-    cdef long double total, leaving
-    part.open_ = False
+    cdef double lo, hi, scale, loop, terms, lowest = INFINITY, highest = 0.0
+    cdef long double total, exit_sum
+    block.has_exit = False
     row_ptr[0] = 0
-    for i in range(part.n):
-        s = part.states[i]
-        group[i] = <index_t>rows
+    for i in range(block.n):
+        s = block.states[i]
+        group_ptr[i] = <index_t>rows
         first = system.groups[s] if grouped else s
         last = system.groups[s + 1] if grouped else s + 1
         for r in range(first, last):
-            if part.offset is not None and system.useless(s, r):
+            if block.row_offset is not None and system.is_redundant(s, r):
                 continue
-            begin = entries
-            lo = system.bl[r] if constants else 0.0
-            hi = system.bh[r] if constants else 0.0
-            leaving = system.exit[r] if system.exit is not None else 0.0
+            first_entry = entries
+            lo = system.constant_low[r] if constants else 0.0
+            hi = system.constant_high[r] if constants else 0.0
+            exit_sum = system.exit_mass[r] if system.exit_mass is not None else 0.0
             total = 0.0
             loop = 0.0
-            terms = SLACK
+            terms = EXTRA_ROUNDINGS
             for k in range(system.indptr[r], system.indptr[r + 1]):
-                c = place[indices[k]]
+                c = local_index[indices[k]]
                 if c == i:
                     loop = loop + data[k]
                 elif c >= 0:
-                    part.idx[entries] = c
-                    part.val[entries] = data[k]
+                    block.indices[entries] = c
+                    block.data[entries] = data[k]
                     entries += 1
                     total = total + data[k]
                 else:
                     lo = lo + data[k] * x[indices[k], 0]
                     hi = hi + data[k] * x[indices[k], 1]
-                    leaving = leaving + data[k]
+                    exit_sum = exit_sum + data[k]
                     terms = terms + 1.0
-            total = total + leaving
+            total = total + exit_sum
             if total <= 0.0:
-                entries = begin
+                entries = first_entry
                 if hi > 0.0:
-                    lo = hi = INFINITY  # what is collected on a loop that nothing leaves
-            if (loop > 0.0 or system.rates) and total > 0.0:
+                    lo = hi = INFINITY  # the reward is collected forever
+            if (loop > 0.0 or system.normalise) and total > 0.0:
                 scale = <double>(1.0 / total)
-                for k in range(begin, entries):
-                    part.val[k] = part.val[k] * scale
+                for k in range(first_entry, entries):
+                    block.data[k] = block.data[k] * scale
                 lo = lo * scale
                 hi = hi * scale
-                leaving = leaving / total
-            lo = lo - fabs(lo) * terms * U if lo < INFINITY else lo
-            hi = hi + fabs(hi) * terms * U + (TINY if terms > SLACK and hi != 0.0 else 0.0)
-            if leaving > 0.0:
-                part.open_ = True
-                scale = <double>leaving
+                exit_sum = exit_sum / total
+            lo = lo - fabs(lo) * terms * UNIT_ROUNDOFF if lo < INFINITY else lo
+            hi = (hi + fabs(hi) * terms * UNIT_ROUNDOFF
+                  + (UNDERFLOW_MARGIN if terms > EXTRA_ROUNDINGS and hi != 0.0 else 0.0))
+            if exit_sum > 0.0:
+                block.has_exit = True
+                scale = <double>exit_sum
                 if scale > 0.0:
-                    least = min(least, lo / scale)
-                    most = max(most, hi / scale)
-            part.bl[rows] = lo
-            part.bh[rows] = hi
-            if part.offset is not None:
-                part.offset[rows] = <int32_t>(r - first)
+                    lowest = min(lowest, lo / scale)
+                    highest = max(highest, hi / scale)
+            block.constant_low[rows] = lo
+            block.constant_high[rows] = hi
+            if block.row_offset is not None:
+                block.row_offset[rows] = <int32_t>(r - first)
             rows += 1
             row_ptr[rows] = <index_t>entries
-    group[part.n] = <index_t>rows
-    part.rows = rows
-    part.entries = entries
-    least = least * (1.0 - SLACK * U)
-    most = most * (1.0 + SLACK * U)
-    part.least = 0.0 if least > 1.0 else least
-    part.most = 1.0 if most > 1.0 else most
+    group_ptr[block.n] = <index_t>rows
+    block.rows = rows
+    block.entries = entries
+    lowest = lowest * (1.0 - EXTRA_ROUNDINGS * UNIT_ROUNDOFF)
+    highest = highest * (1.0 + EXTRA_ROUNDINGS * UNIT_ROUNDOFF)
+    block.start_low = 0.0 if lowest > 1.0 else lowest
+    block.start_high = 1.0 if highest > 1.0 else highest
 
 
-cdef void exits(Part part, Equations system, double[::1] out) noexcept nogil:
-    """The mass that leaves, per row of the part, as `copy` adds it up."""
-    cdef int32_t[::1] place = system.place
-    cdef bint grouped = part.grouped
+cdef void sum_exits(EquationBlock block, Equations system, double[::1] out) noexcept nogil:
+    """The mass that leaves the block, per row, added as in `copy_rows`."""
+    cdef int32_t[::1] local_index = system.local_index
+    cdef bint grouped = block.grouped
     cdef int64_t i, r, k, s, rows = 0
     cdef int32_t c
-    cdef long double total, leaving
+    cdef long double total, exit_sum
     cdef bint loop
-    for i in range(part.n):
-        s = part.states[i]
-        for r in range(system.groups[s] if grouped else s, system.groups[s + 1] if grouped else s + 1):
-            if part.offset is not None and system.useless(s, r):
+    for i in range(block.n):
+        s = block.states[i]
+        for r in range(system.groups[s] if grouped else s,
+                       system.groups[s + 1] if grouped else s + 1):
+            if block.row_offset is not None and system.is_redundant(s, r):
                 continue
-            leaving = system.exit[r] if system.exit is not None else 0.0
+            exit_sum = system.exit_mass[r] if system.exit_mass is not None else 0.0
             total = 0.0
             loop = False
             for k in range(system.indptr[r], system.indptr[r + 1]):
-                c = place[system.indices[k]]
+                c = local_index[system.indices[k]]
                 if c == i:
                     loop = loop or system.data[k] > 0.0
                 elif c >= 0:
                     total = total + system.data[k]
                 else:
-                    leaving = leaving + system.data[k]
-            total = total + leaving
-            if (loop or system.rates) and total > 0.0:
-                leaving = leaving / total
-            out[rows] = <double>leaving
+                    exit_sum = exit_sum + system.data[k]
+            total = total + exit_sum
+            if (loop or system.normalise) and total > 0.0:
+                exit_sum = exit_sum / total
+            out[rows] = <double>exit_sum
             rows += 1

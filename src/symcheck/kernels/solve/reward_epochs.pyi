@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from symcheck.kernels.arrays import Int32s
 
-class Levels:
+class EpochSolver:
     sweeps: int
     def __init__(
         self, layer: Any, mode: int, floor: int, clear: Int32s, tolerance: float, limit: int

@@ -1,7 +1,9 @@
-from symcheck.kernels.solve.equations import Part
+from symcheck.kernels.solve.equations import EquationBlock
 
-class Block(Part):
-    def interval(self, goal: float, relative: bool, budget: int) -> tuple[bool, int, float]: ...
-    def optimistic(
-        self, goal: float, relative: bool, budget: int, fresh: bool = True
+class Block(EquationBlock):
+    def interval_iteration(
+        self, width: float, relative: bool, budget: int
+    ) -> tuple[bool, int, float]: ...
+    def optimistic_value_iteration(
+        self, width: float, relative: bool, budget: int, restart: bool = True
     ) -> tuple[bool, int, float]: ...

@@ -1,7 +1,7 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False, language_level=3
-"""Sweeps over the equations of some states: interval iteration, and optimistic value iteration, rounded outwards.
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Sweeps over a block of equations: interval iteration and optimistic value iteration.
 
-How rows are widened: kernels/equations.
+All new values are rounded outwards (`rounding.pxd`).
 """
 
 import numpy as np
@@ -9,121 +9,144 @@ import numpy as np
 from libc.math cimport log, INFINITY
 from libc.stdint cimport int32_t, int64_t
 
-from symcheck.kernels.solve.equations cimport Part, index_t
-
-cdef double U = 1.1102230246251568e-16   # a little above 2^-53
-cdef double SLACK = 8.0
-cdef double TINY = 1e-307
+from symcheck.kernels.solve.equations cimport EquationBlock, index_t
+from symcheck.kernels.rounding cimport error_of_sum, round_down, round_up
 
 
-cdef inline double wider(double widest, double low, double high, bint relative) noexcept nogil:
+cdef inline double widen(double widest, double low, double high, bint relative) noexcept nogil:
     """The greater of `widest` and the (relative) width of these bounds."""
-    cdef double width = high - low
+    cdef double w = high - low
     if not relative:
-        return width if width > widest else widest
+        return w if w > widest else widest
     # width / upper > widest, without a division where it does not matter
-    if width > widest * high:
-        width = width / (high if high > 1e-300 else 1e-300)
-        if width > widest:
-            return width
+    if w > widest * high:
+        w = w / (high if high > 1e-300 else 1e-300)
+        if w > widest:
+            return w
     return widest
 
 
-cdef class Block(Part):
-    """Equations that are swept over. All bounds in `x` stay bounds, whatever is called in between."""
+cdef class Block(EquationBlock):
+    """A block of equations with sweeps. The bounds in `x` remain bounds, whatever is called in
+    between.
+    """
 
-    cdef void set_choices(self) noexcept nogil:
-        """A choice for every state, for where no sweep improves on the start."""
+    cdef void choose_missing_rows(self) noexcept nogil:
+        """Choose a row for every state without one, for the case that no sweep improves the start.
+        """
         if self.wide:
-            choose(self, &self.ptr64[0], &self.group64[0])
+            choose_rows(self, &self.row_ptr64[0], &self.group64[0])
         else:
-            choose(self, &self.ptr32[0], &self.group32[0])
+            choose_rows(self, &self.row_ptr32[0], &self.group32[0])
 
-    cdef double pair_sweep(self, bint relative, bint backwards) noexcept nogil:
-        """One Gauss-Seidel sweep over both bounds; returns the greatest (relative) width that is left."""
+    cdef double sweep_bounds(self, bint relative, bint backwards) noexcept nogil:
+        """One Gauss-Seidel sweep over both bounds; the greatest (relative) width that is left."""
         if self.mode == 0:
             if self.wide:
-                return chain_sweep(self, &self.ptr64[0], relative, backwards)
-            return chain_sweep(self, &self.ptr32[0], relative, backwards)
+                return sweep_chain(self, &self.row_ptr64[0], relative, backwards)
+            return sweep_chain(self, &self.row_ptr32[0], relative, backwards)
         if self.wide:
-            return choice_sweep(self, &self.ptr64[0], &self.group64[0], relative, backwards)
-        return choice_sweep(self, &self.ptr32[0], &self.group32[0], relative, backwards)
+            return sweep_choices(self, &self.row_ptr64[0], &self.group64[0], relative, backwards)
+        return sweep_choices(self, &self.row_ptr32[0], &self.group32[0], relative, backwards)
 
-    cdef double low_sweep(self, bint relative) noexcept nogil:
-        """One Gauss-Seidel sweep over the lower bounds; the differences go to `x[:, 1]`. Returns the greatest change."""
+    cdef double sweep_lower(self, bint relative) noexcept nogil:
+        """One Gauss-Seidel sweep over the lower bounds; the changes go to `x[:, 1]`. The greatest
+        change.
+        """
         if self.wide:
-            return raise_lower(self, &self.ptr64[0], &self.group64[0], relative)
-        return raise_lower(self, &self.ptr32[0], &self.group32[0], relative)
+            return raise_lower_bounds(self, &self.row_ptr64[0], &self.group64[0], relative)
+        return raise_lower_bounds(self, &self.row_ptr32[0], &self.group32[0], relative)
 
-    cdef int high_sweep(self, double[::1] high) noexcept nogil:
-        """One Gauss-Seidel sweep over candidate upper bounds. 1: nothing rose, so they are bounds; -1: refuted; 0: neither."""
+    cdef int sweep_upper(self, double[::1] high) noexcept nogil:
+        """One Gauss-Seidel sweep over candidate upper bounds.
+
+        1: no value rose, so they are bounds; -1: they are refuted; 0: neither.
+        """
         if self.wide:
-            return lower_upper(self, &self.ptr64[0], &self.group64[0], high)
-        return lower_upper(self, &self.ptr32[0], &self.group32[0], high)
+            return verify_upper_bounds(self, &self.row_ptr64[0], &self.group64[0], high)
+        return verify_upper_bounds(self, &self.row_ptr32[0], &self.group32[0], high)
 
-    cpdef tuple interval(self, double goal, bint relative, int64_t budget):
-        """Sweep both bounds (`x` holds true ones) until they are `goal` apart: (done, sweeps, widest).
+    cpdef tuple interval_iteration(self, double width, bint relative, int64_t budget):
+        """Sweep both bounds until they are `width` apart (Haddad & Monmege 2018; Baier et al.
+        2017).
 
-        Gives up early when the rate of convergence says that the budget will not do.
+        Args:
+            width: the aim, relative to the upper bound if `relative`.
+            budget: most sweeps. It gives up early when the observed rate says that they do not
+                suffice.
+        Returns:
+            (done, number of sweeps, greatest width).
         """
         cdef int64_t sweeps = 0
         cdef double widest = INFINITY, before = INFINITY, rate
         cdef bint done = False
-        self.begin()
+        self.start_bounds()
         with nogil:
             if self.mode != 0:
-                self.set_choices()
+                self.choose_missing_rows()
             while sweeps < budget:
-                # Three sweeps in the order of the search, then one against it.
-                widest = self.pair_sweep(relative, sweeps % 4 == 3)
+                # Three sweeps in the order of the states, then one against it.
+                widest = self.sweep_bounds(relative, sweeps % 4 == 3)
                 sweeps += 1
-                if widest <= goal:
+                if widest <= width:
                     done = True
                     break
                 if sweeps % 32 == 0:
                     if sweeps >= 64 and before < INFINITY:
                         rate = widest / before
-                        if rate >= 0.999999 or sweeps + 32.0 * log(goal / widest) / log(rate) > 4.0 * budget:
+                        if (rate >= 0.999999
+                                or sweeps + 32.0 * log(width / widest) / log(rate) > 4.0 * budget):
                             break
                     before = widest
         return done, sweeps, widest
 
-    cpdef tuple optimistic(self, double goal, bint relative, int64_t budget, bint fresh=True):
-        """Lower bounds by sweeps from 0 (if `fresh`); then a guess at upper bounds, verified: (done, sweeps, widest).
+    cpdef tuple optimistic_value_iteration(self, double width, bint relative, int64_t budget,
+                                           bint restart=True):
+        """Optimistic value iteration (Hartmanns & Kaminski 2020).
 
-        Optimistic value iteration (Hartmanns & Kaminski 2020), with the guess scaled by the observed rate.
+        Lower bounds come from sweeps; upper bounds are guessed from them, scaled by the observed
+        rate of convergence, and verified.
+
+        Args:
+            width, relative, budget: as in `interval_iteration`.
+            restart: whether to start from 0 instead of the lower bounds in `x`.
+        Returns:
+            (done, number of sweeps, greatest width).
         """
-        cdef int64_t sweeps = 0, tries, i, last = 0
-        cdef double change = INFINITY, before = INFINITY, rate = 0.5, factor, tolerance = goal, widest = INFINITY
+        cdef int64_t sweeps = 0, attempt, i, last_guess = 0
+        cdef double change = INFINITY, before = INFINITY, rate = 0.5, factor, tolerance = width
+        cdef double widest = INFINITY
         cdef int verdict
         cdef bint done = False
         cdef double[::1] high = np.empty(self.n)
-        self.begin()
+        self.start_bounds()
         with nogil:
-            if fresh:
+            if restart:
                 for i in range(self.n):
                     self.bounds[i, 0] = 0.0
             while sweeps < budget:
                 before = change
-                change = self.low_sweep(relative)
+                change = self.sweep_lower(relative)
                 sweeps += 1
                 if change > 0.0 and before > 0.0 and before < INFINITY:
                     rate = 0.7 * rate + 0.3 * (change / before)
                 if rate > 0.9999999:
                     rate = 0.9999999
                 factor = 1.0 / (1.0 - rate)
-                if change * factor > tolerance and sweeps - last < 1000:
+                if change * factor > tolerance and sweeps - last_guess < 1000:
                     continue
-                # Guess: what is still to come is about change/(1-rate); a little more makes it a bound in one or two sweeps.
-                last = sweeps
+                # The remaining increase is about change / (1 - rate); a little more is a bound
+                # soon.
+                last_guess = sweeps
                 for i in range(self.n):
-                    high[i] = self.bounds[i, 0] * (1.0 + 0.25 * goal) + 2.0 * factor * self.bounds[i, 1]
+                    high[i] = (self.bounds[i, 0] * (1.0 + 0.25 * width)
+                               + 2.0 * factor * self.bounds[i, 1])
                     if not relative:
-                        high[i] = high[i] + 0.25 * goal
+                        high[i] = high[i] + 0.25 * width
                 verdict = 0
-                # The slack of the guess comes from where something is gained, and takes sweeps to spread as values did.
-                for tries in range(30 + sweeps // 2):
-                    verdict = self.high_sweep(high)
+                # The slack of the guess arises at states with rewards, and takes sweeps to spread.
+                for attempt in range(30 + sweeps // 2):
+                    verdict = self.sweep_upper(high)
                     sweeps += 1
                     if verdict != 0:
                         break
@@ -132,9 +155,9 @@ cdef class Block(Part):
                         self.bounds[i, 1] = high[i]
                     widest = INFINITY
                     while sweeps < budget:
-                        widest = self.pair_sweep(relative, False)
+                        widest = self.sweep_bounds(relative, False)
                         sweeps += 1
-                        if widest <= goal:
+                        if widest <= width:
                             done = True
                             break
                     break
@@ -144,168 +167,173 @@ cdef class Block(Part):
         return done, sweeps, widest
 
 
-cdef void choose(Block block, const index_t* ptr, const index_t* group) noexcept nogil:
-    """A choice for every state that has none, by its upper bounds."""
+cdef void choose_rows(Block block, const index_t* indptr, const index_t* groups) noexcept nogil:
+    """Choose a row for every state without one, by the upper bounds."""
     cdef int64_t i, r, k, best
     cdef double total, least
     for i in range(block.n):
-        if block.picked[i] >= 0:
+        if block.policy_rows[i] >= 0:
             continue
-        best = group[i]
+        best = groups[i]
         least = INFINITY
-        for r in range(group[i], group[i + 1]):
-            total = block.bh[r]
-            for k in range(ptr[r], ptr[r + 1]):
-                total = total + block.val[k] * block.bounds[block.idx[k], 1]
+        for r in range(groups[i], groups[i + 1]):
+            total = block.constant_high[r]
+            for k in range(indptr[r], indptr[r + 1]):
+                total = total + block.data[k] * block.bounds[block.indices[k], 1]
             if block.mode == 2:
                 total = -total
             if total < least:
                 least = total
                 best = r
-        block.picked[i] = <int32_t>(best - group[i])
+        block.policy_rows[i] = <int32_t>(best - groups[i])
 
 
-cdef double chain_sweep(Block block, const index_t* ptr, bint relative, bint backwards) noexcept nogil:
-    """Both bounds, where every state has one row."""
+cdef double sweep_chain(Block block, const index_t* indptr, bint relative,
+                        bint backwards) noexcept nogil:
+    """Sweep both bounds of states with one row each."""
     cdef int64_t i, j, k, n = block.n, end
     cdef double lo, hi, margin, widest = 0.0, a
     cdef double* x = &block.bounds[0, 0]
     cdef double* y
-    cdef const double* val = &block.val[0]
-    cdef const int32_t* idx = &block.idx[0]
-    cdef const double* bl = &block.bl[0]
-    cdef const double* bh = &block.bh[0]
+    cdef const double* data = &block.data[0]
+    cdef const int32_t* indices = &block.indices[0]
+    cdef const double* constant_low = &block.constant_low[0]
+    cdef const double* constant_high = &block.constant_high[0]
     for j in range(n):
         i = n - 1 - j if backwards else j
-        lo = bl[i]
-        hi = bh[i]
-        end = ptr[i + 1]
-        for k in range(ptr[i], end):
-            a = val[k]
-            y = x + 2 * <int64_t>idx[k]
+        lo = constant_low[i]
+        hi = constant_high[i]
+        end = indptr[i + 1]
+        for k in range(indptr[i], end):
+            a = data[k]
+            y = x + 2 * <int64_t>indices[k]
             lo = lo + a * y[0]
             hi = hi + a * y[1]
-        margin = (end - ptr[i] + SLACK) * U
-        lo = lo - lo * margin
-        hi = hi + (hi * margin + (TINY if hi > 0.0 else 0.0))
+        margin = error_of_sum(end - indptr[i])
+        lo = round_down(lo, margin)
+        hi = round_up(hi, margin)
         y = x + 2 * i
         if lo > y[0]:
             y[0] = lo
         if hi < y[1]:
             y[1] = hi
-        widest = wider(widest, y[0], y[1], relative)
+        widest = widen(widest, y[0], y[1], relative)
     return widest
 
 
-cdef double choice_sweep(Block block, const index_t* ptr, const index_t* group, bint relative, bint backwards) noexcept nogil:
-    """Both bounds, over all choices."""
+cdef double sweep_choices(Block block, const index_t* indptr, const index_t* groups, bint relative,
+                          bint backwards) noexcept nogil:
+    """Sweep both bounds over all rows."""
     cdef int64_t i, j, r, k, n = block.n, first, last
     cdef double lo, hi, best_lo, best_hi, margin, widest = 0.0, a
-    cdef int64_t arg_lo, arg_hi
-    cdef bint most = block.mode == 2
+    cdef int64_t row_lo, row_hi
+    cdef bint maximise = block.mode == 2
     cdef double* x = &block.bounds[0, 0]
     cdef double* y
-    cdef const double* val = &block.val[0]
-    cdef const int32_t* idx = &block.idx[0]
-    cdef const double* bl = &block.bl[0]
-    cdef const double* bh = &block.bh[0]
+    cdef const double* data = &block.data[0]
+    cdef const int32_t* indices = &block.indices[0]
+    cdef const double* constant_low = &block.constant_low[0]
+    cdef const double* constant_high = &block.constant_high[0]
     for j in range(n):
         i = n - 1 - j if backwards else j
-        first = group[i]
-        last = group[i + 1]
+        first = groups[i]
+        last = groups[i + 1]
         y = x + 2 * i
         if first == last:
             y[0] = 0.0
             y[1] = 0.0
             continue
         best_lo = best_hi = 0.0
-        arg_lo = arg_hi = first
+        row_lo = row_hi = first
         for r in range(first, last):
-            lo = bl[r]
-            hi = bh[r]
-            for k in range(ptr[r], ptr[r + 1]):
-                a = val[k]
-                y = x + 2 * <int64_t>idx[k]
+            lo = constant_low[r]
+            hi = constant_high[r]
+            for k in range(indptr[r], indptr[r + 1]):
+                a = data[k]
+                y = x + 2 * <int64_t>indices[k]
                 lo = lo + a * y[0]
                 hi = hi + a * y[1]
-            margin = (ptr[r + 1] - ptr[r] + SLACK) * U
-            lo = lo - lo * margin
-            hi = hi + (hi * margin + (TINY if hi > 0.0 else 0.0))
-            if r == first or (lo > best_lo if most else lo < best_lo):
+            margin = error_of_sum(indptr[r + 1] - indptr[r])
+            lo = round_down(lo, margin)
+            hi = round_up(hi, margin)
+            if r == first or (lo > best_lo if maximise else lo < best_lo):
                 best_lo = lo
-                arg_lo = r
-            if r == first or (hi > best_hi if most else hi < best_hi):
+                row_lo = r
+            if r == first or (hi > best_hi if maximise else hi < best_hi):
                 best_hi = hi
-                arg_hi = r
+                row_hi = r
         y = x + 2 * i
         if best_lo > y[0]:
             y[0] = best_lo
-            if most:
-                block.picked[i] = <int32_t>(arg_lo - first)
+            if maximise:
+                block.policy_rows[i] = <int32_t>(row_lo - first)
         if best_hi < y[1]:
             y[1] = best_hi
-            if not most:
-                block.picked[i] = <int32_t>(arg_hi - first)
-        widest = wider(widest, y[0], y[1], relative)
+            if not maximise:
+                block.policy_rows[i] = <int32_t>(row_hi - first)
+        widest = widen(widest, y[0], y[1], relative)
     return widest
 
 
-cdef double raise_lower(Block block, const index_t* ptr, const index_t* group, bint relative) noexcept nogil:
-    """Lower bounds; the differences go to `x[:, 1]`. Returns the greatest change."""
-    cdef int64_t i, r, k, n = block.n, arg
-    cdef double lo, best, change, most = 0.0
+cdef double raise_lower_bounds(Block block, const index_t* indptr, const index_t* groups,
+                               bint relative) noexcept nogil:
+    """Sweep lower bounds; the changes go to `x[:, 1]`. Returns the greatest change."""
+    cdef int64_t i, r, k, n = block.n, best_row
+    cdef double lo, best, change, greatest = 0.0
     cdef double[:, ::1] x = block.bounds
-    cdef const double* val = &block.val[0]
-    cdef const int32_t* idx = &block.idx[0]
+    cdef const double* data = &block.data[0]
+    cdef const int32_t* indices = &block.indices[0]
     for i in range(n):
         best = 0.0
-        arg = -1
-        for r in range(group[i], group[i + 1]):
-            lo = block.bl[r]
-            for k in range(ptr[r], ptr[r + 1]):
-                lo = lo + val[k] * x[idx[k], 0]
-            lo = lo - lo * ((ptr[r + 1] - ptr[r] + SLACK) * U)
-            if arg < 0 or (lo > best if block.mode == 2 else lo < best):
+        best_row = -1
+        for r in range(groups[i], groups[i + 1]):
+            lo = block.constant_low[r]
+            for k in range(indptr[r], indptr[r + 1]):
+                lo = lo + data[k] * x[indices[k], 0]
+            lo = round_down(lo, error_of_sum(indptr[r + 1] - indptr[r]))
+            if best_row < 0 or (lo > best if block.mode == 2 else lo < best):
                 best = lo
-                arg = r
+                best_row = r
         change = best - x[i, 0]
         if change > 0.0:
             x[i, 0] = best
             if block.mode == 2:
-                block.picked[i] = <int32_t>(arg - group[i])
+                block.policy_rows[i] = <int32_t>(best_row - groups[i])
         else:
             change = 0.0
         x[i, 1] = change
         if relative and change > 0.0:
             change = change / (best if best > 1e-300 else 1e-300)
-        if change > most:
-            most = change
-    return most
+        if change > greatest:
+            greatest = change
+    return greatest
 
 
-cdef int lower_upper(Block block, const index_t* ptr, const index_t* group, double[::1] high) noexcept nogil:
-    """Candidate upper bounds. 1: nothing rose, so they are bounds; -1: refuted; 0: neither."""
-    cdef int64_t i, r, k, n = block.n, arg
+cdef int verify_upper_bounds(Block block, const index_t* indptr, const index_t* groups,
+                             double[::1] high) noexcept nogil:
+    """Sweep candidate upper bounds. 1: no value rose, so they are bounds; -1: refuted; 0: neither.
+    """
+    cdef int64_t i, r, k, n = block.n, best_row
     cdef double hi, best
     cdef int verdict = 1
-    cdef const double* val = &block.val[0]
-    cdef const int32_t* idx = &block.idx[0]
+    cdef const double* data = &block.data[0]
+    cdef const int32_t* indices = &block.indices[0]
     for i in range(n):
         best = 0.0
-        arg = -1
-        for r in range(group[i], group[i + 1]):
-            hi = block.bh[r]
-            for k in range(ptr[r], ptr[r + 1]):
-                hi = hi + val[k] * high[idx[k]]
-            hi = hi + (hi * ((ptr[r + 1] - ptr[r] + SLACK) * U) + (TINY if hi > 0.0 else 0.0))
-            if arg < 0 or (hi > best if block.mode == 2 else hi < best):
+        best_row = -1
+        for r in range(groups[i], groups[i + 1]):
+            hi = block.constant_high[r]
+            for k in range(indptr[r], indptr[r + 1]):
+                hi = hi + data[k] * high[indices[k]]
+            hi = round_up(hi, error_of_sum(indptr[r + 1] - indptr[r]))
+            if best_row < 0 or (hi > best if block.mode == 2 else hi < best):
                 best = hi
-                arg = r
+                best_row = r
         if best > high[i]:
             verdict = 0
         if best < block.bounds[i, 0]:
             return -1
         high[i] = best
         if block.mode == 1:
-            block.picked[i] = <int32_t>(arg - group[i])
+            block.policy_rows[i] = <int32_t>(best_row - groups[i])
     return verdict

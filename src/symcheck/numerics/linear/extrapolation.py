@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from symcheck.kernels.solve.extrapolation import Candidate
+from symcheck.kernels.solve.extrapolation import PolicyEvaluator
 from symcheck.kernels.solve.sweeps import Block
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning
@@ -47,10 +47,10 @@ def solve_extrapolated(
     constants_width = _constants_width(local.low, local.high, relative)
     if not _applies(local) or not constants_width < goal:
         return None, 0
-    candidate = Candidate(
-        block.row_ptr,
-        block.idx,
-        block.val,
+    evaluator = PolicyEvaluator(
+        block.indptr,
+        block.indices,
+        block.data,
         local.groups,
         local.low,
         local.high,
@@ -58,34 +58,34 @@ def solve_extrapolated(
         relative,
     )
     tolerance = max((1e-3 if relative else 1e-6) * (goal - constants_width), tuning.SMALLEST_CHANGE)
-    for change in _changes(candidate, local, not probability):
+    for change in _changes(evaluator, local, not probability):
         if observer is not None:
-            observer(Progress("extrapolated sweeps", candidate.sweeps, change, local.n))
+            observer(Progress("extrapolated sweeps", evaluator.sweeps, change, local.n))
         if change <= tolerance:
             if local.mode != 0:
-                candidate.rest()  # free the differences, which the next improvement discards anyway
-            bounds = _prove(candidate, goal, constants_width, relative)
+                evaluator.release_history()  # free the differences, which the next improvement discards anyway
+            bounds = _prove(evaluator, goal, constants_width, relative)
             if bounds is not None or tolerance <= tuning.SMALLEST_CHANGE:
-                return bounds, candidate.sweeps
+                return bounds, evaluator.sweeps
             tolerance = max(tolerance * 1e-2, tuning.SMALLEST_CHANGE)
-    return None, candidate.sweeps
+    return None, evaluator.sweeps
 
 
-def _changes(candidate: Candidate, local: LocalSystem, reward: bool) -> Iterator[float]:
+def _changes(evaluator: PolicyEvaluator, local: LocalSystem, reward: bool) -> Iterator[float]:
     """Improve and evaluate policies; yield the change by a sweep over all rows, per policy."""
     best, stalled = np.inf, 0
-    change, changed = candidate.improve(tuning.SWEEPS_BEFORE_FIRST_POLICY)
+    change, changed = evaluator.improve(tuning.SWEEPS_BEFORE_FIRST_POLICY)
     for _ in range(tuning.EXTRAPOLATION_ROUNDS):
         if local.mode != 0:
-            change, more = candidate.improve()
+            change, more = evaluator.improve()
             changed += more
         yield change
         best, stalled = (change, 0) if change < 0.5 * best else (best, stalled + 1)
         # Only for minimal rewards may a policy stay forever while its values are too low to show it.
-        if changed and reward and local.mode == 1 and not _make_proper(candidate, local):
+        if changed and reward and local.mode == 1 and not _make_proper(evaluator, local):
             return
         changed = 0
-        last = candidate.evaluate(
+        last = evaluator.evaluate(
             max(tuning.EVALUATION_ACCURACY * min(change, 1.0), tuning.SMALLEST_CHANGE),
             tuning.EXTRAPOLATION_STEPS,
         )
@@ -94,16 +94,16 @@ def _changes(candidate: Candidate, local: LocalSystem, reward: bool) -> Iterator
         change = last
 
 
-def _make_proper(candidate: Candidate, local: LocalSystem) -> bool:
+def _make_proper(evaluator: PolicyEvaluator, local: LocalSystem) -> bool:
     """Make the policy leave almost surely; False if no policy does."""
     assert local.matrix.groups is not None
     first = local.matrix.groups[:-1]
-    policy = first + np.asarray(candidate.choice)
+    policy = first + np.asarray(evaluator.policy)
     repaired = make_proper(local, policy)
     if repaired is None:
         return False
     if repaired is not policy:
-        candidate.take((repaired - first).astype(np.int32))
+        evaluator.set_policy((repaired - first).astype(np.int32))
     return True
 
 
@@ -125,22 +125,22 @@ def _constants_width(low: Floats, high: Floats, relative: bool) -> float:
 
 
 def _prove(
-    candidate: Candidate, goal: float, constants_width: float, relative: bool
+    evaluator: PolicyEvaluator, goal: float, constants_width: float, relative: bool
 ) -> Bounds | None:
-    """Proved bounds around the candidate with a width of at most `goal`, or None."""
+    """Proved bounds around the evaluator with a width of at most `goal`, or None."""
     # Solutions are non-negative, and outward rounding assumes it. NaN proves nothing.
-    x = np.maximum(np.asarray(candidate.x), 0.0)
+    x = np.maximum(np.asarray(evaluator.x), 0.0)
     if not np.isfinite(x).all():
         return None
-    policy = np.full(candidate.n if candidate.mode else 0, -1, dtype=np.int32)
+    policy = np.full(evaluator.n if evaluator.mode else 0, -1, dtype=np.int32)
     margin = 0.5 * constants_width + 0.4 * (goal - constants_width)
-    rounds = 30 + candidate.sweeps // 8
+    rounds = 30 + evaluator.sweeps // 8
     upper = x * (1.0 + margin) if relative else x + margin
     lower = x * (1.0 - margin) if relative else np.maximum(x - margin, 0.0)
     del x
     if not (
-        candidate.bound(upper, True, rounds, policy)
-        and candidate.bound(lower, False, rounds, policy)
+        evaluator.verify_bound(upper, True, rounds, policy)
+        and evaluator.verify_bound(lower, False, rounds, policy)
     ):
         return None
     width = (
@@ -148,4 +148,4 @@ def _prove(
     )
     if not (float(width.max()) <= goal and bool(np.all(lower <= upper))):
         return None
-    return Bounds(lower, upper, policy if candidate.mode else None)
+    return Bounds(lower, upper, policy if evaluator.mode else None)

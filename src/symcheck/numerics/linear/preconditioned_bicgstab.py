@@ -46,8 +46,8 @@ class SplitMatrix:
     def of(matrix: SparseMatrix, scale: Floats) -> SplitMatrix:
         """For a non-negative square matrix R with one row per state, and scale float64[n]."""
         low, up = (np.empty(matrix.states, np.int32) for _ in range(2))
-        lower, upper = ssor_eisenstat.sizes(matrix.indptr, matrix.indices, low, up)
-        table = ssor_eisenstat.distinct(matrix.data, tuning.SHORT_CODES)
+        lower, upper = ssor_eisenstat.triangle_sizes(matrix.indptr, matrix.indices, low, up)
+        table = ssor_eisenstat.distinct_values(matrix.data, tuning.SHORT_CODES)
         kind = (
             np.float64
             if table is None
@@ -58,7 +58,7 @@ class SplitMatrix:
         below, above = np.empty(lower, kind), np.empty(upper, kind)
         left, right = np.empty(lower, np.int32), np.empty(upper, np.int32)
         table = np.ones(1) if table is None or not len(table) else table
-        ssor_eisenstat.fill(
+        ssor_eisenstat.fill_triangles(
             matrix.indptr, matrix.indices, matrix.data, table, left, below, right, above
         )
         return SplitMatrix(scale, table, (low, left, below), (up, right, above))
@@ -72,7 +72,7 @@ class SplitMatrix:
     def solve_lower(self, v: Floats) -> Floats:
         """K1^-1 v."""
         w = np.empty_like(v)
-        ssor_eisenstat.forth(
+        ssor_eisenstat.solve_lower(
             *self.low, self.table, self.scale, v, np.zeros_like(v), w, np.empty_like(v), v
         )
         return w
@@ -114,7 +114,7 @@ class SplitMatrix:
                 inner, outer = self._product(r, t, w, q, r)
                 omega = _stabilising_step(inner, outer, float(np.einsum("i,i->", r, r)))
                 before = rho
-                rho, square, most = ssor_eisenstat.update(x, p, r, q, shadow, alpha, omega)
+                rho, square, most = ssor_eisenstat.update_iterate(x, p, r, q, shadow, alpha, omega)
                 if not math.isfinite(omega * square):
                     return
                 yield x, most
@@ -130,7 +130,7 @@ class SplitMatrix:
     def _combine_and_solve_upper(
         self, r: Floats, p: Floats, v: Floats, beta: float, gamma: float, t: Floats
     ) -> None:
-        ssor_eisenstat.back(*self.up, self.table, self.scale, r, p, v, beta, gamma, t)
+        ssor_eisenstat.solve_upper(*self.up, self.table, self.scale, r, p, v, beta, gamma, t)
 
     def _product(
         self, v: Floats, t: Floats, w: Floats, out: Floats, other: Floats
@@ -140,11 +140,13 @@ class SplitMatrix:
         Returns:
             The inner products other·out and out·out.
         """
-        products = ssor_eisenstat.forth(*self.low, self.table, self.scale, v, t, w, out, other)
+        products = ssor_eisenstat.solve_lower(
+            *self.low, self.table, self.scale, v, t, w, out, other
+        )
         if self.shift is None:
             return products
         column, row = self.shift
-        return ssor_eisenstat.shift(out, column, float(np.einsum("i,i->", row, t)), other)
+        return ssor_eisenstat.add_multiple(out, column, float(np.einsum("i,i->", row, t)), other)
 
 
 def _stabilising_step(inner: float, outer: float, square: float) -> float:

@@ -14,10 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from symcheck.kernels.chains.gth_elimination import Elimination
+from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.certificates import certify
-from symcheck.kernels.solve.component_bounds import System
+from symcheck.kernels.solve.component_bounds import ComponentSolver
 from symcheck.kernels.solve.sweeps import Block
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph, tuning
@@ -68,7 +68,7 @@ class LocalSystem:
     def whole(problem: LinearProblem) -> LocalSystem:
         """All equations of a problem."""
         m = problem.rows
-        system = System(
+        system = ComponentSolver(
             m.indptr,
             m.indices,
             m.data,
@@ -91,29 +91,32 @@ class LocalSystem:
     @property
     def low(self) -> Floats:
         """Lower bounds of the constants, per row."""
-        return np.asarray(self.block.bl)[: self.block.rows]
+        return np.asarray(self.block.constant_low)[: self.block.rows]
 
     @property
     def high(self) -> Floats:
         """Upper bounds of the constants, per row."""
-        return np.asarray(self.block.bh)[: self.block.rows]
+        return np.asarray(self.block.constant_high)[: self.block.rows]
 
     @cached_property
     def exit(self) -> Floats:
         """The probability of leaving, per row."""
-        return self.block.leaving()
+        return self.block.exit_masses()
 
     @property
     def groups(self) -> Int32s | Int64s | None:
         """The first row of each state; None without choices."""
-        return self.block.group if self.mode else None
+        return self.block.groups if self.mode else None
 
     @cached_property
     def matrix(self) -> SparseMatrix:
         """A, with 64-bit row starts (the block's may have 32 bits)."""
         block = self.block
-        starts, groups = block.row_ptr.astype(np.int64, copy=False), self.groups
-        entries = np.asarray(block.idx)[: block.entries], np.asarray(block.val)[: block.entries]
+        starts, groups = block.indptr.astype(np.int64, copy=False), self.groups
+        entries = (
+            np.asarray(block.indices)[: block.entries],
+            np.asarray(block.data)[: block.entries],
+        )
         return SparseMatrix(
             starts,
             *entries,
@@ -179,12 +182,12 @@ def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
     is too small or too large for a double.
     """
     m = local.matrix
-    factors = Elimination(m.indptr, m.indices, m.data, local.exit, limit)
+    factors = GthElimination(m.indptr, m.indices, m.data, local.exit, limit)
     if not factors.complete:
         return None
     lower = factors.solve(local.low) * (1.0 - factors.error)
     upper = factors.solve(local.high)
-    if factors.lost:
+    if factors.out_of_range:
         return None
     upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + tuning.SMALLEST_INCREMENT, 0.0)
     return Bounds(lower, upper)
@@ -282,7 +285,7 @@ def policy_iteration(
     if np.any(np.diff(local.matrix.groups) == 0):
         return None
     first = local.matrix.groups[:-1]
-    policy = make_proper(local, first + np.maximum(local.block.choice, 0))
+    policy = make_proper(local, first + np.maximum(local.block.policy, 0))
     if policy is None:
         return None
     accurate = Accuracy(epsilon=min(goal * 0.1, 1e-9))

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symcheck.kernels.chains import gauss_seidel
-from symcheck.kernels.chains.gth_elimination import Elimination
+from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
@@ -76,7 +76,7 @@ def stationary_distribution(
 def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
     """By elimination, or None where that needs more than `limit` operations."""
     n = rates.states
-    factors = Elimination(rates.indptr, rates.indices, rates.data, np.zeros(n), limit)
+    factors = GthElimination(rates.indptr, rates.indices, rates.data, np.zeros(n), limit)
     if not factors.complete:
         return None
     pi = factors.stationary()
@@ -91,10 +91,10 @@ def _estimate(
 ) -> tuple[Floats, int]:
     """Gauss-Seidel sweeps on pi Q = 0 until they change little (relative to the greatest entry)."""
     columns = sparse.transpose_values(rates.indptr, rates.indices, rates.data, rates.columns)
-    leave = gauss_seidel.outflow(rates.indptr, rates.indices, rates.data)
+    leave = gauss_seidel.exit_rates(rates.indptr, rates.indices, rates.data)
     pi = np.full(rates.states, 1.0 / rates.states)
     for count in range(1, settings.max_iterations + 1):
-        change = gauss_seidel.flow_sweep(*columns, leave, pi)
+        change = gauss_seidel.stationary_sweep(*columns, leave, pi)
         total = float(pi.sum())
         pi /= total
         if observer is not None:
@@ -127,7 +127,7 @@ def long_run_average(
     known = _eliminated(rates, limit) if limit else None
     if known is not None:
         return _weighted(known, rewards)
-    leave = gauss_seidel.outflow(rates.indptr, rates.indices, rates.data)
+    leave = gauss_seidel.exit_rates(rates.indptr, rates.indices, rates.data)
     found = _poisson_equation(rates, leave, rewards, settings, observer)
     if not _close_enough((found.lower, found.upper), settings) and n <= tuning.ELIMINATION_STATES:
         known = _eliminated(rates, tuning.STATIONARY_OPERATIONS)
@@ -157,7 +157,7 @@ def _bordered(rates: SparseMatrix, leave: Floats) -> SplitMatrix:
     for sweep in range(tuning.OCCUPATION_SWEEPS):
         if sweep == tuning.OCCUPATION_SWEEPS // 2:
             time[:] = 0.0  # what came before tells of the start
-        gauss_seidel.push_sweep(rates.indptr, rates.indices, rates.data, leave, mass, time)
+        gauss_seidel.occupation_sweep(rates.indptr, rates.indices, rates.data, leave, mass, time)
     time *= (
         tuning.EIGENVALUE_SHIFT * float(np.einsum("i,i->", time, leave)) / float(time.sum()) ** 2
     )
@@ -179,8 +179,8 @@ def _poisson_equation(
 
     def compute_bounds(h: Floats) -> tuple[float, float]:
         out = np.empty(rates.states)
-        gauss_seidel.generator_times(rates.indptr, rates.indices, rates.data, h, out)
-        most = gauss_seidel.largest_flow(rates.indptr, rates.indices, rates.data, h)
+        gauss_seidel.apply_generator(rates.indptr, rates.indices, rates.data, h, out)
+        most = gauss_seidel.largest_generator_term(rates.indptr, rates.indices, rates.data, h)
         rounding_error = (longest + 6) * 2.0 * tuning.UNIT_ROUNDOFF * (most + largest)
         out += rewards
         return float(out.min()) - rounding_error, float(out.max()) + rounding_error

@@ -20,7 +20,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import MemoryLimitError
-from symcheck.kernels.solve.reward_epochs import Levels
+from symcheck.kernels.solve.reward_epochs import EpochSolver
 from symcheck.matrices.numbers import Numbers, numbers
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics import graph, tuning
@@ -163,7 +163,7 @@ class _EpochRun:
             dead[system.members] = False
         tolerance = max(1e-16, self.settings.epsilon / (8.0 * max(1, problem.levels)))
         floor = 0 if problem.upper is not None else -slots
-        kernel = Levels(
+        kernel = EpochSolver(
             _masked(system),
             mode,
             floor,

@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 
 from symcheck.kernels.chains import ssor_eisenstat
-from symcheck.kernels.chains.gth_elimination import Elimination
+from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import tuning
@@ -133,7 +133,7 @@ def importance(
     if rates.states <= tuning.KRYLOV_ELIMINATION_STATES:
         data = rates.data * np.repeat(scale, np.diff(rates.indptr))
         leaves = np.maximum(exit_rates - sparse.row_sums(rates.indptr, rates.data), 0.0) + rest
-        factors = Elimination(
+        factors = GthElimination(
             rates.indptr,
             rates.indices,
             data,
@@ -144,7 +144,7 @@ def importance(
         if found is not None:
             return found if bool(np.all(found > 0.0)) else None
     scale = 1.0 / (
-        exit_rates + rest - ssor_eisenstat.loops(rates.indptr, rates.indices, rates.data)
+        exit_rates + rest - ssor_eisenstat.diagonal(rates.indptr, rates.indices, rates.data)
     )
     return relative_solution(rates, scale, gain, guess, tuning.IMPORTANCE_RESIDUAL)
 
@@ -180,7 +180,7 @@ class _System:
     poles: tuple[float, ...]
     fastest: float
     longest: int
-    factors: Elimination | None
+    factors: GthElimination | None
     diagonal: Floats
     split: SplitMatrix | None
 
@@ -188,7 +188,7 @@ class _System:
     def of(
         rates: SparseMatrix, exit_rates: Floats, poles: tuple[float, ...], single: float
     ) -> _System:
-        diagonal = exit_rates - ssor_eisenstat.loops(rates.indptr, rates.indices, rates.data)
+        diagonal = exit_rates - ssor_eisenstat.diagonal(rates.indptr, rates.indices, rates.data)
         factors = (
             _factors(rates, single / (1.0 + single * diagonal))
             if rates.states <= tuning.KRYLOV_ELIMINATION_STATES
@@ -227,14 +227,14 @@ class _System:
         return out
 
 
-def _factors(rates: SparseMatrix, scale: Floats) -> Elimination | None:
+def _factors(rates: SparseMatrix, scale: Floats) -> GthElimination | None:
     owner = np.repeat(np.arange(rates.states, dtype=np.int32), np.diff(rates.indptr))
     data = rates.data * scale[owner]
     data[rates.indices == owner] = 0.0
     leaves = 1.0 - sparse.row_sums(rates.indptr, data)
     if not leaves.min(initial=1.0) > 0.0:
         return None
-    factors = Elimination(
+    factors = GthElimination(
         rates.indptr,
         rates.indices,
         data,

@@ -18,7 +18,7 @@ import numpy as np
 from symcheck.kernels.chains import ssor_eisenstat
 from symcheck.kernels.graph import components
 from symcheck.kernels.rows import sparse
-from symcheck.kernels.solve.component_bounds import System
+from symcheck.kernels.solve.component_bounds import ComponentSolver
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import relative_solution
@@ -108,7 +108,9 @@ def _resolvent(
         arrays, back = back, arrays
     data = arrays[2] * np.repeat(scale, np.diff(arrays[0]))
     # Self-loops are part of the exit rates. The equations are used whatever their rows sum to.
-    system = System(*arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0)
+    system = ComponentSolver(
+        *arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0
+    )
     # Values spread furthest in the order of distance, but may settle sooner in that of components.
     nearest = components.breadth_first_order(back[0], back[1], (right > 0.0).view(np.uint8))
     del back
@@ -118,14 +120,17 @@ def _resolvent(
         trials.insert(0, (graph.sccs(matrix).order, tuning.COMPONENT_ORDER_SWEEPS))
     for order, sweeps in trials:
         block = system.block(order, np.zeros((rates.states, 2)))
-        done, _, _ = block.optimistic(1.0, True, min(sweeps, tuning.GUESS_SWEEPS))
+        done, _, _ = block.optimistic_value_iteration(1.0, True, min(sweeps, tuning.GUESS_SWEEPS))
         if not done:
             guess = np.empty(rates.states)
             guess[order] = np.asarray(block.x)[: block.n, 0]
             known = _supersolution(matrix, exit_rates, laplace_shift / time, right, guess)
             if known is not None:
                 return known * math.exp(laplace_shift) * (1.0 + 1e-9)
-            done = sweeps > tuning.GUESS_SWEEPS and block.optimistic(1.0, True, sweeps)[0]
+            done = (
+                sweeps > tuning.GUESS_SWEEPS
+                and block.optimistic_value_iteration(1.0, True, sweeps)[0]
+            )
         if done:
             break
     else:
@@ -148,7 +153,7 @@ def _supersolution(
     diagonal = (
         exit_rates
         + tuning.SHIFT_REDUCTION * rest
-        - ssor_eisenstat.loops(matrix.indptr, matrix.indices, matrix.data)
+        - ssor_eisenstat.diagonal(matrix.indptr, matrix.indices, matrix.data)
     )
     # The room suffices for this residual if the guess is at most ten times too large.
     goal = 0.1 * (1.0 - tuning.SHIFT_REDUCTION) * rest / float(np.max(exit_rates) + rest)

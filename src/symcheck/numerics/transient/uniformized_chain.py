@@ -51,7 +51,7 @@ class UniformizedChain:
         """
         if self.matrix is not None:
             m = self.matrix
-            even, low, high, most = uniformization.steps(
+            even, low, high, most = uniformization.uniformized_steps(
                 m.indptr, m.indices, m.data, self.diagonal, y, z, total, weights, floor
             )
             return (y, z, low, high, most) if even else (z, y, low, high, most)

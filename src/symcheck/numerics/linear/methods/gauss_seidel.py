@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from symcheck.kernels.solve.certificates import sweep
+from symcheck.kernels.solve.certificates import gauss_seidel_sweep
 from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.bellman import iterate_to_estimate
 from symcheck.numerics.linear.methods.method import Method
@@ -23,7 +23,9 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     def step(_: Floats) -> Floats:
         nonlocal backwards
         backwards = not backwards
-        sweep(m.indptr, m.indices, m.data, m.groups, problem.constant, x, problem.mode, backwards)
+        gauss_seidel_sweep(
+            m.indptr, m.indices, m.data, m.groups, problem.constant, x, problem.mode, backwards
+        )
         return x.copy()
 
     return iterate_to_estimate("gauss-seidel", step, problem, settings, observer)

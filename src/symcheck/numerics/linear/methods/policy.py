@@ -50,6 +50,6 @@ def solve(
         lower, upper = np.clip(lower, 0.0, 1.0), np.clip(upper, 0.0, 1.0)
     note = f"{problem.n} states: policy iteration, {result.iterations} policies"
     width = float(np.max(upper - lower, initial=0.0))
-    rows = local.block.chosen(result.policy)
+    rows = local.block.global_rows(result.policy)
     statistics = {"width": width}
     return Solution(lower, upper, "policy", False, True, result.iterations, note, statistics, rows)

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from symcheck.kernels.rows import sparse
-from symcheck.kernels.solve.certificates import levels
-from symcheck.kernels.solve.component_bounds import System
+from symcheck.kernels.solve.certificates import component_depths
+from symcheck.kernels.solve.component_bounds import ComponentSolver
 from symcheck.kernels.solve.sweeps import Block
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.numerics import graph, tuning
@@ -58,7 +58,7 @@ class TopologicalRun:
     requested accuracy.
     """
 
-    system: System
+    system: ComponentSolver
     probability: bool
     known_exactly: bool
     values: Floats
@@ -94,7 +94,7 @@ def solve_masked(
         return solve(problem.extract(), settings, observer)
     m, constant = problem.matrix, problem.constant
     unknown = problem.unknown.view(np.uint8)
-    system = System(
+    system = ComponentSolver(
         m.indptr,
         m.indices,
         m.data,
@@ -117,7 +117,7 @@ def _solve_rows(
 ) -> Solution:
     """Solve a problem with non-negative constants, whose end components are collapsed."""
     m = problem.rows
-    system = System(
+    system = ComponentSolver(
         m.indptr,
         m.indices,
         m.data,
@@ -149,7 +149,7 @@ def _solve_components(
     parts = graph.sccs(source, unknown)
     # Each component may use its share of the width, since the bounds of its successors add to it.
     small = tuning.SMALL_COMPONENT_STATES if run.system.mode == 0 else 1
-    depths = levels(source.edges, indices, parts.of, parts.order, parts.start, small)
+    depths = component_depths(source.edges, indices, parts.of, parts.order, parts.start, small)
     summary = f"{parts.count} SCCs, largest {parts.largest} states"
     order, start = parts.order, parts.start
     del parts, source  # their memory may be needed for the solution
@@ -187,7 +187,7 @@ def _solve_in_order(run: TopologicalRun, order: Int32s, start: Int64s, depths: I
 def _solve_large_scc(run: TopologicalRun, states: Int32s, goal: float) -> None:
     """Solve a component that is large or converges slowly, by the first method that succeeds."""
     block = run.system.block(states, run.values)
-    if not block.open_:
+    if not block.has_exit:
         _solve_closed(block)
     elif not _try_cheap_methods(run, block, goal):
         if run.quick:
@@ -201,7 +201,7 @@ def _solve_large_scc(run: TopologicalRun, states: Int32s, goal: float) -> None:
 
 def _solve_closed(block: Block) -> None:
     """Nothing leaves: the value is 0, or infinite if a reward is collected again and again."""
-    block.x[:] = np.inf if np.any(np.asarray(block.bh)[: block.rows] > 0.0) else 0.0
+    block.x[:] = np.inf if np.any(np.asarray(block.constant_high)[: block.rows] > 0.0) else 0.0
 
 
 def _try_cheap_methods(run: TopologicalRun, block: Block, goal: float) -> bool:
@@ -265,7 +265,7 @@ def _interval_iteration(
     used, slow_slices, last_width, sweeps_left = 0, 0, 1.0, math.inf
     size = tuning.SWEEPS_PER_SLICE
     while used < run.settings.max_iterations:
-        done, sweeps, width = block.interval(goal, run.settings.relative, size)
+        done, sweeps, width = block.interval_iteration(goal, run.settings.relative, size)
         used += sweeps
         run.iterations += sweeps
         if run.observer is not None:
@@ -297,7 +297,9 @@ def _optimistic_iteration(
         large = block.n >= tuning.LARGE_COMPONENT_STATES
         entries = 100 * tuning.CHEAP_ENTRIES if large else tuning.CHEAP_ENTRIES
         budget = min(budget, max(200, entries // (block.entries + block.n + 1)))
-    done, sweeps, width = block.optimistic(goal, run.settings.relative, budget, give_up)
+    done, sweeps, width = block.optimistic_value_iteration(
+        goal, run.settings.relative, budget, give_up
+    )
     run.iterations += sweeps
     if run.observer is not None:
         run.observer(Progress("optimistic value iteration", run.iterations, width, block.n))
@@ -353,7 +355,7 @@ def _accept(run: TopologicalRun, block: Block, goal: float, bounds: Bounds, name
         x[:, 0] = bounds.lower
         x[:, 1] = bounds.upper
     if bounds.policy is not None:
-        block.choice[:] = bounds.policy
+        block.policy[:] = bounds.policy
     width = x[:, 1] - x[:, 0]
     if run.settings.relative:
         width = width / np.maximum(np.abs(x[:, 1]), tuning.SMALLEST_DIVISOR)
