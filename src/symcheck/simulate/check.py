@@ -1,8 +1,8 @@
 """Statistical model checking: the value of a property from sampled paths, without building the
 model.
 
-Paths have the exact distribution of a DTMC or CTMC. In an MDP choices are equally likely: the value
-is that of one strategy between the minimum and the maximum.
+Paths are sampled from the exact distribution of a DTMC or CTMC. The choices of an MDP are resolved
+uniformly at random: the result is the value of that strategy, between the minimum and the maximum.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, operator_reward
-from symcheck.simulate.monitors import Question, path_question, reward_question
+from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.sampling import Sampler
-from symcheck.simulate.statistics import Estimated, Plan, estimate, sequential_test
+from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
 from symcheck.syntax.ast import Bound, Expression, ModelType, ProbabilityOperator, RewardOperator
 
 __all__ = ["check_by_sampling"]
 
 _UNIFORM = (
-    "nondeterminism is resolved by equally likely choices: this is the value of that strategy, not "
-    "the minimum or maximum"
+    "nondeterminism is resolved uniformly at random: this is the value of that strategy, not the "
+    "minimum or maximum"
 )
 
 
@@ -62,21 +62,21 @@ def check_by_sampling(
     """
     started = perf_counter()
     plan = plan or Plan()
-    question, reward, bound = _read(model, formula)
+    monitor, reward, bound = _read_operator(model, formula)
     if model.type is ModelType.MDP and bound is not None:
         raise UnsupportedError(
-            "-sim does not decide thresholds of an mdp: they speak of all strategies, and sampling "
-            "takes one, with equally likely "
-            "choices; without -sim the threshold is decided"
+            "-sim does not decide thresholds of an mdp: a threshold must hold for all strategies, "
+            "and sampling follows one, the uniform strategy; without -sim the threshold is decided"
         )
     if model.exact:
         raise UnsupportedError(
-            "-sim estimates, and -exact asks for rational arithmetic: one of the two has to go"
+            "-sim cannot be combined with -exact: sampling estimates values, and -exact computes "
+            "them in rational arithmetic"
         )
     seed = int(np.random.SeedSequence().generate_state(1)[0]) if plan.seed is None else plan.seed
     sampler = Sampler(
         model,
-        question,
+        monitor,
         np.random.default_rng(seed),
         reward,
         labels or {},
@@ -85,44 +85,54 @@ def check_by_sampling(
     )
     probability = reward is None
     result = (
-        _by_test(sampler, plan, bound, probability)
+        _decide_by_test(sampler, plan, bound, probability)
         if plan.method == "sprt"
-        else _by_interval(sampler, plan, bound, probability)
+        else _estimate_by_interval(sampler, plan, bound, probability)
     )
     warnings = (_UNIFORM,) if model.type is ModelType.MDP else ()
-    about = (
+    explanation = (
         f"{result.explanation}; {sampler.samples} paths of "
         f"{sampler.steps / max(sampler.samples, 1):.1f} steps on average, seed {seed}"
     )
     return Result(
-        result.value, result.accuracy, about, warnings=warnings, seconds=perf_counter() - started
+        result.value,
+        result.accuracy,
+        explanation,
+        warnings=warnings,
+        seconds=perf_counter() - started,
     )
 
 
-def _read(model: BoundModel, formula: Expression) -> tuple[Question, Reward | None, Bound | None]:
+def _read_operator(
+    model: BoundModel, formula: Expression
+) -> tuple[Monitor, Reward | None, Bound | None]:
     match formula:
         case ProbabilityOperator(_, bound, path):
-            return path_question(path, model), None, bound
+            return path_monitor(path, model), None, bound
         case RewardOperator(_, bound, _, query):
-            return reward_question(query, model), operator_reward(formula, model), bound
+            return reward_monitor(query, model), operator_reward(formula, model), bound
         case _:
             raise UnsupportedError(
-                f"-sim answers a single P or R operator, and this is a {type(formula).__name__}; "
+                f"-sim supports a single P or R operator, and this is a {type(formula).__name__}; "
                 "without -sim it is checked numerically"
             )
 
 
-def _by_interval(sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool) -> Result:
-    found = estimate(sampler, plan, probability=probability)
+def _estimate_by_interval(
+    sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool
+) -> Result:
+    interval = estimate(sampler, plan, probability=probability)
     method = f"estimated by {plan.method.upper()}"
-    if isinf(found.mean):
-        explanation = "a sampled path misses the target for ever"
-        return Result(_compare(found.mean, bound) if bound else found.mean, Exact(), explanation)
-    accuracy = Statistical(found.confidence, found.lower, found.upper, found.samples)
+    if isinf(interval.mean):
+        explanation = "a sampled path never reaches the target"
+        return Result(
+            _compare(interval.mean, bound) if bound else interval.mean, Exact(), explanation
+        )
+    accuracy = Statistical(interval.confidence, interval.lower, interval.upper, interval.samples)
     if bound is None:
-        return Result(found.mean, accuracy, method)
+        return Result(interval.mean, accuracy, method)
     return Result(
-        _verdict(found, bound), accuracy, f"{method}: {format_value(found.mean)} ({accuracy})"
+        _verdict(interval, bound), accuracy, f"{method}: {format_value(interval.mean)} ({accuracy})"
     )
 
 
@@ -137,32 +147,29 @@ def _threshold(bound: Bound) -> float:
     return float(evaluate(bound.threshold, {}))
 
 
-def _verdict(found: Estimated, bound: Bound) -> bool:
-    """Compare the interval with the threshold. Raises NumericalError where the threshold lies
-    inside.
-    """
+def _verdict(interval: IntervalEstimate, bound: Bound) -> bool:
+    """Compare the interval with the threshold. Raises NumericalError if it is inside."""
     threshold = _threshold(bound)
-    if found.lower <= threshold <= found.upper:
+    if interval.lower <= threshold <= interval.upper:
         raise NumericalError(
-            f"the threshold {threshold:g} lies within the interval [{found.lower:.6g}, "
-            f"{found.upper:.6g}] that {found.samples} samples "
-            "give, so that they decide nothing; more samples (-simsamples) may, and without -sim "
-            "it is decided for certain"
+            f"the threshold {threshold:g} lies within the interval [{interval.lower:.6g}, "
+            f"{interval.upper:.6g}] estimated from {interval.samples} samples, so it is not "
+            "decided; take more samples (-simsamples), or check without -sim"
         )
-    return _compare(found.mean, bound)
+    return _compare(interval.mean, bound)
 
 
-def _by_test(sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool) -> Result:
+def _decide_by_test(sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool) -> Result:
     if bound is None or not probability:
         raise UnsupportedError(
-            "-simmethod sprt decides thresholds on probabilities (P>=0.5 [ … ]); ci, aci and apmc "
-            "estimate values"
+            "-simmethod sprt decides thresholds on probabilities only (P>=0.5 [ … ]); ci, aci and "
+            "apmc estimate values"
         )
     threshold = _threshold(bound)
     above, used = sequential_test(sampler, plan, threshold)
     width, error = plan.width or 0.05, plan.error or 0.01
     explanation = (
-        f"decided by SPRT after {used} samples; right with probability {1 - error:g} unless the "
+        f"decided by SPRT after {used} samples; correct with probability {1 - error:g} unless the "
         f"value is within {width:g} of {threshold:g}"
     )
     lower, upper = (threshold + width, 1.0) if above else (0.0, threshold - width)

@@ -45,10 +45,10 @@ class _GrowingArray:
 
 
 class LazyChain:
-    """States of a model by number, expanded on demand.
+    """The chain of a model, with numbered states that are expanded on demand.
 
-    Numbers are valid until `expand` drops the chain; it returns the new ones. The choices of an MDP
-    are equally likely.
+    State numbers are valid until `expand` drops the chain and returns new numbers. The choices of
+    an MDP are equally likely.
 
     Args:
         reward: the reward that is sampled; None: rewards are 0.
@@ -117,8 +117,10 @@ class LazyChain:
         return np.asarray(self._rows.data[ids])
 
     def expand(self, ids: Int32s) -> Int32s:
-        """Expand these states if they are not yet; returns their numbers, which change where the
-        chain was dropped.
+        """Expand the states that are not yet expanded.
+
+        Returns:
+            The numbers of the states, int32[n]; they change if the chain was dropped.
         """
         new = np.unique(ids[self._start.data[ids] < 0])
         if not len(new):
@@ -223,8 +225,9 @@ class LazyChain:
 
 
 def _cumulative(weights: Floats, offsets: Int64s) -> Floats:
-    """Cumulative distribution of each row; its last entry is 2, so that rounding never leads beyond
-    the row.
+    """The cumulative distribution of each row.
+
+    The last entry of a row is 2, so that rounding never selects a branch beyond the row.
     """
     result = np.empty(len(weights))
     totals = np.add.reduceat(weights, offsets[:-1])

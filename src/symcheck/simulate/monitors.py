@@ -1,7 +1,6 @@
-"""What is asked of sampled paths: each question looks at the states that paths enter, and says
-which paths are decided.
+"""Monitors: they read the states that sampled paths enter and decide a property on each path.
 
-A path is in a state from `time` to `leave` (in discrete time one step).
+A path occupies its current state from `time` to `leave` (one step in discrete time).
 """
 
 from __future__ import annotations
@@ -40,13 +39,18 @@ from symcheck.syntax.ast import (
     TotalReward,
 )
 
-__all__ = ["Decision", "Goal", "Paths", "Question", "path_question", "reward_question"]
+__all__ = ["Decision", "Goal", "Monitor", "Paths", "path_monitor", "reward_monitor"]
 
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Paths that are still undecided, all after the same number of steps: states, times, and
-    rewards until `time`.
+    """Undecided paths after the same number of steps.
+
+    Attributes:
+        step: number of steps so far.
+        ids: int32[n], current states.
+        time, leave: float64[n], times at which the current states are entered and left.
+        total: float64[n], rewards accumulated until `time`.
     """
 
     step: int
@@ -57,49 +61,51 @@ class Paths:
 
 
 Decision = tuple[Bools, Floats]
-"""Which paths are decided, and the values of all (meaningless where undecided)."""
+"""Which paths are decided (bool[n]), and their values (float64[n], undefined where undecided)."""
 
 
-class Question(Protocol):
-    """`atoms`: the state formulas that it needs to know; the chain numbers them in this order."""
+class Monitor(Protocol):
+    """A property that is decided state by state along sampled paths."""
 
     @property
     def atoms(self) -> tuple[Expression, ...]:
-        """State formulas."""
+        """The state formulas that the monitor reads; the chain numbers them in this order."""
         ...
 
-    def look(self, chain: LazyChain, paths: Paths) -> Decision:
-        """Decide what can be decided."""
+    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
+        """Decide the paths whose value the current states determine."""
         ...
 
     @property
     def goal(self) -> Goal | None:
-        """What must be reached if a path is not to go on for ever undecided; None where every path
-        gets decided.
+        """The states that an unbounded path must reach to be decided; None if every path is decided
+        after finitely many steps.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """States of atom `right` are to be reached through states of atom `left` (None: any); a path
-    that cannot is worth `missed`.
+    """A reachability goal: states of atom `right`, through states of atom `left` (None: any state).
+
+    A path that can no longer reach the goal has the value `value_if_missed`.
     """
 
     right: int
     left: int | None
-    missed: float
+    value_if_missed: float
 
-    def trapped(self, chain: LazyChain, ids: Int32s) -> Bools:
-        """Which paths are in an absorbing state that is no target."""
-        trapped = chain.absorbing(ids)
-        where = np.flatnonzero(trapped)
-        trapped[where] = ~chain.satisfies(self.right, ids[where])
-        return trapped
+    def absorbed_outside(self, chain: LazyChain, ids: Int32s) -> Bools:
+        """Which paths are in an absorbing state outside the target."""
+        absorbed_outside = chain.absorbing(ids)
+        where = np.flatnonzero(absorbed_outside)
+        absorbed_outside[where] = ~chain.satisfies(self.right, ids[where])
+        return absorbed_outside
 
-    def lost(self, chain: LazyChain, ids: Int32s) -> Bools:
-        """Which paths are in a state from which all ways are known, and miss. Small chains are made
-        known for it.
+    def unreachable(self, chain: LazyChain, ids: Int32s) -> Bools:
+        """Which paths are in a state that cannot reach the target.
+
+        A small chain is explored completely first. States that are not expanded count as targets.
         """
         chain.explore(tuning.MAX_EXPLORED_STATES)
         matrix, expanded = chain.graph()
@@ -116,8 +122,8 @@ def _undecided(ids: Int32s) -> Decision:
 
 
 @dataclass(frozen=True)
-class _Now:
-    """Whether the first state satisfies a formula."""
+class _StateMonitor:
+    """Whether the first state of a path satisfies a formula."""
 
     target: Expression
     negative: bool = False
@@ -130,14 +136,14 @@ class _Now:
     def goal(self) -> Goal | None:
         return None
 
-    def look(self, chain: LazyChain, paths: Paths) -> Decision:
+    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
         holds = chain.satisfies(0, paths.ids) ^ self.negative
         return np.ones(len(holds), np.bool_), holds.astype(np.float64)
 
 
 @dataclass(frozen=True)
-class _Next:
-    """Whether the second state satisfies a formula and is entered between two times."""
+class _NextMonitor:
+    """Whether the second state satisfies a formula and is entered within a time interval."""
 
     target: Expression
     lower: float
@@ -152,7 +158,7 @@ class _Next:
     def goal(self) -> Goal | None:
         return None
 
-    def look(self, chain: LazyChain, paths: Paths) -> Decision:
+    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
         if paths.step == 0:
             return _undecided(paths.ids)
         upper = np.inf if self.upper is None else self.upper
@@ -161,8 +167,8 @@ class _Next:
 
 
 @dataclass(frozen=True)
-class _Until:
-    """Whether `right` holds at some time between two times, and `left` at all times before."""
+class _UntilMonitor:
+    """Whether `right` holds at some time of an interval, and `left` at all times before."""
 
     left: Expression
     right: Expression
@@ -174,7 +180,7 @@ class _Until:
     def atoms(self) -> tuple[Expression, ...]:
         return self.left, self.right
 
-    def look(self, chain: LazyChain, paths: Paths) -> Decision:
+    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
         left, right = chain.satisfies(0, paths.ids), chain.satisfies(1, paths.ids)
         upper = np.inf if self.upper is None else self.upper
         late_enough = paths.time >= self.lower
@@ -192,8 +198,8 @@ class _Until:
 
 
 @dataclass(frozen=True)
-class _Cumulative:
-    """The reward until a time."""
+class _CumulativeMonitor:
+    """The reward accumulated until a time."""
 
     time: float
 
@@ -205,7 +211,7 @@ class _Cumulative:
     def goal(self) -> Goal | None:
         return None
 
-    def look(self, chain: LazyChain, paths: Paths) -> Decision:
+    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
         if not chain.continuous:
             return paths.time >= self.time, paths.total
         rest = np.maximum(self.time - paths.time, 0.0)
@@ -213,7 +219,7 @@ class _Cumulative:
 
 
 @dataclass(frozen=True)
-class _Instantaneous:
+class _InstantaneousMonitor:
     """The state reward at a time."""
 
     time: float
@@ -226,14 +232,14 @@ class _Instantaneous:
     def goal(self) -> Goal | None:
         return None
 
-    def look(self, chain: LazyChain, paths: Paths) -> Decision:
-        there = paths.leave > self.time if chain.continuous else paths.time >= self.time
-        return there, chain.reward(paths.ids)
+    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
+        occupied = paths.leave > self.time if chain.continuous else paths.time >= self.time
+        return occupied, chain.reward(paths.ids)
 
 
 @dataclass(frozen=True)
-class _Reach:
-    """The reward until a state of `target`; infinite where there will be none."""
+class _ReachabilityMonitor:
+    """The reward accumulated before `target` is reached; infinite if it is never reached."""
 
     target: Expression
 
@@ -241,7 +247,7 @@ class _Reach:
     def atoms(self) -> tuple[Expression, ...]:
         return (self.target,)
 
-    def look(self, chain: LazyChain, paths: Paths) -> Decision:
+    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
         return chain.satisfies(0, paths.ids), paths.total
 
     @property
@@ -252,67 +258,74 @@ class _Reach:
 # --------------------------------------------------------------------------------- reading formulas
 
 
-def path_question(path: PathFormula, model: BoundModel) -> Question:
-    """What a path formula asks of a path.
+def path_monitor(path: PathFormula, model: BoundModel) -> Monitor:
+    """The monitor of a path formula.
 
-    Raises UnsupportedError for formulas with several temporal operators, InputError for bounds.
+    Raises:
+        UnsupportedError: the formula has several temporal operators.
+        InputError: a bound is negative or cannot be satisfied.
     """
-    return _question(normal_form(path, model), model, negative=False)
+    return _monitor(normal_form(path, model), model, negative=False)
 
 
-def _question(form: NormalForm, model: BoundModel, *, negative: bool) -> Question:
+def _monitor(form: NormalForm, model: BoundModel, *, negative: bool) -> Monitor:
     match form:
         case StateFormula(formula):
-            return _Now(formula, negative)
+            return _StateMonitor(formula, negative)
         case Negated(operand):
-            return _question(operand, model, negative=not negative)
+            return _monitor(operand, model, negative=not negative)
         case NextState(StateFormula(target), extent):
-            return _Next(target, *_times(only_window(extent), model), negative)
+            return _NextMonitor(target, *_time_bounds(only_window(extent), model), negative)
         case UntilReached(StateFormula(left), StateFormula(right), extent):
-            return _Until(left, right, *_times(only_window(extent), model), negative)
+            return _UntilMonitor(left, right, *_time_bounds(only_window(extent), model), negative)
         case Connected() | NextState() | UntilReached():
             raise UnsupportedError(
-                "-sim does not answer path formulas with several temporal operators (general LTL); "
-                "it answers X, F, G, U, W and R over state formulas, with bounds or without; "
-                "without -sim the formula is checked numerically"
+                "-sim does not support path formulas with several temporal operators (general "
+                "LTL); it supports X, F, G, U, W and R over state formulas, with or without "
+                "bounds; without -sim the formula is checked numerically"
             )
         case _:
             assert_never(form)
 
 
-def _times(times: Window, model: BoundModel) -> tuple[float, float | None]:
+def _time_bounds(times: Window, model: BoundModel) -> tuple[float, float | None]:
     if model.type is ModelType.CTMC:
         return times.times()
     steps = times.steps()
     return float(steps.lower), None if steps.upper is None else float(steps.upper)
 
 
-def reward_question(query: RewardQuery, model: BoundModel) -> Question:
-    """What a reward operator asks. Raises UnsupportedError for S, C without a bound, and LTL;
-    InputError for bounds.
+def reward_monitor(query: RewardQuery, model: BoundModel) -> Monitor:
+    """The monitor of a reward operator.
+
+    Raises:
+        UnsupportedError: R [ S ], R [ C ] without a bound, or a reward until an LTL formula.
+        InputError: a bound is negative or cannot be satisfied.
     """
     match query:
         case CumulativeReward(bound):
-            lower, upper = _times(window(bound), model)
+            lower, upper = _time_bounds(window(bound), model)
             if upper is None or lower:
-                raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
-            return _Cumulative(upper)
+                raise UnsupportedError("a cumulative reward takes an upper bound only: C<=k")
+            return _CumulativeMonitor(upper)
         case InstantaneousReward(time):
             value = bound_value(time)
-            return _Instantaneous(_times(Window(value, value, span=time.span), model)[0])
+            return _InstantaneousMonitor(
+                _time_bounds(Window(value, value, span=time.span), model)[0]
+            )
         case Eventually(operand, None) if isinstance(
             target := normal_form(operand, model), StateFormula
         ):
-            return _Reach(target.formula)
+            return _ReachabilityMonitor(target.formula)
         case SteadyStateReward() | TotalReward():
             raise UnsupportedError(
                 "-sim does not estimate R [ "
-                f"{'S' if isinstance(query, SteadyStateReward) else 'C'} ], which looks at paths "
-                "for ever; "
-                "C<=k or I=k with a large k come near, and without -sim it is computed"
+                f"{'S' if isinstance(query, SteadyStateReward) else 'C'} ], which depends on "
+                "infinite paths; C<=k or I=k with a large k approximates it, and without -sim it "
+                "is computed numerically"
             )
         case _:
             raise UnsupportedError(
-                "-sim estimates R [ C<=k ], R [ I=k ] and R [ F states ]; without -sim rewards "
-                "until a path formula are computed too"
+                "-sim estimates R [ C<=k ], R [ I=k ] and R [ F states ]; without -sim, rewards "
+                "until a path formula is satisfied are computed numerically"
             )

@@ -1,8 +1,8 @@
-"""Random paths as values, and as text in the format that PRISM's -simpath writes.
+"""Random paths, and their text in the format of PRISM's -simpath.
 
-There is one line per state: the transition that led there, its probability or rate (`probs`), the
-number of the step, the time (in a CTMC), the values of the variables, and the rewards (`rewards`)
-of the state and of the transition, per structure.
+Each state has one line: the transition that led to it, the probability or rate of that transition
+(`probs`), the number of the step, the time (in a CTMC), the values of the variables, and the
+rewards (`rewards`) of the state and of the transition, per structure.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class PathStep:
     Attributes:
         time: when the state was entered (in discrete time, the number of steps).
         action: the label of the transition; None for an unlabelled one, and in the first state.
-        module: the module that took the transition, if it was one alone.
+        module: the module that took the transition; None if several took part.
         probability: of the transition (its rate in a CTMC; within its choice in an MDP); None in
             the first state.
         rewards: state rewards per structure.
@@ -55,8 +55,8 @@ class Path:
 
     Attributes:
         end: why the path ends: 'steps', 'time', 'deadlock' (the last state has no transition),
-            'loop' (the path can only repeat itself: it has been in the last state before, without a
-            choice since) or 'length' (the maximal length).
+            'loop' (the path can only repeat itself: it visited the last state before, and every
+            state since has one branch) or 'length' (the maximal length).
     """
 
     model: BoundModel = field(repr=False)
@@ -100,7 +100,8 @@ class Path:
         """The path as a table, for notebooks."""
         head, *body = rows(self)
         cells = ["".join(f"<td>{c}</td>" for c in row) for row in body]
-        return f"<table><tr>{''.join(f'<th>{c}</th>' for c in head)}</tr>{''.join(f'<tr>{c}</tr>' for c in cells)}</table>"
+        titles = "".join(f"<th>{c}</th>" for c in head)
+        return f"<table><tr>{titles}</tr>{''.join(f'<tr>{c}</tr>' for c in cells)}</table>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +135,7 @@ def rows(path: Path, path_format: PathFormat | None = None) -> list[list[str]]:
     path_format = path_format or PathFormat()
     names = path.variables if path_format.variables is None else path_format.variables
     for name in names:
-        path.values(name)  # complains about an unknown one
+        path.values(name)  # raises NameFault for an unknown variable
     chosen = [path.variables.index(n) for n in names]
     timed = path.model.type is ModelType.CTMC
     snapshot = path_format.snapshot is not None
@@ -145,7 +146,7 @@ def rows(path: Path, path_format: PathFormat | None = None) -> list[list[str]]:
         *names,
         *(_reward_titles(len(path.model.rewards)) if path_format.rewards else []),
     ]
-    found, last = [titles], None
+    lines, last = [titles], None
     for number, time, step in _shown(path, path_format):
         cells = [format_value(step.state[i]) for i in chosen]
         if path_format.rewards:
@@ -158,8 +159,8 @@ def rows(path: Path, path_format: PathFormat | None = None) -> list[list[str]]:
             if snapshot
             else [step.transition, *([_probability(step)] if path_format.probabilities else [])]
         )
-        found.append([*lead, str(number), *([repr(time)] if timed else []), *cells])
-    return found
+        lines.append([*lead, str(number), *([repr(time)] if timed else []), *cells])
+    return lines
 
 
 def _shown(path: Path, path_format: PathFormat) -> Iterator[tuple[int, float, PathStep]]:

@@ -58,7 +58,7 @@ def parse_path_options(text: str) -> PathOptions:
                 )
     if sum((options.steps is not None, options.time is not None, options.deadlock)) != 1:
         raise UsageError(
-            f"-simpath: '{text}' must say how long the path is: a number of steps, time=T or "
+            f"-simpath: '{text}' must give the length of the path: a number of steps, time=T or "
             "deadlock"
         )
     shown = options.path_format.variables is not None if changes is None else changes
@@ -85,7 +85,7 @@ def _format_option(path_format: PathFormat, item: str, name: str, value: str) ->
             return replace(path_format, snapshot=step)
         case _:
             raise UsageError(
-                f"-simpath: '{item}' is not understood\n  hint: N, time=T or deadlock, and then "
+                f"-simpath: unknown option '{item}'\n  hint: N, time=T or deadlock, and then "
                 f"{_OPTIONS}"
             )
 
@@ -114,5 +114,5 @@ def _number(item: str, value: str) -> float:
     except ValueError:
         number = -1.0
     if not 0 <= number < float("inf"):
-        raise UsageError(f"-simpath: '{item}' needs a number, not below 0")
+        raise UsageError(f"-simpath: '{item}' needs a non-negative number")
     return number

@@ -1,4 +1,4 @@
-"""Samples of the value of a property on many paths at once."""
+"""Sampling of a property on many paths at once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.simulate import tuning
 from symcheck.simulate.lazy_chain import LazyChain
-from symcheck.simulate.monitors import Paths, Question
+from symcheck.simulate.monitors import Monitor, Paths
 from symcheck.simulate.state_predicates import compile_predicate
 from symcheck.syntax.ast import Expression
 
@@ -24,21 +24,26 @@ __all__ = ["Sampler"]
 
 @dataclass(eq=False)
 class Sampler:
-    """Samples of a property's value on independent paths from the initial state, reproducible by
-    the generator's seed.
+    """Samples the value of a property on independent paths from the initial state.
+
+    The same seed of the generator gives the same samples.
 
     Args:
-        structure: index of the reward structure, where the property needs one.
+        monitor: the property.
+        reward: the reward that the property accumulates; None if it reads no reward.
+        labels: labels of the properties file.
+        fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
+        max_branches: see `LazyChain`.
         max_steps: steps after which an undecided path raises NumericalError, because leaving it
             out, or giving it any value, would bias the estimate.
 
     Attributes:
-        samples, steps, longest: number of paths so far, sum of their steps, and the steps of the
-            longest.
+        samples, steps, longest: number of paths sampled so far, the sum of their steps, and the
+            steps of the longest path.
     """
 
     model: BoundModel
-    question: Question
+    monitor: Monitor
     generator: np.random.Generator
     reward: Reward | None = None
     labels: Mapping[str, Expression] = field(default_factory=dict)
@@ -55,7 +60,7 @@ class Sampler:
         self._chain = LazyChain(
             self.model,
             self.reward,
-            tuple(compile_predicate(a, self.model, layout, labels) for a in self.question.atoms),
+            tuple(compile_predicate(a, self.model, layout, labels) for a in self.monitor.atoms),
             fix_deadlocks=self.fix_deadlocks,
             max_branches=self.max_branches,
         )
@@ -63,14 +68,16 @@ class Sampler:
         if len(self._initial) != 1:
             raise UnsupportedError(
                 "-sim samples paths from one initial state, and this model has "
-                f"{len(self._initial)}; "
-                "init … endinit can be narrowed to one, and without -sim the result is the range "
-                "over all of them"
+                f"{len(self._initial)}; restrict init … endinit to one state, or check without "
+                "-sim, which gives the range over all initial states"
             )
 
     def sample(self, count: int) -> Floats:
-        """The values on `count` new paths, in the order of the paths: float64[count]; infinite
-        where a target is never reached.
+        """Sample `count` new paths.
+
+        Returns:
+            The values of the property, float64[count]; infinite where a reward accumulates until a
+            target that is never reached.
 
         Raises:
             NumericalError: a path is undecided after `max_steps` steps.
@@ -88,25 +95,27 @@ class Sampler:
         alive: Int64s = np.arange(count)
         ids = np.repeat(self._chain.add(self._initial), count)
         time, total = np.zeros(count), np.zeros(count)
-        step, next_check, goal = 0, tuning.FIRST_GRAPH_CHECK, self.question.goal
+        step, next_check, goal = 0, tuning.FIRST_GRAPH_CHECK, self.monitor.goal
         while True:
             ids = self._chain.expand(ids)
             leave = time + self._durations(ids)
-            decided, results = self.question.look(self._chain, Paths(step, ids, time, leave, total))
+            decided, results = self.monitor.decide(
+                self._chain, Paths(step, ids, time, leave, total)
+            )
             if goal is not None:
-                missed = (goal.lost if step == next_check else goal.trapped)(
+                never = (goal.unreachable if step == next_check else goal.absorbed_outside)(
                     self._chain, ids
                 ) & ~decided
-                results, decided = np.where(missed, goal.missed, results), decided | missed
+                results, decided = np.where(never, goal.value_if_missed, results), decided | never
                 next_check *= 1 + (step == next_check)
             values[alive[decided]] = results[decided]
-            open_ = ~decided
+            remaining = ~decided
             alive, ids, time, leave, total = (
-                alive[open_],
-                ids[open_],
-                time[open_],
-                leave[open_],
-                total[open_],
+                alive[remaining],
+                ids[remaining],
+                time[remaining],
+                leave[remaining],
+                total[remaining],
             )
             self.steps += len(alive)
             if not len(alive):
@@ -120,11 +129,12 @@ class Sampler:
             step += 1
 
     def _branches(self, ids: Int32s, total: Floats, duration: Floats) -> Int64s:
-        """Random branches (int64[n]); the state rewards of the stay are added to `total`."""
+        """Draw branches (int64[n]), and add the state rewards of the sojourns to `total`."""
         total += self._chain.reward(ids) * duration
         return self._chain.sample(ids, self.generator.random(len(ids)))
 
     def _durations(self, ids: Int32s) -> Floats:
+        """Sojourn times: one step in discrete time, exponentially distributed in a CTMC."""
         if not self._chain.continuous:
             return np.ones(len(ids))
         return self.generator.standard_exponential(len(ids)) / self._chain.rate(ids)
@@ -132,7 +142,6 @@ class Sampler:
     def _too_long(self, undecided: int, count: int) -> NumericalError:
         return NumericalError(
             f"{undecided} of {count} sampled paths are undecided after {self.max_steps} steps, and "
-            "an estimate without them would "
-            "be biased: -simpathlen allows longer paths, a bound (such as F<=k) ends them, and "
-            "without -sim nothing is sampled"
+            "an estimate without them would be biased: allow longer paths with -simpathlen, bound "
+            "the property (such as F<=k), or check it without -sim"
         )

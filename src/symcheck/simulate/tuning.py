@@ -1,17 +1,15 @@
 """Tuning constants of the simulator."""
 
 MAX_BRANCHES = 1 << 25
-"""Branches beyond which a lazily expanded chain is dropped and begun again: about 1 GB."""
+"""Drop a lazily expanded chain and begin it again beyond this many branches (about 1 GB)."""
 
 PATHS_PER_BATCH = 1 << 16
-"""Paths that are sampled at a time: their arrays stay within a few megabytes."""
+"""Number of paths that are sampled at a time: their arrays take a few megabytes."""
 
 FIRST_GRAPH_CHECK = 16
-"""Steps after which, and then after each doubling, paths that cannot reach the target are searched
-for.
-"""
+"""Search for paths that cannot reach the target after this many steps, and after each doubling."""
 
 MAX_EXPLORED_STATES = 20_000
-"""States up to which a chain is explored for that search; otherwise a step to a rare state would
-leave it incomplete.
+"""Explore a chain of at most this many states completely for that search; otherwise an unvisited
+successor of a rarely visited state leaves it incomplete.
 """

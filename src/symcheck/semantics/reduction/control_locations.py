@@ -1,4 +1,8 @@
-"""Control locations: the values of the variables that guards test like program counters, and where commands lead from there."""
+"""Control locations: the values of the control variables, and the moves between them.
+
+Control variables act as program counters: guards compare them with constants, and updates set them
+to constants.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +18,25 @@ from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, 
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.traversal import names, nodes, substitute
 
-__all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "folded"]
+__all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "simplified"]
 
 Location = tuple[bool | int, ...]
 """Values of the control variables, in the order of `Locations.control`."""
 
 Values = tuple[bool | int, ...]
 Control = tuple[tuple[int, Values], ...]
-"""What an update does to the location: (place in it, possible new values), by place; other places stay."""
+"""The effect of an update on the location: (position, possible new values) in order of position;
+the other positions keep their values.
+"""
 
-_MOST_LOCATIONS = 1_000
-_MOST_WORK = 50_000  # locations times commands
-_MOST_COMBINATIONS = 200  # of effects of the participants of an event
+_MAX_LOCATIONS = 1_000
+"""Choose control variables with at most this many valuations."""
+
+_MAX_WORK = 50_000
+"""Choose control variables with at most this many pairs of a valuation and a command."""
+
+_MAX_COMBINATIONS = 200
+"""An event with more combinations of effects is assumed to lead to every location."""
 
 
 def domain(variable: Variable) -> tuple[bool | int, ...]:
@@ -38,18 +49,21 @@ def domain(variable: Variable) -> tuple[bool | int, ...]:
 
 
 def _count(variable: Variable) -> int:
-    """How many values a bounded variable has."""
+    """The number of values of a bounded variable."""
     return 2 if variable.low is None or variable.high is None else variable.high - variable.low + 1
 
 
 def control_variables(model: BoundModel) -> tuple[int, ...]:
-    """Indices of the variables that act as program counters: compared with constants by guards, and set to constants.
+    """The control variables: guards compare them with constants, and updates set them to constants.
 
-    Those that most commands test come first; as many are taken as keep the number of locations small.
+    Variables that more commands test are preferred, as long as the number of locations is small.
+
+    Returns:
+        Indices of variables, in increasing order.
     """
     commands = _commands(model)
     tested = Counter(i for c in commands for i in _tested(c.guard, model))
-    # A variable that is computed with is data, not control.
+    # A variable with computed values is data, not control.
     data = {
         i
         for c in commands
@@ -64,7 +78,7 @@ def control_variables(model: BoundModel) -> tuple[int, ...]:
         if count < 2 or i in data or (variable.low is None and variable.type is not Type.BOOL):
             continue
         grown = size * _count(variable)
-        if grown <= _MOST_LOCATIONS and grown * len(commands) <= _MOST_WORK:
+        if grown <= _MAX_LOCATIONS and grown * len(commands) <= _MAX_WORK:
             chosen.append(i)
             size = grown
     return tuple(sorted(chosen))
@@ -75,7 +89,7 @@ def _commands(model: BoundModel) -> list[BoundCommand]:
 
 
 def _tested(guard: Expression, model: BoundModel) -> set[int]:
-    """Variables that a conjunct of the guard compares with a constant; bools that stand alone."""
+    """Variables that a conjunct of the guard compares with a constant, or that are a conjunct."""
     found: set[str] = set()
     stack = [guard]
     while stack:
@@ -93,14 +107,14 @@ def _tested(guard: Expression, model: BoundModel) -> set[int]:
     return {i for i, v in enumerate(model.variables) if v.name in found}
 
 
-def _constant_like(expression: Expression, own: str) -> bool:
-    """Whether an expression has no names but the variable's own, and few of those: `3`, `pc+1`, `!flag`."""
-    return names(expression) <= {own} and sum(1 for _ in nodes(expression)) <= 9
+def _constant_like(expression: Expression, variable: str) -> bool:
+    """Whether an expression is small and reads at most its own variable: `3`, `pc+1`, `!flag`."""
+    return names(expression) <= {variable} and sum(1 for _ in nodes(expression)) <= 9
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """One update of a command at a location, and what it does to the location."""
+    """An update of a command at a location, and its effect on the location."""
 
     command: BoundCommand
     update: BoundUpdate
@@ -108,27 +122,38 @@ class Effect:
 
     @property
     def writes(self) -> frozenset[int]:
-        """The variables that the update surely sets."""
+        """The variables that the update assigns."""
         return frozenset(i for i, _ in self.update.assignments)
 
 
 @dataclass(frozen=True)
 class Move:
-    """An event that may be possible at a location: the effects of each participant, and where each may lead.
+    """An event that may be enabled at a location.
 
-    combinations: what surely is written, and the possible next locations, for each combination of effects that differ in
-    what they do to the location.
+    Attributes:
+        event: number of the event.
+        effects: the possible effects of each participant.
+        combinations: for each combination of effects on the location, the variables that are
+            certainly written and the possible next locations.
+        targets: for each participant, the possible next locations by the `control` of its effect.
     """
 
     event: int
     effects: tuple[tuple[Effect, ...], ...]
     combinations: tuple[tuple[frozenset[int], tuple[Location, ...]], ...]
     targets: tuple[dict[Control, frozenset[Location]], ...] = field(repr=False)
-    """Per participant, by the `control` of an effect: all locations that the event may lead to with it."""
 
 
 class Locations:
-    """The control locations of a model that may be reached, and the moves possible at each."""
+    """The control locations that may be reached, and the possible moves at each.
+
+    Args:
+        control: indices of the control variables (see `control_variables`).
+
+    Attributes:
+        names: names of the control variables.
+        moves: the possible moves, by location.
+    """
 
     def __init__(self, model: BoundModel, control: tuple[int, ...]) -> None:
         self.model = model
@@ -136,31 +161,31 @@ class Locations:
         self.names = tuple(model.variables[i].name for i in control)
         self._types = {v.name: v.type for v in model.variables}
         self._residuals: dict[tuple[int, tuple[bool | int, ...]], Expression] = {}
-        self._places: dict[int, tuple[Expression, tuple[int, ...]]] = {}
+        self._positions: dict[int, tuple[Expression, tuple[int, ...]]] = {}
         self.moves: dict[Location, tuple[Move, ...]] = {}
         self._search()
 
     def residual(self, expression: Expression, location: Location) -> Expression:
-        """What is left of an expression at a location."""
-        if id(expression) not in self._places:
+        """An expression, simplified under the values of the control variables at a location."""
+        if id(expression) not in self._positions:
             used = names(expression)
-            # The expression is kept, so that its id stays its own.
-            self._places[id(expression)] = (
+            # The cache holds the expression, so that its id is not used again.
+            self._positions[id(expression)] = (
                 expression,
                 tuple(p for p, n in enumerate(self.names) if n in used),
             )
-        places = self._places[id(expression)][1]
-        if not places:
+        positions = self._positions[id(expression)][1]
+        if not positions:
             return expression
-        key = id(expression), tuple(location[p] for p in places)
+        key = id(expression), tuple(location[p] for p in positions)
         if key not in self._residuals:
             values: dict[str, Expression] = {
                 self.names[p]: Literal(
                     location[p], Type.BOOL if isinstance(location[p], bool) else Type.INT
                 )
-                for p in places
+                for p in positions
             }
-            self._residuals[key] = folded(
+            self._residuals[key] = simplified(
                 substitute(expression, values), self.model.exact, self._types
             )
         return self._residuals[key]
@@ -225,7 +250,7 @@ class Locations:
             for e in own:
                 group[e.control] = group[e.control] & e.writes if e.control in group else e.writes
             groups.append(group)
-        if prod(map(len, groups)) > _MOST_COMBINATIONS:
+        if prod(map(len, groups)) > _MAX_COMBINATIONS:
             everywhere = tuple(product(*(domain(self.model.variables[i]) for i in self.control)))
             return Move(
                 number,
@@ -238,8 +263,8 @@ class Locations:
         for chosen in product(*groups):
             new: list[Values] = [(x,) for x in location]
             for control in chosen:
-                for place, values in control:
-                    new[place] = values
+                for position, values in control:
+                    new[position] = values
             to = tuple(product(*new))
             writes = frozenset[int]().union(*(g[c] for g, c in zip(groups, chosen, strict=True)))
             combinations.append((writes, to))
@@ -258,9 +283,12 @@ def _initial_value(variable: Variable) -> bool | int:
     return variable.initial
 
 
-def folded(expression: Expression, exact: bool, types: dict[str, Type]) -> Expression:
-    """Folded; a choice whose condition is constant is resolved whatever its type, as only names and truth matter here."""
-    folded = fold(expression, exact=exact, types=types)
-    while isinstance(folded, Conditional) and isinstance(folded.condition, Literal):
-        folded = folded.then if folded.condition.value else folded.otherwise
-    return folded
+def simplified(expression: Expression, exact: bool, types: dict[str, Type]) -> Expression:
+    """Fold constants, and resolve `?:` with a constant condition whatever its type.
+
+    The type of the result may differ, which does not change the names read or the truth value.
+    """
+    result = fold(expression, exact=exact, types=types)
+    while isinstance(result, Conditional) and isinstance(result.condition, Literal):
+        result = result.then if result.condition.value else result.otherwise
+    return result

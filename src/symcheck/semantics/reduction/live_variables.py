@@ -1,8 +1,10 @@
-"""Live variables: at each control location, those whose values something may read before they are written again.
+"""Live variables of each control location: variables that may be read before they are written.
 
-Backward data flow over the control locations. What reads: guards, probabilities, the right sides of assignments, the
-rewards (where they are asked for), and the state formulas of the properties, each for what is left of it at a location.
-Source: M. Bozga, J.-C. Fernandez, L. Ghirvu: State space reduction based on live variables analysis. SAS 1999, LNCS 1694.
+The analysis is a backward data flow over the control locations. Guards, probabilities, the right
+sides of assignments, the rewards (if the properties read them) and the state formulas of the
+properties read variables; each is simplified at the location first.
+Source: M. Bozga, J.-C. Fernandez, L. Ghirvu: State space reduction based on live variables
+analysis. SAS 1999, LNCS 1694.
 """
 
 from __future__ import annotations
@@ -21,18 +23,23 @@ from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, 
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.traversal import names, nodes
 
-__all__ = ["Liveness", "harmless", "liveness", "partial"]
+__all__ = ["Liveness", "is_safe", "liveness", "may_be_undefined"]
 
 
 @dataclass(frozen=True, eq=False)
 class Liveness:
-    """`live`: for each control location that may be reached, the indices of its live variables. Control variables always are."""
+    """The live variables of a model.
+
+    Attributes:
+        live: for each control location that may be reached, the indices of its live variables.
+            Control variables are always live.
+    """
 
     locations: Locations = field(repr=False)
     live: Mapping[Location, frozenset[int]]
 
-    def dead(self, location: Location, variable: int) -> bool:
-        """Whether nothing will read the variable's value."""
+    def is_dead(self, location: Location, variable: int) -> bool:
+        """Whether the value of a variable at a location is never read."""
         return variable not in self.live.get(
             location, frozenset(range(len(self.locations.model.variables)))
         )
@@ -45,9 +52,14 @@ def liveness(
     rewards: bool,
     locations: Locations | None = None,
 ) -> Liveness:
-    """Analyse a model. observed: state expressions whose values must not change; rewards: whether rewards must not either.
+    """Compute the live variables of a model.
 
-    locations: those of the model, where they are known already.
+    Args:
+        observed: state expressions that the properties read.
+        rewards: the properties read rewards.
+        locations: the control locations of the model; None: they are computed.
+
+    Source: Bozga, Fernandez & Ghirvu (SAS 1999).
     """
     locations = locations or Locations(model, control_variables(model))
     return _Analysis(model, locations, tuple(observed), rewards).run()
@@ -64,20 +76,21 @@ class _Analysis:
         self.model = model
         self.locations = locations
         self.observed = observed
-        # Rewards are computed for every state, asked for or not: those that may have no value must keep what they read.
+        # Rewards are evaluated in every state, whether or not a property reads them: the variables
+        # of rewards that may be undefined are live.
         items = (i for r in model.rewards for i in r.items)
         self.rewards = [
             i
             for i in items
-            if rewards or any(partial(n) for e in (i.guard, i.value) for n in nodes(e))
+            if rewards or any(may_be_undefined(n) for e in (i.guard, i.value) for n in nodes(e))
         ]
         self.index = {v.name: i for i, v in enumerate(model.variables)}
-        self.harmless: dict[tuple[int, int], bool] = {}
+        self.is_safe: dict[tuple[int, int], bool] = {}
 
     def run(self) -> Liveness:
         control = frozenset(self.locations.control)
         live = {
-            location: control | self._always(location, moves)
+            location: control | self._reads_at(location, moves)
             for location, moves in self.locations.moves.items()
         }
         before: dict[Location, set[Location]] = {location: set() for location in live}
@@ -90,7 +103,7 @@ class _Analysis:
         while work:
             location, _ = work.popitem()
             grown = live[location].union(
-                *(self._through(m, location, live) for m in self.locations.moves[location])
+                *(self._live_through(m, location, live) for m in self.locations.moves[location])
             )
             if grown != live[location]:
                 live[location] = grown
@@ -101,8 +114,8 @@ class _Analysis:
         found = names(self.locations.residual(expression, location))
         return frozenset(self.index[n] for n in found if n in self.index)
 
-    def _always(self, location: Location, moves: tuple[Move, ...]) -> frozenset[int]:
-        """What is read at a location whatever happens later."""
+    def _reads_at(self, location: Location, moves: tuple[Move, ...]) -> frozenset[int]:
+        """The variables that are read at a location, independently of its successors."""
         found = frozenset[int]().union(*(self._reads(e, location) for e in self.observed))
         for reward in self.rewards:
             match self.locations.residual(reward.guard, location):
@@ -119,37 +132,41 @@ class _Analysis:
                         e.update.probability, location
                     )
                     for i, value in e.update.assignments:
-                        if i in self.locations.control or not self._harmless(i, value):
+                        if i in self.locations.control or not self._is_safe(i, value):
                             found |= self._reads(value, location)
         return found
 
-    def _harmless(self, variable: int, value: Expression) -> bool:
+    def _is_safe(self, variable: int, value: Expression) -> bool:
         key = variable, id(value)
-        if key not in self.harmless:
-            self.harmless[key] = harmless(
-                value, self.model.variables[variable], self.model.variables
-            )
-        return self.harmless[key]
+        if key not in self.is_safe:
+            self.is_safe[key] = is_safe(value, self.model.variables[variable], self.model.variables)
+        return self.is_safe[key]
 
-    def _through(
+    def _live_through(
         self, move: Move, location: Location, live: Mapping[Location, frozenset[int]]
     ) -> frozenset[int]:
-        """What is read later, and not written on the way; and what is read to write it."""
+        """The variables that are live because of a move.
+
+        They are live at a target and not written by the move, or read to assign a live variable.
+        """
         found = frozenset[int]()
         for writes, targets in move.combinations:
             for t in targets:
                 found |= live[t] - writes
         for effects, targets_by in zip(move.effects, move.targets, strict=True):
             for e in effects:
-                wanted = frozenset[int]().union(*(live[t] for t in targets_by[e.control]))
+                live_after = frozenset[int]().union(*(live[t] for t in targets_by[e.control]))
                 for i, value in e.update.assignments:
-                    if i in wanted and i not in self.locations.control:
+                    if i in live_after and i not in self.locations.control:
                         found |= self._reads(value, location)
         return found
 
 
-def harmless(value: Expression, variable: Variable, variables: Sequence[Variable]) -> bool:
-    """Whether a value surely is within the variable's range and computing it surely is no error: it may go uncomputed."""
+def is_safe(value: Expression, variable: Variable, variables: Sequence[Variable]) -> bool:
+    """Whether an assigned value is certainly defined and within the variable's range.
+
+    Such an assignment cannot be a fault of the model, so it may be omitted.
+    """
     if variable.type is Type.BOOL or variable.low is None or variable.high is None:
         within = True
     else:
@@ -157,7 +174,7 @@ def harmless(value: Expression, variable: Variable, variables: Sequence[Variable
         within = (
             low is not None and high is not None and variable.low <= low and high <= variable.high
         )
-    return within and not any(partial(n) for n in nodes(value))
+    return within and not any(may_be_undefined(n) for n in nodes(value))
 
 
 _DEFINED = frozenset(
@@ -167,11 +184,11 @@ _DEFINED = frozenset(
         *(Function.MIN, Function.MAX, Function.FLOOR, Function.CEIL, Function.ROUND),
     }
 )
-"""Operators and functions that have a finite value wherever their operands have one."""
+"""Operators and functions that have a finite value if their operands have one."""
 
 
-def partial(node: object) -> bool:
-    """Whether an operator may have no value (or no finite one) for some operands: true of unknown ones."""
+def may_be_undefined(node: object) -> bool:
+    """Whether a node may have no finite value for some operands; True for unknown operators."""
     return (isinstance(node, Binary) and node.operator not in _DEFINED) or (
         isinstance(node, Call) and node.function not in _DEFINED
     )
@@ -181,7 +198,7 @@ Interval = tuple[int | None, int | None]
 
 
 def _interval(value: Expression, variables: Mapping[str, Variable]) -> Interval:
-    """Bounds of an int expression; None where there is none."""
+    """Lower and upper bound of an int expression; None: unbounded or unknown."""
     match value:
         case Literal(int() as n, Type.INT):
             return n, n

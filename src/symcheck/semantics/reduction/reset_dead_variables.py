@@ -1,12 +1,13 @@
-"""Live-variable reduction: what nothing will read again is set to one value, so that states that differ in it become one.
+"""Live-variable reduction: dead variables are reset, so that states that differ in them coincide.
 
-The states that a model and its reduction give are strongly bisimilar for the formulas in question: they step alike, in
-every number of steps, with the same probabilities, rates, choices, rewards and truth of the observed expressions. So
-every PCTL*, CSL and reward property over those expressions has the same value. Where no formula counts steps, steps that
-nothing observes are passed over first (see `symcheck.semantics.reduction.stutter_reduction`); then the states are stutter bisimilar.
-Properties that count or list states, or speak of "init", observe all variables, and nothing is reduced for them.
+The states of a model and of its reduction are strongly bisimilar for the given formulas: they have
+the same probabilities, rates, choices, rewards and values of the observed expressions, in every
+step. Every PCTL*, CSL and reward property over those expressions has the same value. If no formula
+counts steps, unobserved steps are eliminated first (see
+`symcheck.semantics.reduction.stutter_reduction`); then the states are stutter bisimilar. Properties
+that count or list states, or refer to "init", observe all variables, and nothing is reduced.
 
-A dead value is still checked against its variable's range, wherever it might leave it: a fault in the model stays one.
+A dead value that may leave its variable's range is still checked: faults of the model are kept.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from functools import partial
 
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event, Variable
 from symcheck.semantics.reduction.control_locations import Location, Locations, control_variables
-from symcheck.semantics.reduction.live_variables import Liveness, harmless, liveness
-from symcheck.semantics.reduction.stutter_reduction import counts_steps, shorten
+from symcheck.semantics.reduction.live_variables import Liveness, is_safe, liveness
+from symcheck.semantics.reduction.stutter_reduction import counts_steps, reduce_stutter_steps
 from symcheck.syntax.ast import (
     Binary,
     Conditional,
@@ -35,16 +36,23 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import Tree, children, nodes, transform
 
-__all__ = ["Observed", "Reduction", "observe", "reduce"]
+__all__ = ["Observations", "Reduction", "observe", "reduce"]
 
 _KEPT_BY_BISIMULATION = {"min", "max", "range", "forall", "exists"}
 _TRUE = Literal(True, Type.BOOL)
-_LONGEST_CONDITION = 40  # locations in a condition on which a variable is reset
+_MAX_CONDITION_LOCATIONS = 40
+"""Do not reset a variable if the condition would list more locations or values."""
 
 
 @dataclass(frozen=True, slots=True)
-class Observed:
-    """What properties see of a state: the values of `expressions`, and `rewards` or not. `steps`: they may count steps."""
+class Observations:
+    """The observations of properties.
+
+    Attributes:
+        expressions: state expressions whose values they read.
+        rewards: they read rewards.
+        steps: they may count steps.
+    """
 
     expressions: tuple[Expression, ...]
     rewards: bool
@@ -53,22 +61,26 @@ class Observed:
 
 def observe(
     model: BoundModel, formulas: Iterable[Expression], labels: Mapping[str, Expression]
-) -> Observed:
-    """What bound formulas observe. `labels`: those of the properties file and of the model."""
+) -> Observations:
+    """The observations of bound formulas.
+
+    Args:
+        labels: labels of the properties file.
+    """
     found: list[Expression] = []
     formulas = tuple(formulas)
     rewards, steps = False, not formulas or any(map(counts_steps, formulas))
     for formula in formulas:
-        own = tuple(_seen(formula, {**model.labels, **labels}))
-        if any(e is None for e in own):
-            return Observed(tuple(Name(v.name) for v in model.variables), True)
-        found += [e for e in own if e is not None]
+        expressions = tuple(_seen(formula, {**model.labels, **labels}))
+        if any(e is None for e in expressions):
+            return Observations(tuple(Name(v.name) for v in model.variables), True)
+        found += [e for e in expressions if e is not None]
         rewards = rewards or any(map(_reads_rewards, nodes(formula)))
-    return Observed(tuple(dict.fromkeys(found)), rewards, steps)
+    return Observations(tuple(dict.fromkeys(found)), rewards, steps)
 
 
 def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Expression | None]:
-    """The largest state expressions without operators; None where the states themselves are spoken of."""
+    """The maximal operator-free state expressions; None if the formula reads states themselves."""
     stack: list[Tree] = [formula]
     while stack:
         node = stack.pop()
@@ -96,92 +108,109 @@ def _is_state_expression(below: Sequence[Tree]) -> bool:
 
 
 def _expanded(expression: Expression, labels: Mapping[str, Expression]) -> Expression | None:
-    """Labels replaced by what they stand for; "deadlock" by a name that no variable has. None for an unknown label."""
+    """An expression with its labels expanded; None if a label is unknown.
+
+    The label "deadlock" becomes a name in quotation marks, which no variable has.
+    """
     unknown = False
 
-    def put(node: Tree) -> Tree:
+    def expand_label(node: Tree) -> Tree:
         nonlocal unknown
         if not isinstance(node, LabelReference):
             return node
         unknown = unknown or (node.name != "deadlock" and node.name not in labels)
         return labels.get(node.name, Name(f'"{node.name}"'))
 
-    whole = transform(expression, put)
-    if any(isinstance(n, LabelReference) for n in nodes(whole)):
-        whole = transform(whole, put)
-    return None if unknown or any(isinstance(n, LabelReference) for n in nodes(whole)) else whole
+    expanded = transform(expression, expand_label)
+    if any(isinstance(n, LabelReference) for n in nodes(expanded)):
+        expanded = transform(expanded, expand_label)
+    return (
+        None if unknown or any(isinstance(n, LabelReference) for n in nodes(expanded)) else expanded
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A model that resets dead variables. `resets`: how many assignments were added or replaced, for each variable.
+    """A model that resets dead variables.
 
-    passed: how many control locations the model no longer stops at. `liveness` is of the model without resets.
+    Attributes:
+        model: the reduced model.
+        liveness: live variables of the model without resets.
+        resets: number of assignments that were added or replaced, by variable.
+        eliminated: number of control locations that stutter reduction eliminated.
     """
 
     model: BoundModel
     liveness: Liveness
     resets: Mapping[str, int]
-    passed: int = 0
+    eliminated: int = 0
 
     @property
     def canonical(self) -> tuple[tuple[int, Expression], ...]:
-        """The same as assignments to be applied to every successor (see `symcheck.explicit.build.explore`) of
-        `liveness.locations.model`.
+        """Assignments that reset the dead variables of a successor state.
 
-        It reads the location that is reached, so it resets at least what `model` does.
+        Applied to every successor in `liveness.locations.model` (see
+        `symcheck.explicit.build.explore`), they reset at least the variables that `model` resets,
+        because they read the reached location.
+
+        Returns:
+            Pairs of a variable's index and its new value.
         """
         found = []
         for i, variable in enumerate(self.liveness.locations.model.variables):
-            dead = [x for x in self.liveness.live if self.liveness.dead(x, i)]
+            dead = [x for x in self.liveness.live if self.liveness.is_dead(x, i)]
             condition = (
                 _condition(dead, list(self.liveness.live), self.liveness.locations.names)
                 if dead
                 else None
             )
             if condition is not None:
-                found.append((i, _choose(condition, _canonical(variable), Name(variable.name))))
+                found.append((i, _choose(condition, _reset_value(variable), Name(variable.name))))
         return tuple(found)
 
     def __str__(self) -> str:
         where = self.liveness.locations.names
-        passed = (
-            f"{self.passed} locations passed over where nothing is seen; " if self.passed else ""
+        eliminated = (
+            f"{self.eliminated} locations with unobserved steps eliminated; "
+            if self.eliminated
+            else ""
         )
         if not self.resets:
-            return f"{passed}nothing is ever dead for these properties"
+            return f"{eliminated}no variable is dead for these properties"
         total = len(self.liveness.live)
         index = {v.name: i for i, v in enumerate(self.model.variables)}
         parts = [
-            f"{n} ({sum(self.liveness.dead(x, index[n]) for x in self.liveness.live)})"
+            f"{n} ({sum(self.liveness.is_dead(x, index[n]) for x in self.liveness.live)})"
             for n in self.resets
         ]
-        return f"{passed}reset where dead: {', '.join(parts)} of {total} locations by {', '.join(where) or 'no variable'}"
+        control = ", ".join(where) or "no variable"
+        return f"{eliminated}reset where dead: {', '.join(parts)} of {total} locations by {control}"
 
 
-def reduce(model: BoundModel, observed: Observed) -> Reduction:
-    """A model with fewer states, and the same values of all properties that observe no more than `observed`.
+def reduce(model: BoundModel, observed: Observations) -> Reduction:
+    """A model with at most as many states, and the same values of all properties over `observed`.
 
-    Initial states are left as they are. Variables are reset to their initial value (or least one).
+    A dead variable is reset to its initial value, or to its least value if the model has
+    init … endinit. Initial states are unchanged.
     """
     locations = Locations(model, control_variables(model))
-    passed = 0
+    eliminated = 0
     if not observed.steps:
-        shortened = shorten(model, locations, observed.expressions)
-        passed = len(shortened.passed)
-        if passed:
-            model = shortened.model
+        stutter_reduction = reduce_stutter_steps(model, locations, observed.expressions)
+        eliminated = len(stutter_reduction.eliminated)
+        if eliminated:
+            model = stutter_reduction.model
             locations = Locations(model, control_variables(model))
     found = liveness(model, observed.expressions, rewards=observed.rewards, locations=locations)
-    made = _Resets(model, found).run()
+    resets = _Resets(model, found).run()
     return replace(
-        made,
-        model=replace(made.model, derivation=partial(_reduced, observed=observed)),
-        passed=passed,
+        resets,
+        model=replace(resets.model, derivation=partial(_reduced, observed=observed)),
+        eliminated=eliminated,
     )
 
 
-def _reduced(model: BoundModel, observed: Observed) -> BoundModel:
+def _reduced(model: BoundModel, observed: Observations) -> BoundModel:
     return reduce(model, observed).model
 
 
@@ -190,14 +219,14 @@ class _Resets:
         self.model = model
         self.found = found
         self.count: dict[str, int] = {}
-        # For each update of each event: where it may lead, from each location at which it may happen.
-        self.after: dict[tuple[int, int, int], dict[Location, frozenset[Location]]] = {}
+        # The possible target locations of each update of each event, by source location.
+        self.targets_of: dict[tuple[int, int, int], dict[Location, frozenset[Location]]] = {}
         for location, moves in found.locations.moves.items():
             for move in moves:
                 for participant, effects in enumerate(move.effects):
                     for e in effects:
                         key = move.event, participant, id(e.update)
-                        self.after.setdefault(key, {})[location] = move.targets[participant][
+                        self.targets_of.setdefault(key, {})[location] = move.targets[participant][
                             e.control
                         ]
 
@@ -207,18 +236,24 @@ class _Resets:
         return Reduction(replace(self.model, events=events), self.found, order)
 
     def _event(self, number: int, event: Event) -> Event:
-        """Who writes a variable also resets it; what nobody writes is reset by the participant that moves the control."""
+        """Reset a variable in the participants that write it.
+
+        A variable that no participant writes is reset by the one writing most control variables.
+        """
         control = self.found.locations.control
         written = [
             {i for c in p for u in c.updates for i, _ in u.assignments} for p in event.participants
         ]
         mover = max(range(len(written)), key=lambda p: len(written[p] & set(control)))
-        own = [set(w) for w in written]
-        own[mover] |= {
+        written_or_reset = [set(w) for w in written]
+        written_or_reset[mover] |= {
             i for i in range(len(self.model.variables)) if not any(i in w for w in written)
         }
         parts = tuple(
-            tuple(self._command(number, p, c, sorted(own[p] - set(control))) for c in commands)
+            tuple(
+                self._command(number, p, c, sorted(written_or_reset[p] - set(control)))
+                for c in commands
+            )
             for p, commands in enumerate(event.participants)
         )
         return replace(event, participants=parts)
@@ -227,7 +262,7 @@ class _Resets:
         self, number: int, participant: int, command: BoundCommand, variables: Sequence[int]
     ) -> BoundCommand:
         updates = (
-            self._update(u, self.after.get((number, participant, id(u)), {}), variables)
+            self._update(u, self.targets_of.get((number, participant, id(u)), {}), variables)
             for u in command.updates
         )
         return replace(command, updates=tuple(updates))
@@ -235,12 +270,12 @@ class _Resets:
     def _update(
         self,
         update: BoundUpdate,
-        after: Mapping[Location, frozenset[Location]],
+        targets_of: Mapping[Location, frozenset[Location]],
         variables: Sequence[int],
     ) -> BoundUpdate:
         assignments = dict(update.assignments)
         for i in variables:
-            value = self._value(i, assignments.get(i), after)
+            value = self._value(i, assignments.get(i), targets_of)
             if value is not None:
                 assignments[i] = value
                 name = self.model.variables[i].name
@@ -251,28 +286,34 @@ class _Resets:
         self,
         variable: int,
         written: Expression | None,
-        after: Mapping[Location, frozenset[Location]],
+        targets_of: Mapping[Location, frozenset[Location]],
     ) -> Expression | None:
-        """What to assign instead of `written` (None: nothing is); None to leave it as it is."""
+        """The expression to assign instead of `written` (None: no assignment); None: no change."""
         dead = [
-            x for x, targets in after.items() if all(self.found.dead(t, variable) for t in targets)
+            x
+            for x, targets in targets_of.items()
+            if all(self.found.is_dead(t, variable) for t in targets)
         ]
-        # What was dead before has been reset before, where the variable begins with that value.
+        # A variable that is dead before the update too has its reset value already, because the
+        # reset value is its initial value.
         begins_reset = self.model.initial is None and written is None
-        if not dead or (begins_reset and all(self.found.dead(x, variable) for x in dead)):
+        if not dead or (begins_reset and all(self.found.is_dead(x, variable) for x in dead)):
             return None
         v = self.model.variables[variable]
-        condition, reset = _condition(dead, list(after), self.found.locations.names), _canonical(v)
+        condition, reset = (
+            _condition(dead, list(targets_of), self.found.locations.names),
+            _reset_value(v),
+        )
         if condition is None or written == reset:
             return None
-        if written is not None and not harmless(written, v, self.model.variables):
+        if written is not None and not is_safe(written, v, self.model.variables):
             if v.low is None or v.high is None or v.type is Type.BOOL:
                 return None
-            condition = Binary(Operator.AND, condition, _within(written, v.low, v.high))
+            condition = Binary(Operator.AND, condition, _in_range(written, v.low, v.high))
         return _choose(condition, reset, Name(v.name) if written is None else written)
 
 
-def _canonical(variable: Variable) -> Expression:
+def _reset_value(variable: Variable) -> Expression:
     value = (
         variable.initial
         if variable.initial is not None
@@ -291,8 +332,8 @@ def _choose(condition: Expression, reset: Expression, kept: Expression) -> Expre
     return reset if condition == _TRUE else Conditional(condition, reset, kept)
 
 
-def _within(value: Expression, low: int, high: int) -> Expression:
-    """That a value is in a range: where it is not, it is assigned after all, and the fault is found."""
+def _in_range(value: Expression, low: int, high: int) -> Expression:
+    """The condition that a value is in a range; a value outside is assigned, which is a fault."""
     return Binary(
         Operator.AND,
         Binary(Operator.GE, value, Literal(low, Type.INT)),
@@ -303,15 +344,18 @@ def _within(value: Expression, low: int, high: int) -> Expression:
 def _condition(
     chosen: Sequence[Location], possible: Sequence[Location], names: Sequence[str]
 ) -> Expression | None:
-    """That the location is one of `chosen`, given that it is one of `possible`; None where that takes too long to say."""
+    """The condition that the location is one of `chosen`, given that it is one of `possible`.
+
+    None if the condition would be too large.
+    """
     others = set(possible) - set(chosen)
     if not others:
         return _TRUE
-    for place in range(len(names)):
-        values = {x[place] for x in chosen}
-        if not values & {x[place] for x in others} and len(values) <= _LONGEST_CONDITION:
-            return _any(_equal(names[place], v) for v in sorted(values))
-    if len(chosen) > _LONGEST_CONDITION:
+    for position in range(len(names)):
+        values = {x[position] for x in chosen}
+        if not values & {x[position] for x in others} and len(values) <= _MAX_CONDITION_LOCATIONS:
+            return _any(_equal(names[position], v) for v in sorted(values))
+    if len(chosen) > _MAX_CONDITION_LOCATIONS:
         return None
     return _any(_all(_equal(n, v) for n, v in zip(names, x, strict=True)) for x in chosen)
 

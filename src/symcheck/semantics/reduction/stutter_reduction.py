@@ -1,11 +1,14 @@
-"""Steps that nothing can observe, taken together with the step before.
+"""Stutter reduction: unobserved deterministic steps are merged with the step before them.
 
-At some control locations exactly one thing can happen, for certain, and nothing that the properties observe differs before
-and after. A state there and its successor are alike for every property that does not count steps: they are stutter
-equivalent, and no run stays in such steps. So an update that leads to such a location goes on to the next one at once.
-Source: C. Baier, J.-P. Katoen: Principles of Model Checking (2008), 7.7 (stutter bisimulation, with divergence).
+At some control locations exactly one step is possible, with probability 1, and the observed
+expressions have the same values before and after it. The two states are stutter equivalent, and no
+path stays in such steps for ever, so they satisfy the same formulas that do not count steps. An
+update that leads to such a location is replaced by one that leads to the next location.
+Source: C. Baier, J.-P. Katoen: Principles of Model Checking (2008), 7.7 (stutter bisimulation, with
+divergence).
 
-Faults of the model stay faults: a value that would be overwritten on the way must be known to be in its range.
+Faults of the model are preserved: a value may be overwritten by a merged step only if it is known
+to be in the variable's range.
 """
 
 from __future__ import annotations
@@ -14,8 +17,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from symcheck.semantics.model import BoundModel, BoundUpdate, Event
-from symcheck.semantics.reduction.control_locations import Location, Locations, folded
-from symcheck.semantics.reduction.live_variables import harmless, partial
+from symcheck.semantics.reduction.control_locations import Location, Locations, simplified
+from symcheck.semantics.reduction.live_variables import is_safe, may_be_undefined
 from symcheck.syntax.ast import (
     Binary,
     Bound,
@@ -36,16 +39,19 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.traversal import Tree, names, nodes, substitute
 
-__all__ = ["Shortened", "counts_steps", "shorten"]
+__all__ = ["StutterReduction", "counts_steps", "reduce_stutter_steps"]
 
-_ROUNDS = 20  # of finding locations that cannot be passed over after all
-_LONGEST = 2_000  # nodes of an expression that substitution makes
+_MAX_ROUNDS = 20
+"""Give up if this many attempts each found locations that cannot be eliminated."""
+
+_MAX_NODES = 2_000
+"""Do not merge steps if substitution makes an expression of more nodes."""
 
 Assignments = dict[int, Expression]
 
 
 def counts_steps(formula: Expression) -> bool:
-    """Whether a formula may tell one step from two: true unless each of its nodes is known not to."""
+    """Whether a formula may distinguish one step from two; True for unknown nodes."""
     return any(map(_may_count, nodes(formula)))
 
 
@@ -59,51 +65,72 @@ def _may_count(node: Tree) -> bool:
             return node.bound is not None
         case Bound():
             return False
-        case _:  # also a node that is not known here
+        case _:  # includes nodes that are not listed here
             return True
 
 
 @dataclass(frozen=True, eq=False)
-class Shortened:
-    """A model that passes over some control locations. `passed`: which; none of them is ever reached."""
+class StutterReduction:
+    """A model without some of its control locations.
+
+    Attributes:
+        model: the reduced model.
+        eliminated: the control locations that it never reaches.
+    """
 
     model: BoundModel
-    passed: frozenset[Location] = field(default=frozenset())
+    eliminated: frozenset[Location] = field(default=frozenset())
 
 
-def shorten(model: BoundModel, locations: Locations, observed: Sequence[Expression]) -> Shortened:
-    """The same model, or one that passes over the locations at which nothing that is observed changes.
+def reduce_stutter_steps(
+    model: BoundModel, locations: Locations, observed: Sequence[Expression]
+) -> StutterReduction:
+    """Eliminate the locations whose only step changes no observed expression.
 
-    observed: state expressions; "deadlock" is a name that no variable has. For formulas that do not count steps.
+    The reduced model satisfies the same formulas over `observed` that do not count steps.
+
+    Args:
+        locations: the control locations of the model.
+        observed: state expressions; a `Name` with the text "deadlock" in quotation marks stands
+            for the deadlock label.
+
+    Returns:
+        The reduction; it holds the given model where no location can be eliminated.
+
+    Source: Baier & Katoen (2008), 7.7.
     """
     rewards = (e for r in model.rewards for i in r.items for e in (i.guard, i.value))
     if (
         model.type not in (ModelType.DTMC, ModelType.MDP)
         or model.initial is not None
-        or any(partial(n) for e in rewards for n in nodes(e))
+        or any(may_be_undefined(n) for e in rewards for n in nodes(e))
     ):
-        return Shortened(model)
-    return _Chains(model, locations, tuple(observed)).run()
+        return StutterReduction(model)
+    return _StutterReducer(model, locations, tuple(observed)).run()
 
 
 @dataclass(frozen=True)
-class _Step:
-    """The only thing that happens at a location: where it leads, and what it assigns."""
+class _DeterministicStep:
+    """The only step at a location: its target, and its assignments."""
 
     target: Location
     assignments: Assignments
 
 
 @dataclass(frozen=True, eq=False)
-class _Entrance:
-    """An update, and where it may lead from each location at which it may happen; `alone`: no other module takes part."""
+class _EnteringUpdate:
+    """An update and its possible target locations, by source location.
+
+    Attributes:
+        alone: no other module takes part in the events of the update.
+    """
 
     update: BoundUpdate
     alone: bool
     targets: dict[Location, frozenset[Location]]
 
 
-class _Chains:
+class _StutterReducer:
     def __init__(
         self, model: BoundModel, locations: Locations, observed: tuple[Expression, ...]
     ) -> None:
@@ -114,71 +141,82 @@ class _Chains:
         begin = tuple(model.variables[i].initial for i in locations.control)
         steps = {x: self._step(x) for x in locations.moves if x != begin}
         self.steps = {x: s for x, s in steps.items() if s is not None and self._invisible(x, s)}
-        self.entrances = list(self._entrances())
+        self.entering_updates = list(self._entering_updates())
 
-    def run(self) -> Shortened:
-        passed = set(self.steps)
-        for _ in range(_ROUNDS):
-            if not passed:
+    def run(self) -> StutterReduction:
+        eliminated = set(self.steps)
+        for _ in range(_MAX_ROUNDS):
+            if not eliminated:
                 break
-            changed, faulty = self._attempt(passed)
+            changed, faulty = self._attempt(eliminated)
             if not faulty:
                 events = tuple(self._event(e, changed) for e in self.model.events)
-                return Shortened(replace(self.model, events=events), frozenset(passed))
-            passed -= faulty
-        return Shortened(self.model)
+                return StutterReduction(replace(self.model, events=events), frozenset(eliminated))
+            eliminated -= faulty
+        return StutterReduction(self.model)
 
-    def _attempt(self, passed: set[Location]) -> tuple[dict[int, BoundUpdate], set[Location]]:
-        """Updates that pass over these locations, by the id of the old one; and locations that cannot be passed over."""
+    def _attempt(self, eliminated: set[Location]) -> tuple[dict[int, BoundUpdate], set[Location]]:
+        """Try to eliminate a set of locations.
+
+        Returns:
+            The new updates by the id of the updates that they replace, and the locations that
+            cannot be eliminated.
+        """
         changed: dict[int, BoundUpdate] = {}
         faulty: set[Location] = set()
-        chains: dict[Location, Assignments] = {}
-        for x in passed:
-            chain = self._chain(x, passed)
+        composed: dict[Location, Assignments] = {}
+        for x in eliminated:
+            chain = self._composed_steps(x, eliminated)
             if chain is None:
                 faulty.add(x)
             else:
-                chains[x] = chain
-        for entrance in self.entrances:
+                composed[x] = chain
+        for entering in self.entering_updates:
             reached = frozenset[Location]().union(
-                *(t for x, t in entrance.targets.items() if x not in passed)
+                *(t for x, t in entering.targets.items() if x not in eliminated)
             )
-            hit = reached & passed
+            hit = reached & eliminated
             if not hit:
                 continue
             (where,) = hit if len(reached) == 1 else (None,)
-            whole = None
-            if where is not None and entrance.alone and where in chains:
-                whole = self._then(dict(entrance.update.assignments), chains[where])
-            if whole is None:
+            composition = None
+            if where is not None and entering.alone and where in composed:
+                composition = self._compose(dict(entering.update.assignments), composed[where])
+            if composition is None:
                 faulty |= hit
             else:
-                changed[id(entrance.update)] = replace(
-                    entrance.update, assignments=tuple(whole.items())
+                changed[id(entering.update)] = replace(
+                    entering.update, assignments=tuple(composition.items())
                 )
         return changed, faulty
 
-    def _chain(self, location: Location, passed: set[Location]) -> Assignments | None:
-        """What all steps from a location do together, up to the first that is not passed over."""
+    def _composed_steps(self, location: Location, eliminated: set[Location]) -> Assignments | None:
+        """The composed assignments of the steps from a location to the first that is kept.
+
+        None if the steps form a cycle or cannot be composed.
+        """
         step = self.steps[location]
-        whole: Assignments | None = step.assignments
+        composition: Assignments | None = step.assignments
         seen = {location}
-        while step.target in passed and whole is not None:
+        while step.target in eliminated and composition is not None:
             if step.target in seen:
                 return None
             seen.add(step.target)
             step = self.steps[step.target]
-            whole = self._then(whole, step.assignments)
-        return whole
+            composition = self._compose(composition, step.assignments)
+        return composition
 
-    def _then(self, first: Assignments, second: Assignments) -> Assignments | None:
-        """One set of assignments after another. None where a fault of the first might go unseen, or expressions grow long."""
+    def _compose(self, first: Assignments, second: Assignments) -> Assignments | None:
+        """The sequential composition of two sets of assignments.
+
+        None if a fault of the first might be lost, or an expression becomes too large.
+        """
         variables = self.model.variables
-        if not all(harmless(first[i], variables[i], variables) for i in first if i in second):
+        if not all(is_safe(first[i], variables[i], variables) for i in first if i in second):
             return None
         values = {variables[i].name: e for i, e in first.items()}
         after = {i: substitute(e, values) for i, e in second.items()}
-        if any(sum(1 for _ in nodes(e)) > _LONGEST for e in after.values()):
+        if any(sum(1 for _ in nodes(e)) > _MAX_NODES for e in after.values()):
             return None
         return {**first, **after}
 
@@ -192,10 +230,10 @@ class _Chains:
         )
         return replace(event, participants=parts)
 
-    # what happens at a location
+    # ------------------------------------------------------------------------- steps at a location
 
-    def _step(self, location: Location) -> _Step | None:
-        """The step at a location where exactly one is possible, always, with probability 1, to one other location."""
+    def _step(self, location: Location) -> _DeterministicStep | None:
+        """The step of a location whose only step leads to one other location with probability 1."""
         moves = self.locations.moves[location]
         if (
             len(moves) != 1
@@ -210,50 +248,54 @@ class _Chains:
         certain = isinstance(probability, Literal) and probability.value == 1
         if (
             not certain
-            or not self._always(effect.command.guard, location)
+            or not self._is_always_true(effect.command.guard, location)
             or len(targets) != 1
             or targets[0] == location
         ):
             return None
         own = {i: self.locations.residual(e, location) for i, e in effect.update.assignments}
-        return _Step(targets[0], own)
+        return _DeterministicStep(targets[0], own)
 
-    def _always(self, guard: Expression, location: Location) -> bool:
+    def _is_always_true(self, guard: Expression, location: Location) -> bool:
         residual = self.locations.residual(guard, location)
         return isinstance(residual, Literal) and residual.value is True
 
-    def _invisible(self, location: Location, step: _Step) -> bool:
-        """Whether everything observed has the same value before and after the step."""
+    def _invisible(self, location: Location, step: _DeterministicStep) -> bool:
+        """Whether every observed expression has the same value before and after the step."""
         values = {self.model.variables[i].name: e for i, e in step.assignments.items()}
         for e in self.observed:
             after = self.locations.residual(e, step.target)
             if names(after) & set(values):
-                after = folded(substitute(after, values), self.model.exact, self.types)
+                after = simplified(substitute(after, values), self.model.exact, self.types)
             if after != self.locations.residual(e, location):
                 return False
-        # A deadlock is seen by its name only: what comes after must be none, as what comes before is none.
+        # Only the deadlock label distinguishes deadlocks: the source is none, so the target must
+        # not be one either.
         seen = any(
             isinstance(n, Name) and n.name == '"deadlock"' for e in self.observed for n in nodes(e)
         )
-        return not seen or self._alive(step.target)
+        return not seen or self._has_transition(step.target)
 
-    def _alive(self, location: Location) -> bool:
+    def _has_transition(self, location: Location) -> bool:
+        """Whether some unsynchronised command is enabled in every state of the location."""
         alone = [m.effects[0] for m in self.locations.moves[location] if len(m.effects) == 1]
-        return any(self._always(e.command.guard, location) for effects in alone for e in effects)
+        return any(
+            self._is_always_true(e.command.guard, location) for effects in alone for e in effects
+        )
 
-    def _entrances(self) -> Iterator[_Entrance]:
-        found: dict[int, _Entrance] = {}
+    def _entering_updates(self) -> Iterator[_EnteringUpdate]:
+        found: dict[int, _EnteringUpdate] = {}
         for location, moves in self.locations.moves.items():
             for move in moves:
                 for participant, effects in enumerate(move.effects):
                     for e in effects:
-                        entrance = found.setdefault(
-                            id(e.update), _Entrance(e.update, len(move.effects) == 1, {})
+                        entering = found.setdefault(
+                            id(e.update), _EnteringUpdate(e.update, len(move.effects) == 1, {})
                         )
-                        if len(move.effects) != 1 and entrance.alone:
-                            entrance = found[id(e.update)] = replace(entrance, alone=False)
+                        if len(move.effects) != 1 and entering.alone:
+                            entering = found[id(e.update)] = replace(entering, alone=False)
                         own = move.targets[participant][e.control]
-                        entrance.targets[location] = (
-                            entrance.targets.get(location, frozenset()) | own
+                        entering.targets[location] = (
+                            entering.targets.get(location, frozenset()) | own
                         )
         yield from found.values()

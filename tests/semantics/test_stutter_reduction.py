@@ -1,4 +1,4 @@
-"""Steps that nothing observes are passed over: the same values of what does not count steps."""
+"""Stutter reduction keeps the values of the properties that do not count steps."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from semantics.test_reduce import _value, count, phased
+from semantics.test_reset_dead_variables import _value, count, phased
 from symcheck.check.checker import check
 from symcheck.check.property_instance import PropertyInstance, reduced
 from symcheck.engines.registry import build
@@ -67,7 +67,7 @@ def answer(model: BoundModel, asked: str) -> object:
 )
 def test_what_is_passed_over(asked: str, passed: int) -> None:
     model, found = reduction(LOOP, asked)
-    assert found.passed == passed
+    assert found.eliminated == passed
     assert (count(found.model) < count(model)) == (passed > 0 or "x" not in asked)
     assert answer(found.model, asked) == pytest.approx(answer(model, asked), abs=1e-9)
 
@@ -99,9 +99,9 @@ def test_which_formulas_count_steps() -> None:
 def test_runs_keep_their_length_where_it_is_asked_for() -> None:
     model = bind(parse_model(LOOP), {})
     instances = [PropertyInstance(parse_properties('P=? [ F "high" ]'), 0, {})]
-    assert reduced(model, instances).passed == 0
-    assert reduced(model, instances, keep_steps=False).passed == 3
-    assert reduced(model, [], keep_steps=False).passed == 0
+    assert reduced(model, instances).eliminated == 0
+    assert reduced(model, instances, keep_steps=False).eliminated == 3
+    assert reduced(model, [], keep_steps=False).eliminated == 0
 
 
 @pytest.mark.parametrize("overwritten", [False, True])
@@ -120,16 +120,16 @@ def test_a_cycle_of_steps_that_nothing_observes_stays() -> None:
     [] pc=0 -> 0.5 : (x'=2) & (pc'=1) + 0.5 : (x'=3) & (pc'=3);
     [] pc=1 -> (pc'=2); [] pc=2 -> (pc'=1); [] pc=3 -> true; endmodule"""
     model, found = reduction(text, "P=? [ G x<3 ]")
-    assert found.passed == 0
+    assert found.eliminated == 0
     assert answer(found.model, "P=? [ G x<3 ]") == answer(model, "P=? [ G x<3 ]") == 0.5
 
 
 def test_a_step_before_a_deadlock_is_seen_where_deadlocks_are_asked_for() -> None:
     text = """dtmc module m pc : [0..3]; x : [0..3];
     [] pc=0 -> 0.5 : (x'=2) & (pc'=1) + 0.5 : (x'=3) & (pc'=1); [] pc=1 -> (pc'=2); [] pc=2 & x=2 -> (pc'=0); endmodule"""
-    assert reduction(text, "P=? [ F x=3 ]")[1].passed == 1
+    assert reduction(text, "P=? [ F x=3 ]")[1].eliminated == 1
     model, found = reduction(text, 'P=? [ x<3 U "deadlock" ]')
-    assert found.passed == 0
+    assert found.eliminated == 0
     assert answer(found.model, 'P=? [ x<3 U "deadlock" ]') == answer(
         model, 'P=? [ x<3 U "deadlock" ]'
     )
