@@ -96,6 +96,7 @@ def scalar(expression, state):
 @example(-(2**63) + 2, 3, "-x")
 @example(-(2**63) + 2, 0, "x * y - 1")
 @example(2**32, 2**31, "x * y")
+@example(2**53, 0, "(x + (y + (-x)))")
 @example(2**53, 0, "y = 0 | pow(y, x) = 1")
 @example(2**62, 0, "y = 0 | x + x > 0")
 @example(-(2**63) + 2, 0, "y = 0 | -x > 0")

@@ -175,24 +175,6 @@ def test_the_two_modes_take_turns(monkeypatch):
     assert turns[:3] == [(2000, False), (2000, True), (4000, False)]
 
 
-def test_a_deadline_ends_the_turns(monkeypatch):
-    monkeypatch.setattr(tuning, "FIRST_LOOKUPS", {True: 2000})
-    manager, nothing, relations = far_pairs(12)
-    saturation = manager.saturation(relations)
-
-    class Slow:
-        exhausted, forward = False, True
-
-        def saturate(self, states, within, **limits):
-            return (
-                saturation.saturate(states, within, **limits)
-                if limits["max_lookups"] < 2000
-                else None
-            )
-
-    assert saturate(Slow(), nothing, deadline=time.monotonic() - 1) is None
-
-
 def test_columns_must_follow_their_rows():
     manager = DiagramManager()
     manager.add_variables(["a", "b", "a'", "b'"])

@@ -95,8 +95,8 @@ def properties(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expres
     structures = st.one_of(st.none(), NAMES, EXPRESSIONS)
     operators = st.one_of(
         st.builds(ast.ProbabilityOperator, DIRECTIONS, BOUNDS, paths),
-        st.builds(ast.RewardOperator, structures, DIRECTIONS, BOUNDS, queries),
-        st.builds(ast.SteadyState, BOUNDS, inner),
+        st.builds(ast.RewardOperator, DIRECTIONS, BOUNDS, structures, queries),
+        st.builds(ast.SteadyState, st.none(), BOUNDS, inner),
     )
     return st.one_of(
         combined(inner),

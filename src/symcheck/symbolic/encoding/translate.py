@@ -345,14 +345,19 @@ class Translator:
             return self.boolean(expression).to_mtbdd()
         match expression:
             case Unary(UnaryOperator.MINUS, operand):
-                return self._exact_or_table(expression, -self.number(operand))
+                number = -self.number(operand)
+                exact = self._is_exact(expression, number)
+                return number if exact else self._mtbdd_table(expression)
             case Binary(Operator.PLUS | Operator.MINUS | Operator.TIMES as operator, left, right):
+                x, y = self.number(left), self.number(right)
                 try:
-                    return self._arithmetic(
-                        operator, self.number(left), self.number(right), expression
-                    )
+                    number = self._arithmetic(operator, x, y, expression)
                 except NumericalError:  # infinity - infinity in some state: tabulate
                     return self._mtbdd_table(expression)
+                # A large int may be rounded in an operand, and the result be small again.
+                composed = ((left, x), (right, y), (expression, number))
+                exact = all(self._is_exact(e, n) for e, n in composed)
+                return number if exact else self._mtbdd_table(expression)
             case Conditional(condition, then, otherwise):
                 return self.boolean(condition).ite(self.number(then), self.number(otherwise))
             case Call(Function.MIN | Function.MAX as function, arguments):
@@ -374,14 +379,7 @@ class Translator:
                 f"the diagram of an expression may have {leaves} different values "
                 f"({expression.span})"
             )
-        result = x + y if operator == "+" else x - y if operator == "-" else x * y
-        return self._exact_or_table(expression, result)
-
-    def _exact_or_table(self, expression: Expression, number: Mtbdd) -> Mtbdd:
-        """A composed number, or a table: a double cannot tell large ints apart, nor which are
-        beyond 64 bits.
-        """
-        return number if self._is_exact(expression, number) else self._mtbdd_table(expression)
+        return x + y if operator == "+" else x - y if operator == "-" else x * y
 
     def _is_exact(self, expression: Expression, number: Mtbdd) -> bool:
         """Whether no leaf stands for an int so large that a double may stand for several."""
