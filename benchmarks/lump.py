@@ -82,7 +82,7 @@ def ours(
     from symcheck.check.bisimulation.on_quotient import quotient
     from symcheck.check.context import Context
     from symcheck.engines.symbolic.hybrid import HybridEngine
-    from symcheck.engines.symbolic.materialized import written_out
+    from symcheck.engines.symbolic.materialized import materialize
     from symcheck.options import Options
     from symcheck.semantics.binding.bind import bind, bind_properties
     from symcheck.symbolic.build import construct
@@ -103,7 +103,7 @@ def ours(
         {k: v for k, v in given.items() if k not in of_model},
     )
     if listed:
-        engine = written_out(engine)
+        engine = materialize(engine)
     context = Context(engine, options, bound.labels)
     seconds, found = timed(lambda: quotient(context, bound.properties[0].formula))
     way = "" if listed or hasattr(found, "lumped") else " (listed)"

@@ -14,7 +14,7 @@ from generate import random_model, random_property
 from symcheck.api import load, loads
 from symcheck.check.bisimulation import on_quotient
 from symcheck.check.checker import check
-from symcheck.engines.symbolic.materialized import written_out
+from symcheck.engines.symbolic.materialized import materialize
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind_properties
@@ -143,7 +143,7 @@ def test_labels_that_a_formula_combines_are_not_told_apart(name):
 def test_listed_states_that_have_diagrams(monkeypatch):
     monkeypatch.setattr(on_quotient, "_LONG", 2)
     monkeypatch.setattr(on_quotient, "_ALIKE", 1)
-    engine = written_out(engine_of(LINE, "sparse"))
+    engine = materialize(engine_of(LINE, "sparse"))
     result = check_text(engine, "P=? [ F x=1|x=2 ]", bisim=True)
     assert "on diagrams" in result.runs[0].explanation
     assert result.values.at(engine.all)[0].tolist() == pytest.approx([2 / 3, 1, 1, 0])

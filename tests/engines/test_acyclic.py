@@ -1,12 +1,14 @@
-"""Chains without cycles on diagrams: the values of the explicit engine, wherever they are asked for."""
+"""Chains without cycles on diagrams: the values of the explicit engine, wherever they are asked
+for.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from symcheck.engines import tuning
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.engines.symbolic import acyclic
 from symcheck.engines.symbolic.acyclic import solve_acyclic
 from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import Exploration
@@ -35,9 +37,9 @@ rewards depth<5 : place/7; [] true : 0.25; endrewards
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Models of any size are large enough."""
-    monkeypatch.setattr(acyclic, "LARGE", 1)
-    monkeypatch.setattr(acyclic, "SHARE", 1e9)
-    monkeypatch.setattr(acyclic, "PER_STATE", 1e9)
+    monkeypatch.setattr(tuning, "ACYCLIC_STATES", 1)
+    monkeypatch.setattr(tuning, "ACYCLIC_NODE_SHARE", 1e9)
+    monkeypatch.setattr(tuning, "ACYCLIC_NODES_PER_STATE", 1e9)
 
 
 def engines(loop: str = "true") -> tuple[SparseEngine, ExplicitEngine]:

@@ -120,7 +120,9 @@ def compare(
 
 @contextmanager
 def impatience(lookups: int = -(10**9)) -> Iterator[None]:
-    """Models of any size are large, no rows are few, and diagrams get no look-ups (or as many as is said)."""
+    """Models of any size are large, no rows are few, and diagrams get no look-ups (or as many as is
+    said).
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tuning, "ELIMINATION_STATES", 1)
         patch.setattr(tuning, "FEW_TRANSITIONS", 0)

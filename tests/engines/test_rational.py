@@ -65,7 +65,8 @@ def test_several_bounds_from_below_have_exact_values() -> None:
 def test_a_product_with_an_automaton_has_rational_entries() -> None:
     model = loads(COINS, exact=True)
     value = model.check("P=? [ (F heads=2) & (G tails<2) ]").value
-    # At most one tail before the third head: three heads in a row, or one tail among the first three tosses.
+    # At most one tail before the third head: three heads in a row, or one tail among the first
+    # three tosses.
     assert value == Fraction(1, 27) + 3 * Fraction(2, 81)
 
 

@@ -1,4 +1,6 @@
-"""Every engine gives the rewards that count steps and time, as a reward structure would that is written for it."""
+"""Every engine gives the rewards that count steps and time, as a reward structure would that is
+written for it.
+"""
 
 from __future__ import annotations
 

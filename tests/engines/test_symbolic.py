@@ -27,7 +27,9 @@ def same(engine: SymbolicEngine, diagram: SymbolicSet, array: ArraySet) -> bool:
 
 
 def rows_by_state(matrix: SparseMatrix, extra: np.ndarray) -> list[list[tuple[float, ...]]]:
-    """Each state's rows, in an order that does not depend on the engine: (extra, columns and values …)."""
+    """Each state's rows, in an order that does not depend on the engine: (extra, columns and values
+    …).
+    """
     groups = np.arange(matrix.rows + 1) if matrix.groups is None else matrix.groups
     result = []
     for s in range(matrix.states):

@@ -30,7 +30,9 @@ def automaton(seed: int, states: int, letters: int) -> Table:
 def keys_of(
     engine: ExplicitEngine | SymbolicEngine, second: list[np.ndarray]
 ) -> list[tuple[object, ...]]:
-    """Each pair's valuation and automaton state (`second`: membership by automaton state), in the engine's order."""
+    """Each pair's valuation and automaton state (`second`: membership by automaton state), in the
+    engine's order.
+    """
     states = list(engine.valuations(engine.all))
     automaton_state = np.argmax(np.array(second), axis=0)
     return [(*v, int(q)) for v, q in zip(states, automaton_state, strict=True)]

@@ -1,4 +1,6 @@
-"""Models of each type, built on both sides, and random sets of their states; shared by the tests of the symbolic engines."""
+"""Models of each type, built on both sides, and random sets of their states; shared by the tests of
+the symbolic engines.
+"""
 
 from __future__ import annotations
 

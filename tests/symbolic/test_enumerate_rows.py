@@ -12,8 +12,7 @@ from engines.twins import MODELS as TWINS
 from generate import random_model, random_property
 from symbolic.oracle import bound
 from symbolic.test_on_the_fly_relations import NOTHING, WIDE
-from symcheck.engines.symbolic import enumerated_rows
-from symcheck.engines.symbolic.enumerated_rows import ListedEngine
+from symcheck.engines.symbolic.enumerated_rows import EnumeratedEngine
 from symcheck.errors import ModelFault, SymcheckError
 from symcheck.explicit.build import explore
 from symcheck.matrices.rows import SparseMatrix
@@ -53,8 +52,8 @@ def test_choices_and_very_many_joint_updates_are_not_enumerated(monkeypatch):
 @pytest.mark.parametrize("engine", ["sparse", "hybrid", "mtbdd"])
 @pytest.mark.parametrize("seed", range(12))
 def test_models_that_do_not_compress_have_the_same_values(engine, seed, monkeypatch):
-    monkeypatch.setattr(enumerated_rows, "_MANY", 0)
-    monkeypatch.setattr(enumerated_rows, "_NODES", 0.0)
+    monkeypatch.setattr("symcheck.engines.tuning.SMALL_DIAGRAM_NODES", 0)
+    monkeypatch.setattr("symcheck.engines.tuning.MAX_NODES_PER_STATE", 0.0)
     rng = random.Random(seed)
     source = random_model(rng, rng.choice(["dtmc", "ctmc"]))
     try:
@@ -62,7 +61,7 @@ def test_models_that_do_not_compress_have_the_same_values(engine, seed, monkeypa
             symcheck.loads(source.text, engine=engine),
             symcheck.loads(source.text, engine="explicit"),
         )
-        assert isinstance(model.engine, ListedEngine)
+        assert isinstance(model.engine, EnumeratedEngine)
         assert (model.engine.states, model.engine.transitions) == (
             oracle.engine.states,
             oracle.engine.transitions,
@@ -85,8 +84,8 @@ def test_models_that_do_not_compress_have_the_same_values(engine, seed, monkeypa
 
 
 def test_faults_are_found_before_rows_are_listed(monkeypatch):
-    monkeypatch.setattr(enumerated_rows, "_MANY", 0)
-    monkeypatch.setattr(enumerated_rows, "_NODES", 0.0)
+    monkeypatch.setattr("symcheck.engines.tuning.SMALL_DIAGRAM_NODES", 0)
+    monkeypatch.setattr("symcheck.engines.tuning.MAX_NODES_PER_STATE", 0.0)
     model = symcheck.loads(
         "dtmc module m x : [0..3]; [] true -> 0.5 : (x'=x+1) + 0.5 : (x'=0); endmodule",
         engine="sparse",
@@ -96,4 +95,4 @@ def test_faults_are_found_before_rows_are_listed(monkeypatch):
 
 
 def test_diagrams_that_compress_stay_diagrams():
-    assert not isinstance(symcheck.loads(TWINS["dtmc"], engine="sparse").engine, ListedEngine)
+    assert not isinstance(symcheck.loads(TWINS["dtmc"], engine="sparse").engine, EnumeratedEngine)

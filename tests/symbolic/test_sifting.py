@@ -13,7 +13,7 @@ import symcheck
 from symbolic.oracle import assert_same, bound, symbolic
 from symbolic.test_order import partners
 from symcheck.dd.manager import DiagramManager
-from symcheck.engines import registry, selection
+from symcheck.engines import registry, tuning
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError, UsageError
 from symcheck.exchange.explicit_export import explicit_export
 from symcheck.options import Options
@@ -119,8 +119,8 @@ def test_the_default_engine_looks_for_an_order_once_and_tells_it(monkeypatch):
     told: list[object] = []
     registry.build(instance("kanban.sm"), SIFTED, told.append)
     assert not any(isinstance(x, SiftedOrder) for x in told)  # few states: no diagram, no order
-    monkeypatch.setattr(selection, "_SMALL", 10)
-    monkeypatch.setattr(selection, "_MORE", 20)
+    monkeypatch.setattr(tuning, "SMALL_MODEL_STATES", 10)
+    monkeypatch.setattr(tuning, "SPARSE_MODEL_STATES", 20)
     engine = registry.build(instance("kanban.sm"), SIFTED, told.append)
     assert engine.name.startswith("sparse")
     assert sum(isinstance(x, SiftedOrder) for x in told) == 1

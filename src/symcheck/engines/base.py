@@ -1,8 +1,9 @@
-"""What an engine offers to the checker: a built model as sets of states, values on states, graph questions, and
-numerical systems over chosen states.
+"""What an engine offers to the checker: a built model as sets of states, values on states, graph
+questions, and numerical systems over chosen states.
 
-The checker, and every measure, is written against these protocols only; an engine is one file beside this one.
-A set never holds a state that is not reachable: `~s` is the complement within the reachable states.
+The checker, and every measure, is written against these protocols only; an engine is one file
+beside this one. A set never holds a state that is not reachable: `~s` is the complement within the
+reachable states.
 """
 
 from __future__ import annotations
@@ -39,9 +40,11 @@ __all__ = [
 
 
 def bracket(threshold: float | Fraction) -> tuple[float, float]:
-    """The largest double not above the threshold and the smallest not below it (equal where it is a double).
+    """The largest double not above the threshold and the smallest not below it (equal where it is a
+    double).
 
-    With them `value >= threshold` is exactly `value >= upper`, and `value <= threshold` is `value <= lower`, for doubles.
+    With them `value >= threshold` is exactly `value >= upper`, and `value <= threshold` is `value
+    <= lower`, for doubles.
     """
     near = float(threshold)
     if isinstance(threshold, float) or near in (inf, -inf) or near == threshold:
@@ -58,7 +61,9 @@ OwnValues = Any
 
 
 class StateSet(Protocol):
-    """An immutable set of reachable states. `bool(s)` is 'not empty'; `len` may overflow: use `count`."""
+    """An immutable set of reachable states. `bool(s)` is 'not empty'; `len` may overflow: use
+    `count`.
+    """
 
     @property
     def count(self) -> int:
@@ -77,8 +82,9 @@ class StateSet(Protocol):
 class Values(Protocol):
     """A number per reachable state, known to lie between a lower and an upper value.
 
-    `exact` is True where lower and upper are equal and differ from the truth by rounding only. Constants that `lift` was
-    given, and values of expressions, are taken as they are; what was computed in floating point is within ROUNDING.
+    `exact` is True where lower and upper are equal and differ from the truth by rounding only.
+    Constants that `lift` was given, and values of expressions, are taken as they are; what was
+    computed in floating point is within ROUNDING.
     """
 
     @property
@@ -87,7 +93,9 @@ class Values(Protocol):
         ...
 
     def rounded(self, states: OwnSet) -> bool:
-        """Whether some value over the set was computed in floating point (so that equal bounds do not make it exact)."""
+        """Whether some value over the set was computed in floating point (so that equal bounds do
+        not make it exact).
+        """
         ...
 
     def at(self, states: OwnSet) -> tuple[Any, Any]:
@@ -107,15 +115,18 @@ class Values(Protocol):
         ...
 
     def compare(self, operator: str, threshold: float | Fraction) -> tuple[StateSet, StateSet]:
-        """The states that surely satisfy `value operator threshold`, and those where it is undecided.
+        """The states that surely satisfy `value operator threshold`, and those where it is
+        undecided.
 
-        Operators: < <= > >= = !=. A computed value that is exact up to rounding is undecided within ROUNDING (relative)
-        of the threshold, so that rounding never decides.
+        Operators: < <= > >= = !=. A computed value that is exact up to rounding is undecided within
+        ROUNDING (relative) of the threshold, so that rounding never decides.
         """
         ...
 
     def map(self, operator: str, *others: OwnValues | float) -> Values:
-        """Interval arithmetic: `operator` is an operator or function of the expression language ('-' with no other: negate)."""
+        """Interval arithmetic: `operator` is an operator or function of the expression language
+        ('-' with no other: negate).
+        """
         ...
 
     def choose(self, states: OwnSet, other: OwnValues) -> Values:
@@ -124,11 +135,12 @@ class Values(Protocol):
 
 
 class System(Protocol):
-    """The equations over some states: n unknowns, numbered as the states of `states` in index order.
+    """The equations over some states: n unknowns, numbered as the states of `states` in index
+    order.
 
-    Rows are the choices of these states (one per state in a DTMC or CTMC). `matrix` holds the one-step
-    probabilities (rates in a CTMC) among the states; what leaves them is missing from it. Numbers are float64,
-    or rationals in the exact engine.
+    Rows are the choices of these states (one per state in a DTMC or CTMC). `matrix` holds the
+    one-step probabilities (rates in a CTMC) among the states; what leaves them is missing from it.
+    Numbers are float64, or rationals in the exact engine.
     """
 
     @property
@@ -153,20 +165,28 @@ class System(Protocol):
 
     @property
     def has_rows(self) -> bool:
-        """Whether equations should be solved on `matrix`: the engine works with rows, or these are few."""
+        """Whether equations should be solved on `matrix`: the engine works with rows, or these are
+        few.
+        """
         ...
 
     @property
     def operator(self) -> Any:
-        """The matrix in the engine's own form, with `multiply(x: Numbers) -> Numbers` giving a value per row."""
+        """The matrix in the engine's own form, with `multiply(x: Numbers) -> Numbers` giving a
+        value per row.
+        """
         ...
 
     def one_step_probability(self, target: OwnSet) -> Numbers:
-        """Per row: the one-step probability (rate) of entering `target` (states outside of `states` too)."""
+        """Per row: the one-step probability (rate) of entering `target` (states outside of `states`
+        too).
+        """
         ...
 
     def one_step_values(self, values: OwnValues) -> tuple[Numbers, Numbers]:
-        """Per row: sum over the successors outside of `states` of probability (rate) × value (lower, upper)."""
+        """Per row: sum over the successors outside of `states` of probability (rate) × value
+        (lower, upper).
+        """
         ...
 
     def row_sums(self) -> Numbers:
@@ -181,7 +201,9 @@ class System(Protocol):
         ...
 
     def embedded(self, rows: Numbers) -> Numbers:
-        """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the values themselves."""
+        """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the
+        values themselves.
+        """
         ...
 
     def step_rewards(self, reward: Reward) -> Numbers:
@@ -193,7 +215,9 @@ class System(Protocol):
         ...
 
     def expected_reward(self, reward: Reward, infinite: OwnSet) -> Equations:
-        """The equations of the expected reward until the states are left; it is infinite on `infinite`."""
+        """The equations of the expected reward until the states are left; it is infinite on
+        `infinite`.
+        """
         ...
 
     def equations(
@@ -204,10 +228,11 @@ class System(Protocol):
         probability: bool,
         allow_stay: bool = False,
     ) -> Equations:
-        """The equations x = A x + constant (bounds: up to `upper`); rates are divided by exit rates.
+        """The equations x = A x + constant (bounds: up to `upper`); rates are divided by exit
+        rates.
 
-        `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards); or
-        it must not (least probabilities of what is met outside).
+        `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0
+        (greatest rewards); or it must not (least probabilities of what is met outside).
         """
         ...
 
@@ -226,7 +251,9 @@ class System(Protocol):
         rest: Sequence[tuple[OwnSet, float]] = (),
         exact: bool = False,
     ) -> Values:
-        """Values on all reachable states: these on `states`, constants on the sets in `rest`, 0 elsewhere."""
+        """Values on all reachable states: these on `states`, constants on the sets in `rest`, 0
+        elsewhere.
+        """
         ...
 
 
@@ -269,7 +296,9 @@ class Equations(Protocol):
 
 
 class Graph(Protocol):
-    """Questions that need no numbers. `direction` is None in a DTMC or CTMC, 'min' or 'max' in an MDP."""
+    """Questions that need no numbers. `direction` is None in a DTMC or CTMC, 'min' or 'max' in an
+    MDP.
+    """
 
     def predecessors(self, states: OwnSet) -> StateSet:
         """States with some transition (of some choice) into `states`."""
@@ -306,11 +335,15 @@ class Graph(Protocol):
     def accepting_end_components(
         self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]
     ) -> StateSet:
-        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
+        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets
+        every set in `visits`.
+        """
         ...
 
     def witness(self, left: OwnSet, right: OwnSet) -> Sequence[Mapping[str, int | bool]] | None:
-        """A shortest path from an initial state that satisfies left U right, as states; None if there is none."""
+        """A shortest path from an initial state that satisfies left U right, as states; None if
+        there is none.
+        """
         ...
 
 
@@ -329,7 +362,9 @@ class Engine(Protocol):
 
     @property
     def has_rows(self) -> bool:
-        """Whether `System.matrix` is what the engine works with; else it is made only where `System.operator` is not enough."""
+        """Whether `System.matrix` is what the engine works with; else it is made only where
+        `System.operator` is not enough.
+        """
         ...
 
     @property
@@ -388,7 +423,9 @@ class Engine(Protocol):
     def constant(
         self, lower: float, upper: float | None = None, *, rounded: bool = False
     ) -> Values:
-        """The same value (or bounds of it) everywhere; `rounded`: it came out of floating-point arithmetic."""
+        """The same value (or bounds of it) everywhere; `rounded`: it came out of floating-point
+        arithmetic.
+        """
         ...
 
     def indicator(self, states: OwnSet) -> Values:
@@ -412,13 +449,16 @@ class Engine(Protocol):
     ) -> StateSet:
         """States from which the expected reward until `target` is finite.
 
-        These reach `target` almost surely ('max': under all strategies, 'min': under some), and meet no step with an
-        infinite reward before. Raises UnsupportedError for least rewards where some reward of a step is infinite.
+        These reach `target` almost surely ('max': under all strategies, 'min': under some), and
+        meet no step with an infinite reward before. Raises UnsupportedError for least rewards where
+        some reward of a step is infinite.
         """
         ...
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
-        """The engine as a `symcheck.engines.capabilities` protocol; None where it does not offer that."""
+        """The engine as a `symcheck.engines.capabilities` protocol; None where it does not offer
+        that.
+        """
         ...
 
     def first(self, states: OwnSet) -> StateSet:
@@ -432,8 +472,10 @@ class Engine(Protocol):
         ...
 
     def product(self, letters: Sequence[OwnSet], automaton: Any) -> Any:
-        """The product with a deterministic automaton that reads, in each state, which of `letters` hold.
+        """The product with a deterministic automaton that reads, in each state, which of `letters`
+        hold.
 
-        Returns a Product: an engine over pairs, and the means to go between the two (see engines/product.py).
+        Returns a Product: an engine over pairs, and the means to go between the two (see
+        engines/product.py).
         """
         ...

@@ -1,8 +1,10 @@
-"""What some engines offer beyond `symcheck.engines.base.Engine`: optional protocols, and the one way to ask for them.
+"""What some engines offer beyond `symcheck.engines.base.Engine`: optional protocols, and the one
+way to ask for them.
 
-An engine declares a capability by inheriting from its protocol. Other rooms ask with `engine.capability(HasMatrix)`, which
-gives the engine under that protocol, or None; nobody else asks what an engine is. Capabilities that speak of diagrams are
-beside these: `HasDiagrams` in engines/symbolic/diagrams.py.
+An engine declares a capability by inheriting from its protocol. Other rooms ask with
+`engine.capability(HasMatrix)`, which gives the engine under that protocol, or None; nobody else
+asks what an engine is. Capabilities that speak of diagrams are beside these: `HasDiagrams` in
+engines/symbolic/diagrams.py.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ class Capable:
     """The capabilities of an engine: the protocols that its class inherits from."""
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
-        """The engine as what offers `kind` (a protocol, or the class of an engine); None where it does not.
+        """The engine as what offers `kind` (a protocol, or the class of an engine); None where it
+        does not.
 
         Example:
             >>> rows = engine.capability(HasMatrix)
@@ -88,4 +91,6 @@ class HasImportedStates(Protocol):
     members: Mapping[Expression, Bools]
     """Per label the states that have it, bool[states]."""
     entry_rewards: Sequence[Any]
-    """Per reward structure the reward of each transition (None: those of its row are all the row's)."""
+    """Per reward structure the reward of each transition (None: those of its row are all the
+    row's).
+    """

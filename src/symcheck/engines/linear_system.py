@@ -1,7 +1,8 @@
-"""Linear equations over some states, written once for all engines: reachability and expected rewards.
+"""Linear equations over some states, written once for all engines: reachability and expected
+rewards.
 
-Sources: Baier & Katoen (2008), 10.1.1 and 10.6.1; for rewards, Forejt, Kwiatkowska, Norman & Parker (2011),
-'Automated verification techniques for probabilistic systems', section 4.
+Sources: Baier & Katoen (2008), 10.1.1 and 10.6.1; for rewards, Forejt, Kwiatkowska, Norman & Parker
+(2011), 'Automated verification techniques for probabilistic systems', section 4.
 """
 
 from __future__ import annotations
@@ -189,7 +190,9 @@ class LinearSystem:
         return self.row_sums() if self.is_ctmc else None
 
     def embedded(self, rows: Numbers) -> Numbers:
-        """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the values themselves."""
+        """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the
+        values themselves.
+        """
         return rows if self.exit_rates is None else rows / self.exit_rates
 
     def step_rewards(self, reward: Reward) -> Numbers:
@@ -202,7 +205,9 @@ class LinearSystem:
         return Reachability(self, target)
 
     def expected_reward(self, reward: Reward, infinite: OwnSet) -> ExpectedReward:
-        """The equations of the expected reward until the states are left; it is infinite on `infinite`."""
+        """The equations of the expected reward until the states are left; it is infinite on
+        `infinite`.
+        """
         return ExpectedReward(self, reward, infinite)
 
     def equations(
@@ -236,7 +241,9 @@ class LinearSystem:
         raise AssertionError("an engine with rows is asked for its matrix")
 
     def _end_components_matter(self, probability: bool) -> bool:
-        """Whether upper bounds would not decrease in an end component, which can be removed from rows only."""
+        """Whether upper bounds would not decrease in an end component, which can be removed from
+        rows only.
+        """
         if self.direction is None or probability != (self.direction is Direction.MAX):
             return False
         return self.has_end_components
@@ -251,7 +258,8 @@ class LinearSystem:
 
 @dataclass(frozen=True, eq=False)
 class LinearEquations:
-    """Equations x = A x + constant over the states of a system (see `symcheck.engines.base.Equations`).
+    """Equations x = A x + constant over the states of a system (see
+    `symcheck.engines.base.Equations`).
 
     Args:
         constant: float64 per row; `upper`: its upper bound where it is not known exactly.
@@ -288,8 +296,9 @@ class LinearEquations:
             return _nothing_to_solve(self.system, known)
         problem, quotient = self.problem(), None
         if self.allow_stay and (not self.probability or self.system.has_end_components):
-            # End components without reward become single states, as for least rewards. Rewards are not
-            # negative, so that staying is never better than leaving and need not be a choice there.
+            # End components without reward become single states, as for least rewards. Rewards are
+            # not negative, so that staying is never better than leaving and need not be a choice
+            # there.
             against = Direction.MAX if self.probability else Direction.MIN
             rows = self.system._probabilities()
             quotient = collapse(replace(problem, matrix=rows, direction=against))
@@ -302,7 +311,9 @@ class LinearEquations:
 
 @dataclass(frozen=True, eq=False)
 class Reachability:
-    """The probability of reaching `target` from the states of a system: x = A x + (probability of entering it)."""
+    """The probability of reaching `target` from the states of a system: x = A x + (probability of
+    entering it).
+    """
 
     system: LinearSystem
     target: OwnSet
@@ -329,7 +340,9 @@ class Reachability:
 
 @dataclass(frozen=True, eq=False)
 class ExpectedReward:
-    """The expected reward until the states of a system are left; on the set `infinite` it is infinite."""
+    """The expected reward until the states of a system are left; on the set `infinite` it is
+    infinite.
+    """
 
     system: LinearSystem
     reward: Reward
@@ -342,7 +355,9 @@ class ExpectedReward:
 
     @cached_property
     def usable_rows(self) -> Bools | None:
-        """Rows that minimise at all: a choice that may lead to an infinite reward is never best. None: all rows."""
+        """Rows that minimise at all: a choice that may lead to an infinite reward is never best.
+        None: all rows.
+        """
         if self.system.direction is not Direction.MIN:
             return None
         usable = self.system.one_step_probability(self.infinite) == 0.0

@@ -1,4 +1,6 @@
-"""What comes out of a product with an automaton: an engine over pairs (state, automaton state), and the way back."""
+"""What comes out of a product with an automaton: an engine over pairs (state, automaton state), and
+the way back.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,12 @@ class Automaton(Protocol):
 
 
 class Product(Protocol):
-    """`engine` is over the pairs that are reachable from (s, q0) for every state s of the base model.
+    """`engine` is over the pairs that are reachable from (s, q0) for every state s of the base
+    model.
 
-    The automaton reads the letter of the state that is left: from (s, q) with q' = delta(q, letter(s)) each transition
-    s -> s' becomes (s, q) -> (s', q'). So a run's automaton states are shifted by one step and nothing else changes.
+    The automaton reads the letter of the state that is left: from (s, q) with q' = delta(q,
+    letter(s)) each transition s -> s' becomes (s, q) -> (s', q'). So a run's automaton states are
+    shifted by one step and nothing else changes.
     """
 
     engine: Engine

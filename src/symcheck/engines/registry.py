@@ -1,4 +1,4 @@
-"""The engines by name, and how each is built from a bound model. A new engine is a line in `BUILDERS`."""
+"""The engines by name, and their builders. A new engine is a line in `BUILDERS`."""
 
 from __future__ import annotations
 
@@ -58,13 +58,15 @@ def _hybrid(model: BoundModel, options: Options, observer: Observer | None) -> E
 def _compressed(
     kind: type[SymbolicEngine], model: BoundModel, options: Options, observer: Observer | None
 ) -> Engine:
-    """The engine, unless diagrams hold the states but do not compress them: then the rows are listed."""
-    from symcheck.engines.symbolic.enumerated_rows import listed
+    """The engine; over enumerated rows if the diagrams do not compress the states."""
+    from symcheck.engines.symbolic.enumerated_rows import enumerated_engine
     from symcheck.symbolic.build import build_state_space
     from symcheck.symbolic.matrix.transitions import transitions
 
     space = build_state_space(model, options, observer)
-    return listed(space, options, kind.name) or kind.of(transitions(space, options, observer))
+    return enumerated_engine(space, options, kind.name) or kind.of(
+        transitions(space, options, observer)
+    )
 
 
 def _mtbdd(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
@@ -85,14 +87,20 @@ BUILDERS: Mapping[EngineName, Builder] = {
 
 @converts_memory_error()
 def build(model: BoundModel, options: Options, observer: Observer | None = None) -> Engine:
-    """Build a model on the engine that the options name; rational arithmetic has an engine of its own.
+    """Build a model on the engine that the options name ('exact' if they ask for rationals).
 
-    `observer` gets what the builders tell on the way: progress, iterations, and the Choice of 'auto'.
-    Raises UsageError for an order of unknown variables, ModelFault for a faulty model,
-    and ResourceError.
+    Args:
+        model: the bound model.
+        options: the engine, limits, and the order of the variables.
+        observer: receives the events of the builders: progress, iterations, the Choice of 'auto'.
+
+    Raises:
+        UsageError: the order names unknown variables.
+        ModelFault: the model has a fault in some state.
+        ResourceError: a limit of time or memory was reached.
     """
     name: EngineName = "exact" if options.exact else options.engine
-    if options.order is not None:  # said also where no diagram is going to be made
+    if options.order is not None:  # checked even if no diagram is made
         from symcheck.symbolic.ordering.order import check_order
 
         check_order(model, options.order)

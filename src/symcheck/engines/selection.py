@@ -1,16 +1,20 @@
-"""Choosing an engine by what the model turns out to be.
+"""The automatic choice of an engine, by the size of the model and of its diagrams.
 
-1. A short explicit search, a little longer where there are few transitions. A model that ends within it is small: no diagram
-   is worth its while.
-2. Diagrams, with a budget of look-ups in their cache. If they compress the states, the model is explored with them. An MDP is then written out as
-   compressed rows, where those fit well into memory: prob0 and prob1 are fixpoints within fixpoints, which diagrams are slow at.
-   Of a chain, where they are closures, only the rows of what is asked are written; and blocks stand for rows that do not fit.
-3. If the diagrams do not compress, or the budget is used up, the explicit search goes on where it stopped, up to a number of states;
-   then the diagrams get a larger budget, and so on. In the end, or once they have found more states than the search would
-   ever list, the diagrams have no limit any more; but where they were finished and compressed nothing, would have to learn
-   what updates do, or found less with the large budget than the search had, the search goes on as far as memory reaches.
+1. A short explicit exploration, a longer one if there are few transitions. A model that it explores
+   completely is small, and diagrams would not pay.
+2. Diagrams, with a budget of look-ups in their cache. If they compress the states, the model is
+   explored with them. The matrix of an MDP is then written as compressed rows if these fit well
+   into memory, because prob0 and prob1 of an MDP are nested fixpoints, which are slow on diagrams.
+   Of a chain, only the rows that a property needs are written. If the rows do not fit into memory,
+   blocks replace them.
+3. If the diagrams do not compress the states, or the budget is used up, the explicit exploration
+   continues up to a number of states; then the diagrams get a larger budget, and so on. After the
+   last turn, or once the diagrams have found more states than the exploration may visit, the
+   diagrams have no budget. Three cases end with an explicit exploration limited by memory only: the
+   diagrams were complete and did not compress; they would need relations made on the fly; or they
+   found fewer states with the largest budget than the exploration had.
 
-So a wrong guess costs a bounded share of the run, and what the search has explored is kept.
+A wrong guess therefore costs a bounded share of the run, and the explored states are kept.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ from dataclasses import dataclass, replace
 from math import prod
 from typing import TYPE_CHECKING, Any
 
+from symcheck.engines import tuning
 from symcheck.engines.base import Engine
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 from symcheck.machine import memory
@@ -36,30 +41,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Choice", "choose"]
 
-_SMALL = 50_000  # states that explicit search explores sooner than diagrams are loaded
-_MORE = 1_000_000  # states that it goes on to where they have few transitions: it makes that many in half a second
-_DENSE = 4_000_000  # transitions that are not few
-_ENUMERATED = (
-    10_000_000  # valuations that a search tries for the initial states of `init … endinit`
-)
-_TURNS = (
-    (3_000_000, 4_000_000),
-    (20_000_000, 30_000_000),
-)  # look-ups in CUDD's cache for diagrams (two million take about a second), then states for the search; and so on in turn
-_WRITTEN = (
-    10_000_000  # states up to which an MDP that diagrams hold is written out and checked as arrays
-)
-_SPARSE_NODES = 0.5  # diagram nodes per state above which rows of bits are the better container
-_ENTRY_BYTES = 12
-_ROUNDED_BITS = 30  # read by the argument of one ceil or floor: no diagram of it will be small
-_TOO_MUCH = "updates read too much for diagrams"
-_ROWS_SHARE = 0.2  # of the machine's memory that compressed rows may take
-_SEARCH_SHARE = 0.7  # of the machine's memory that a search may take where diagrams are no help
+_TOO_MANY_READS = "updates read too many variables for diagrams"
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """An engine that was chosen, and why."""
+    """The name of the chosen engine, and the reason of the choice."""
 
     engine: str
     reason: str
@@ -72,80 +59,98 @@ Observer = Callable[[object], None]
 
 
 def choose(model: BoundModel, options: Options, observer: Observer | None = None) -> Engine:
-    """Build a model on the engine that fits it; `observer` gets the Choice, besides what the builders tell.
+    """Build a model on the engine that suits it (see the steps above).
 
-    Raises ModelFault for a faulty model, and ResourceError.
+    Args:
+        model: the bound model.
+        options: limits of time and memory, and the order of the variables.
+        observer: receives the events of the builders, and the Choice.
+
+    Returns:
+        An explicit, sparse or hybrid engine.
+
+    Raises:
+        ModelFault: the model has a fault in some state.
+        ResourceError: a limit of time or memory was reached.
     """
     from symcheck.explicit.build import Exploration
     from symcheck.kernels.explore.breadth_first import malloc_trim
 
-    if model.initial is not None and _valuations(model) > _ENUMERATED:
-        options = _ordered(model, options, observer)
-        return _symbolic(
-            _reach(model, options, None),
+    if model.initial is not None and _valuation_count(model) > tuning.INITIAL_CANDIDATES:
+        options = _with_variable_order(model, options, observer)
+        return _symbolic_engine(
+            _explore_symbolically(model, options, None),
             options,
             observer,
-            "a search would have to try too many initial states",
+            "explicit exploration would have to try too many initial states",
         )
     exploration = Exploration(model, options)
-    if exploration.run(_SMALL) or _a_little_more(exploration):
-        return _explicit(
+    if exploration.run(tuning.SMALL_MODEL_STATES) or _explore_sparse_model(exploration):
+        return _explicit_engine(
             exploration, observer, f"the model has only {exploration.progress.states:,} states"
         )
     if any(v.low is None for v in model.variables):
         exploration.run(None, observer)
-        return _explicit(exploration, observer, "there are integers without bounds")
-    options = _ordered(model, options, observer)
-    for turn, (lookups, states) in enumerate(_TURNS):
-        if turn == 0 and _rounds_too_much(model):
-            missed = _Missed(_TOO_MUCH)
+        return _explicit_engine(exploration, observer, "there are integers without bounds")
+    options = _with_variable_order(model, options, observer)
+    for turn, (lookups, states) in enumerate(tuning.SELECTION_TURNS):
+        if turn == 0 and _rounds_many_bits(model):
+            failure = _DiagramFailure(_TOO_MANY_READS)
         else:
             match _try_diagrams(model, options, lookups):
-                case _Missed() as missed:
+                case _DiagramFailure() as failure:
                     pass
                 case space:
-                    del exploration  # its states take memory that the diagrams' numbers want
-                    return _symbolic(
+                    del exploration  # frees the memory of its states
+                    return _symbolic_engine(
                         space,
                         options,
                         observer,
                         f"{space.states.node_count:,} nodes hold {space.count:,} states",
                     )
-        malloc_trim()  # what the diagrams took
-        if missed.found > _TURNS[-1][1]:
-            states = missed.found
+        malloc_trim()  # returns the memory of the diagrams
+        if failure.found_states > tuning.SELECTION_TURNS[-1][1]:
+            states = failure.found_states
             break
-        if missed.hopeless or (
-            turn == len(_TURNS) - 1 and 0 < missed.found < exploration.progress.states
+        if failure.hopeless or (
+            turn == len(tuning.SELECTION_TURNS) - 1
+            and 0 < failure.found_states < exploration.progress.states
         ):
-            states = max(states, _that_fit(exploration))
-        if missed.found <= states and exploration.run(states, observer):
-            return _explicit(exploration, observer, missed.reason)
+            states = max(states, _state_capacity(exploration))
+        if failure.found_states <= states and exploration.run(states, observer):
+            return _explicit_engine(exploration, observer, failure.reason)
     del exploration
-    return _symbolic(
-        _reach(model, options, None), options, observer, f"there are more than {states:,} states"
+    return _symbolic_engine(
+        _explore_symbolically(model, options, None),
+        options,
+        observer,
+        f"there are more than {states:,} states",
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Missed:
-    """Why diagrams missed their turn, whether more time would help them no more, and how many states they had found."""
+class _DiagramFailure:
+    """The reason why diagrams were not chosen in a turn.
+
+    hopeless: whether a larger budget would not change that. found_states: number of states that
+    were found before the budget was used up.
+    """
 
     reason: str
     hopeless: bool = False
-    found: int = 0
+    found_states: int = 0
 
 
-class _Unfinished(TimeLimitError):
-    """Diagrams did not finish in their turn; so many states they had found."""
+class _SearchInterrupted(TimeLimitError):
+    """The search on diagrams used up its budget after it had found some states."""
 
-    def __init__(self, message: str, found: int) -> None:
+    def __init__(self, message: str, found_states: int) -> None:
         super().__init__(message)
-        self.found = found
+        self.found_states = found_states
 
 
-def _ordered(model: BoundModel, options: Any, observer: Observer | None) -> Any:
-    """The options with the order that they ask for as names, so that it is looked for once, and only where diagrams are tried."""
+def _with_variable_order(model: BoundModel, options: Any, observer: Observer | None) -> Any:
+    """The options with the requested order as variable names, so that it is computed only once."""
     from symcheck.symbolic.build import chosen_order
 
     return (
@@ -155,81 +160,92 @@ def _ordered(model: BoundModel, options: Any, observer: Observer | None) -> Any:
     )
 
 
-def _try_diagrams(model: BoundModel, options: Options, lookups: int) -> StateSpace | _Missed:
-    """The states as a diagram that compresses them, made with so many look-ups in the cache."""
-    unfinished = f"diagrams did not finish within {lookups / 1e6:g} million look-ups"
+def _try_diagrams(
+    model: BoundModel, options: Options, lookups: int
+) -> StateSpace | _DiagramFailure:
+    """The states as a diagram that compresses them, or the reason why there is none."""
+    unfinished = f"diagrams did not finish within {lookups / 1e6:g} million stop_if_dense-ups"
     try:
-        space = _reach(model, options, lookups)
+        space = _explore_symbolically(model, options, lookups)
     except UnsupportedError as error:
-        return _Missed(str(error), hopeless=True)
-    except _Unfinished as error:
-        return _Missed(unfinished, found=error.found)
+        return _DiagramFailure(str(error), hopeless=True)
+    except _SearchInterrupted as error:
+        return _DiagramFailure(unfinished, found_states=error.found_states)
     except TimeLimitError:  # before the search for states began
-        return _Missed(unfinished, hopeless=lookups >= _TURNS[-1][0])
+        return _DiagramFailure(unfinished, hopeless=lookups >= tuning.SELECTION_TURNS[-1][0])
     except MemoryLimitError as error:
-        return _Missed(str(error))
+        return _DiagramFailure(str(error))
     nodes = space.states.node_count
-    if nodes > _SPARSE_NODES * space.count:
-        return _Missed(
+    if nodes > tuning.MAX_NODES_PER_STATE * space.count:
+        return _DiagramFailure(
             f"{nodes:,} nodes for {space.count:,} states compress nothing", hopeless=True
         )
     return space
 
 
-def _that_fit(exploration: Exploration) -> int:
-    """How many states a search may hold, going by what it has taken so far."""
+def _state_capacity(exploration: Exploration) -> int:
+    """The number of states that fit into memory, estimated from the memory used so far."""
     progress = exploration.progress
-    return int(_SEARCH_SHARE * memory() * progress.states / max(progress.memory, 1))
+    return int(
+        tuning.EXPLORATION_MEMORY_SHARE * memory() * progress.states / max(progress.memory, 1)
+    )
 
 
-class _Dense(Exception):
-    """There are more transitions than a short search explores."""
+class _TooManyTransitionsError(Exception):
+    """The model has too many transitions for the first explicit exploration."""
 
 
-def _a_little_more(exploration: Exploration) -> bool:
-    """Whether the search ends at few states with few transitions."""
+def _explore_sparse_model(exploration: Exploration) -> bool:
+    """Explore up to SPARSE_MODEL_STATES; whether the exploration is complete."""
 
-    def look(_: object) -> None:
-        if exploration.progress.transitions > _DENSE:
-            raise _Dense
+    def stop_if_dense(_: object) -> None:
+        if exploration.progress.transitions > tuning.SPARSE_MODEL_TRANSITIONS:
+            raise _TooManyTransitionsError
 
     try:
-        return exploration.run(_MORE, look)
-    except _Dense:
+        return exploration.run(tuning.SPARSE_MODEL_STATES, stop_if_dense)
+    except _TooManyTransitionsError:
         return exploration.complete
 
 
-def _valuations(model: BoundModel) -> int:
-    """How many valuations the variables have, reachable or not; 0 where an integer has no bounds."""
+def _valuation_count(model: BoundModel) -> int:
+    """Number of valuations of the variables, reachable or not; 0 if an integer is unbounded."""
     return prod(
         0 if v.low is None or v.high is None else v.high - v.low + 1 for v in model.variables
     )
 
 
-def _rounds_too_much(model: BoundModel) -> bool:
-    """Whether some update rounds a real number that depends on so many bits that encoding it is not worth a first try."""
+def _rounds_many_bits(model: BoundModel) -> bool:
+    """Whether some update rounds a number that depends on more than ROUNDED_BITS state bits."""
     bits = {
         v.name: 1 if v.low is None or v.high is None else (v.high - v.low).bit_length()
         for v in model.variables
     }
     updates = {id(u): u for e in model.events for p in e.participants for c in p for u in c.updates}
-    parts = (n for u in updates.values() for _, value in u.assignments for n in nodes(value))
-    rounded = (n for n in parts if isinstance(n, Call) and n.function in ("ceil", "floor", "round"))
-    return any(sum(bits[x] for x in names(n)) > _ROUNDED_BITS for n in rounded)
+    subexpressions = (
+        n for u in updates.values() for _, value in u.assignments for n in nodes(value)
+    )
+    rounded = (
+        n
+        for n in subexpressions
+        if isinstance(n, Call) and n.function in ("ceil", "floor", "round")
+    )
+    return any(sum(bits[x] for x in names(n)) > tuning.ROUNDED_BITS for n in rounded)
 
 
-def _explicit(exploration: Exploration, observer: Observer | None, reason: str) -> Engine:
+def _explicit_engine(exploration: Exploration, observer: Observer | None, reason: str) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
 
-    _tell(observer, "explicit", reason)
+    _report_choice(observer, "explicit", reason)
     return ExplicitEngine(exploration.finish())
 
 
-def _reach(model: BoundModel, options: Options, lookups: int | None) -> StateSpace:
-    """The states as a diagram. Raises TimeLimitError after `lookups`, and at the options' time limit.
+def _explore_symbolically(model: BoundModel, options: Options, lookups: int | None) -> StateSpace:
+    """The reachable states as a diagram.
 
-    Within a limited turn, a model with updates that diagrams would have to learn state by state is left to the search:
-    UnsupportedError says so.
+    Raises:
+        TimeLimitError: `lookups` cache look-ups, or the time limit of the options, are used up.
+        UnsupportedError: `lookups` is not None, and some update needs a relation made on the fly.
     """
     from symcheck.dd.manager import DiagramManager
     from symcheck.symbolic.build import build
@@ -239,24 +255,24 @@ def _reach(model: BoundModel, options: Options, lookups: int | None) -> StateSpa
     manager.limit_lookups(lookups)
     symbolic = build(model, options, manager=manager)
     if lookups is not None and any(event.evaluated for event in symbolic.events):
-        raise UnsupportedError(_TOO_MUCH)
+        raise UnsupportedError(_TOO_MANY_READS)
     last: deque[SearchState] = deque(maxlen=1)
     try:
         space = reach(symbolic, watch=last.append)
     except TimeLimitError as error:
         manager.limit_time(None)
         manager.limit_lookups(None)
-        found = sum(symbolic.manager.count(f.states, symbolic.encoding.rows) for f in last)
-        raise _Unfinished(str(error), found) from error
+        found_states = sum(symbolic.manager.count(f.states, symbolic.encoding.rows) for f in last)
+        raise _SearchInterrupted(str(error), found_states) from error
     manager.limit_lookups(None)
     return space
 
 
-def _symbolic(
+def _symbolic_engine(
     space: StateSpace, options: Options, observer: Observer | None, reason: str
 ) -> Engine:
     from symcheck.engines.symbolic.hybrid import HybridEngine
-    from symcheck.engines.symbolic.materialized import written_out
+    from symcheck.engines.symbolic.materialized import materialize
     from symcheck.engines.symbolic.sparse import SparseEngine
     from symcheck.symbolic.matrix.transitions import transitions
 
@@ -264,25 +280,29 @@ def _symbolic(
         observer(space)
     built: Transitions = transitions(space, options, observer)
     engine = SparseEngine.of(built)
-    size = engine.transitions * _ENTRY_BYTES
+    size = engine.transitions * tuning.MATRIX_ENTRY_BYTES
     if (
         space.symbolic.model.type is ModelType.MDP
-        and engine.states <= _WRITTEN
-        and size <= _ROWS_SHARE * memory()
+        and engine.states <= tuning.MATERIALIZED_STATES
+        and size <= tuning.ROWS_MEMORY_SHARE * memory()
     ):
-        _tell(
+        _report_choice(
             observer,
             "sparse",
-            f"{reason}, and its rows of {size / 1e6:,.0f} MB are soon written out",
+            f"{reason}, and its rows take only {size / 1e6:,.0f} MB",
         )
-        return written_out(engine)
-    if size <= _ROWS_SHARE * memory():
-        _tell(observer, "sparse", f"{reason}, and the rows of what is asked fit into memory")
+        return materialize(engine)
+    if size <= tuning.ROWS_MEMORY_SHARE * memory():
+        _report_choice(
+            observer, "sparse", f"{reason}, and the rows that properties need fit into memory"
+        )
         return engine
-    _tell(observer, "hybrid", f"{reason}, and rows of {size / 1e6:,.0f} MB are too many")
+    _report_choice(
+        observer, "hybrid", f"{reason}, and rows of {size / 1e6:,.0f} MB exceed the limit"
+    )
     return HybridEngine.of(built)
 
 
-def _tell(observer: Observer | None, engine: str, reason: str) -> None:
+def _report_choice(observer: Observer | None, engine: str, reason: str) -> None:
     if observer is not None:
         observer(Choice(engine, reason))

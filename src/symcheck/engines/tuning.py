@@ -1,30 +1,180 @@
-"""Thresholds and budgets of the engines, each with its reason. Figures: benchmarks/README.md, two-core Linux machine."""
+"""Thresholds and budgets of the engines, each with its reason.
+
+Figures: benchmarks/README.md, on a Linux machine with two cores.
+"""
 
 from __future__ import annotations
 
 __all__ = [
+    "ACYCLIC_NODES",
+    "ACYCLIC_NODES_PER_STATE",
+    "ACYCLIC_NODE_SHARE",
+    "ACYCLIC_STATES",
+    "BSCC_PIVOTS",
+    "CACHED_ANSWERS",
+    "CACHED_BACKWARD_SEARCHES",
+    "CACHED_SETS",
+    "CACHED_SETS_BYTES",
+    "CONSTANT_PIECES",
     "ELIMINATION_MEMORY_SHARE",
     "ELIMINATION_STATES",
+    "ENUMERATED_STATES",
+    "EXPLORATION_MEMORY_SHARE",
+    "FEW_LEAVES",
     "FEW_TRANSITIONS",
     "GRAPH_LOOKUPS",
     "GRAPH_LOOKUPS_PER_STATE",
+    "INITIAL_CANDIDATES",
+    "KEPT_TRANSPOSE_TRANSITIONS",
+    "LUMPING_MEMORY",
+    "MANY_STATES",
+    "MATERIALIZED_STATES",
+    "MATRIX_ENTRY_BYTES",
+    "MAX_NODES_PER_STATE",
+    "PRODUCT_PAIRS",
+    "ROUNDED_BITS",
+    "ROWS_MEMORY_SHARE",
+    "SELECTION_TURNS",
+    "SMALL_DIAGRAM_NODES",
+    "SMALL_MODEL_STATES",
+    "SPARSE_MODEL_STATES",
+    "SPARSE_MODEL_TRANSITIONS",
+    "STATES_PER_UNKNOWN",
+    "SWEEP_STEPS",
 ]
 
-# ------------------------------------------------------------------------------------------ graph questions on diagrams
+# --------------------------------------------------------------------------- choice of the engine
+
+SMALL_MODEL_STATES = 50_000
+"""States of the first explicit exploration: it ends before the diagram library would be loaded."""
+
+SPARSE_MODEL_STATES = 1_000_000
+"""States up to which the first exploration continues if the model has few transitions; it makes
+that many states in half a second."""
+
+SPARSE_MODEL_TRANSITIONS = 4_000_000
+"""Transitions at which the first exploration stops: with more, diagrams are tried first."""
+
+INITIAL_CANDIDATES = 10_000_000
+"""Valuations that explicit exploration may try to find the initial states of `init … endinit`."""
+
+SELECTION_TURNS = ((3_000_000, 4_000_000), (20_000_000, 30_000_000))
+"""Turns of the automatic choice: (look-ups in CUDD's cache for diagrams, states for explicit
+exploration). Two million look-ups take about a second."""
+
+MATERIALIZED_STATES = 10_000_000
+"""States up to which an MDP that was built as diagrams is checked on compressed rows: prob0 and
+prob1 of an MDP are nested fixpoints, which are slow on diagrams."""
+
+MAX_NODES_PER_STATE = 0.5
+"""Diagram nodes per state above which a diagram does not compress the states: packed rows of bits
+then take less memory."""
+
+MATRIX_ENTRY_BYTES = 12
+"""Memory of an entry of compressed rows: an int32 column and a float64 value."""
+
+ROUNDED_BITS = 30
+"""State bits read by the argument of one ceil, floor or round above which its diagram is not
+tried: it would have up to 2**30 nodes."""
+
+ROWS_MEMORY_SHARE = 0.2
+"""Share of the machine's memory that compressed rows may take; above it blocks replace rows."""
+
+EXPLORATION_MEMORY_SHARE = 0.7
+"""Share of the machine's memory that explicit exploration may take where diagrams do not help."""
+
+# ------------------------------------------------------------------- enumeration of rows, products
+
+SMALL_DIAGRAM_NODES = 200_000
+"""Nodes of the state set up to which rows are not enumerated: every form of the matrix is made
+quickly."""
+
+ENUMERATED_STATES = 10_000_000
+"""States up to which rows are enumerated from the diagrams of the commands."""
+
+PRODUCT_PAIRS = 2**33
+"""Pairs (state, automaton state) that an explicit product may have to mark, one byte each."""
+
+# ----------------------------------------------------------------------------------- explicit engine
+
+STATES_PER_UNKNOWN = 3
+"""Solve on the full matrix if it has at most this many times as many states as there are unknowns;
+otherwise extract a submatrix. Copying the rows of a third of the states takes as long as going
+over the mask of all of them."""
+
+CACHED_SETS = 16
+"""Sets of states that the explicit engine keeps: several properties use the same labels."""
+
+CACHED_SETS_BYTES = 2**28
+"""Memory that these sets may take."""
+
+KEPT_TRANSPOSE_TRANSITIONS = 1_000_000
+"""Transitions above which the transposed matrix is freed while equations over most of the states
+are solved: below, it takes at most a few megabytes."""
+
+# --------------------------------------------------------------------- graph questions on diagrams
 
 GRAPH_LOOKUPS = 500_000
-"""Look-ups in CUDD's cache (a quarter of a second) that a graph question may take on diagrams before it is asked on rows,
-where these are few: writing up to 10 million transitions takes about as long."""
+"""Look-ups in CUDD's cache (a quarter of a second) that a graph question may take on diagrams
+before it is answered on rows, if these are few: writing up to 10 million transitions takes about
+as long."""
 
 FEW_TRANSITIONS = 10_000_000
-"""Transitions up to which a graph question that diagrams are slow to answer is asked on the rows of all states (120 MB),
-unless the engine has a lower limit for rows."""
+"""Transitions up to which a graph question that is slow on diagrams is answered on the rows of all
+states (120 MB), unless the engine has a lower limit for rows."""
 
 GRAPH_LOOKUPS_PER_STATE = 0.06
-"""Look-ups more per state where the alternative is a reduced system: a third of the work that takes."""
+"""Additional look-ups per state if the alternative is a reduced system: a third of the work that
+its construction takes."""
+
+BSCC_PIVOTS = 12
+"""Pivots of the search for bottom components on diagrams; then the rows of the remaining states
+are enumerated."""
+
+CACHED_ANSWERS = 4
+"""Answers to graph questions that are kept: a query for values asks for prob0 and prob1 again."""
+
+CACHED_BACKWARD_SEARCHES = 4
+"""Results of backward searches that are kept: prob0 and prob1 of one formula share them."""
+
+# -------------------------------------------------------------------- deterministic-state elimination
 
 ELIMINATION_STATES = 5_000_000
-"""States from which on deterministic states may be eliminated: below, the rows of all states are soon written."""
+"""States from which on deterministic states may be eliminated: below, the rows of all states are
+written quickly."""
 
 ELIMINATION_MEMORY_SHARE = 0.5
 """Share of the machine's memory that a reduced system may take."""
+
+# ----------------------------------------------------------------------- acyclic chains on diagrams
+
+ACYCLIC_STATES = 2_000_000
+"""Unknowns from which on an acyclic chain is solved on diagrams: with fewer, arrays are faster."""
+
+ACYCLIC_NODES = 30_000_000
+"""Nodes that all products of the solution may produce together, for up to 100 million unknowns. The
+solution on arrays is the alternative; with more unknowns, the budget grows in proportion."""
+
+ACYCLIC_NODES_PER_STATE = 0.25
+"""Nodes per unknown that all products may produce together. Where the method pays, it takes a tenth
+of that, and the solution on arrays takes less than five times as long as using up this budget."""
+
+ACYCLIC_NODE_SHARE = 0.02
+"""Nodes per unknown of a single vector above which its diagram does not compress the values."""
+
+# ----------------------------------------------------------------------- values and sweeps on diagrams
+
+FEW_LEAVES = 256
+"""Different values up to which a function is stored as constants on sets of states."""
+
+MANY_STATES = 50_000_000
+"""States above which a function is stored as constants on sets, whatever its number of values."""
+
+CONSTANT_PIECES = 20_000
+"""Constants on sets that the values of a quotient may be lifted to."""
+
+LUMPING_MEMORY = 2 * 2**30
+"""Bytes that a partition of diagrams and its signatures may take, unless the caller says more."""
+
+SWEEP_STEPS = 10
+"""Products of diagrams in a sweep of the MTBDD engine, before the vector becomes an array again."""

@@ -210,7 +210,7 @@ def _on_diagrams(
     context: Context, engine: SymbolicEngine, observed: AtomicObservations
 ) -> Quotient:
     """A quotient on diagrams; on materialized rows if few states are bisimilar and the rows fit."""
-    from symcheck.engines.symbolic.materialized import written_out
+    from symcheck.engines.symbolic.materialized import materialize
 
     fits = engine.states <= _ROWS_STATES and engine.transitions * _ENTRY_BYTES <= _ROWS_BYTES
     try:
@@ -220,7 +220,7 @@ def _on_diagrams(
     except UnsupportedError:
         if not fits:
             raise
-    return _listed(context, written_out(engine), observed, MaterializedQuotient, source=engine)
+    return _listed(context, materialize(engine), observed, MaterializedQuotient, source=engine)
 
 
 def _lumped(

@@ -1,4 +1,6 @@
-"""Sets of states as bool arrays, and values as float64 arrays of lower and upper bounds, in index order."""
+"""Sets of states as bool arrays, and values as float64 arrays of lower and upper bounds, in index
+order.
+"""
 
 from __future__ import annotations
 
@@ -58,9 +60,10 @@ class ArraySet:
 class ArrayValues:
     """Values between `lower` and `upper`, float64[states] each (the same array where exact).
 
-    `computed` (bool[states], None: nowhere) says which values a floating-point computation made, so that they are known
-    up to rounding only even where lower and upper are equal: within ROUNDING relatively, and `slack` absolutely (a difference
-    has the rounding of its operands, which is large relative to a small value).
+    `computed` (bool[states], None: nowhere) says which values a floating-point computation made, so
+    that they are known up to rounding only even where lower and upper are equal: within ROUNDING
+    relatively, and `slack` absolutely (a difference has the rounding of its operands, which is
+    large relative to a small value).
     """
 
     lower: Floats = field(repr=False)
@@ -115,7 +118,9 @@ class ArrayValues:
         )
 
     def compare(self, operator: str, threshold: float | Fraction) -> tuple[ArraySet, ArraySet]:
-        """The states that surely satisfy the comparison, and those where it is undecided (never where a value is NaN)."""
+        """The states that surely satisfy the comparison, and those where it is undecided (never
+        where a value is NaN).
+        """
         below, above = bracket(threshold)
         low, high = self._margins()
         with np.errstate(invalid="ignore"):
@@ -132,7 +137,8 @@ class ArrayValues:
         computed = _any(o.computed for o in operands)
         with np.errstate(all="ignore"):
             if operator in _STEPS:
-                # A value at a jump of floor or ceil may lie on either side of it: rounding must not choose.
+                # A value at a jump of floor or ceil may lie on either side of it: rounding must not
+                # choose.
                 low, high = self._margins()
                 return ArrayValues(*_same(_STEPS[operator](low), _STEPS[operator](high)))
             slack = _slack(operator, operands)
@@ -164,8 +170,9 @@ class ArrayValues:
 _Pair = tuple[Floats, Floats]
 _Decision = tuple[Bools, Bools]
 
-# Each gives the states where the comparison surely holds, and where it surely fails. For a threshold t that is not a
-# double, `below` < t < `above` are its neighbours, so that v >= t is v >= above, and v > t is v > below.
+# Each gives the states where the comparison surely holds, and where it surely fails. For a
+# threshold t that is not a double, `below` < t < `above` are its neighbours, so that v >= t is v >=
+# above, and v > t is v > below.
 _COMPARISONS: dict[str, Callable[[Floats, Floats, float, float], _Decision]] = {
     ">=": lambda low, high, _, above: (low >= above, high < above),
     ">": lambda low, high, below, _: (low > below, high <= below),
@@ -189,7 +196,9 @@ _STEPS: dict[str, Callable[[Floats], Floats]] = {
 
 
 def _slack(operator: str, operands: list[ArrayValues]) -> float | None:
-    """The absolute error of an operator applied to values with rounding; None where interval arithmetic must tell."""
+    """The absolute error of an operator applied to values with rounding; None where interval
+    arithmetic must tell.
+    """
     total = sum(o.slack for o in operands)
     if (
         all(o.computed is None for o in operands)
@@ -262,7 +271,9 @@ def _interval(operator: str, pairs: list[_Pair]) -> _Pair:
 
 
 def _outward(low: Floats, high: Floats) -> _Pair:
-    """One unit in the last place wider, for the rounding of the operation itself, where the value is not a point."""
+    """One unit in the last place wider, for the rounding of the operation itself, where the value
+    is not a point.
+    """
     wide = low != high
     return np.where(wide, np.nextafter(low, -np.inf), low), np.where(
         wide, np.nextafter(high, np.inf), high
@@ -270,7 +281,9 @@ def _outward(low: Floats, high: Floats) -> _Pair:
 
 
 def _corners(operator: str, x: _Pair, y: _Pair) -> _Pair:
-    """Extreme values at the corners: right for operators that are monotone in each argument, whichever way."""
+    """Extreme values at the corners: right for operators that are monotone in each argument,
+    whichever way.
+    """
     values = [_POINTS[operator](a, b) for a in x for b in y]
     return np.minimum.reduce(values), np.maximum.reduce(values)
 
@@ -287,7 +300,8 @@ def _divide(_: str, x: _Pair, y: _Pair) -> _Pair:
 
 def _power(_: str, x: _Pair, y: _Pair) -> _Pair:
     low, high = _corners("^", x, y)
-    # With a base that may be negative, or zero under a negative exponent, it is not monotone: say that nothing is known.
+    # With a base that may be negative, or zero under a negative exponent, it is not monotone: say
+    # that nothing is known.
     unknown = ((x[0] < 0) | ((x[0] == 0) & (y[0] < 0))) & ((x[0] != x[1]) | (y[0] != y[1]))
     return np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high)
 

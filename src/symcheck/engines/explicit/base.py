@@ -1,4 +1,6 @@
-"""What engines have in common whose states are listed one by one: a row of a matrix each, and sets that are arrays."""
+"""What engines have in common whose states are listed one by one: a row of a matrix each, and sets
+that are arrays.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The explicit engine: states as rows of a table, transitions as compressed rows, sets as bool arrays; no diagrams.
+"""The explicit engine: states as rows of a table, transitions as compressed rows, sets as bool
+arrays; no diagrams.
 
 Its numbers are those of the explored model: float64, or rationals (the exact engine).
 """
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 import numpy as np
 
 from symcheck.direction import Direction
+from symcheck.engines import tuning
 from symcheck.engines.capabilities import HasActions, HasExploredModel
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.base import Enumerated
@@ -37,13 +39,6 @@ __all__ = ["ExplicitEngine", "ExplicitSystem"]
 
 Numeric = ArrayValues | RationalValues
 """Values of one of the two types of number."""
-
-_REMEMBERED = 16
-_REMEMBERED_BYTES = 2**28
-"""Sets of states that are kept, and their memory."""
-
-_MANY = 1_000_000
-"""Transitions from which on the transposed matrix is not kept while equations over most of the states are solved."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +89,7 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         if expression not in self._sets:
             value = np.asarray(self.explored.evaluate(expression))
             while self._sets and len(self._sets) >= min(
-                _REMEMBERED, _REMEMBERED_BYTES // self.states
+                tuning.CACHED_SETS, tuning.CACHED_SETS_BYTES // self.states
             ):
                 self._sets.pop(next(iter(self._sets)))
             self._sets[expression] = ArraySet(
@@ -128,14 +123,16 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
 
     def system(self, states: ArraySet, direction: Direction | None = None) -> ExplicitSystem:
         """The equations over some states."""
-        if self.transitions > _MANY and 2 * states.count > self.states:
+        if self.transitions > tuning.KEPT_TRANSPOSE_TRANSITIONS and 2 * states.count > self.states:
             self.graph.forget()
         return ExplicitSystem(self, states, direction)
 
     def finite_reward(
         self, reward: Reward, target: ArraySet, direction: Direction | None
     ) -> ArraySet:
-        """States from which the expected reward until `target` is finite (see `symcheck.engines.base.Engine`)."""
+        """States from which the expected reward until `target` is finite (see
+        `symcheck.engines.base.Engine`).
+        """
         finite = self.graph.prob1(self.all, target, direction and direction.dual)
         infinite = self.system(finite - target, direction).infinite_rewards(reward)
         if infinite:
@@ -149,7 +146,9 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         return actions
 
     def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
-        """State rewards [states] and transition rewards, weighted by probabilities (rates), per row [rows]."""
+        """State rewards [states] and transition rewards, weighted by probabilities (rates), per row
+        [rows].
+        """
         match reward:
             case Structure(index):
                 return self.explored.state_rewards[index], self.explored.choice_rewards[index]
@@ -170,7 +169,9 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         return self.explored.states.valuations(np.flatnonzero(states.members)[:limit])
 
     def product(self, letters: Sequence[ArraySet], automaton: Any) -> ExplicitProduct:
-        """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
+        """The product with a deterministic automaton that reads which of `letters` hold (see
+        engines/product.py).
+        """
         from symcheck.engines.explicit.product import product
 
         name = f"{self.name} product"
@@ -256,7 +257,9 @@ class ExplicitSystem(LinearSystem):
         return self._sums(target.members, None)
 
     def one_step_values(self, values: Numeric) -> tuple[Numbers, Numbers]:
-        """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
+        """Per row: sum over the successors outside of the states of probability (rate) × value
+        (lower, upper).
+        """
         outside = ~self.states.members
         lower = self._sums(outside, values.lower)
         return lower, lower if values.exact else self._sums(outside, values.upper)
@@ -294,7 +297,9 @@ class ExplicitSystem(LinearSystem):
         rest: Sequence[tuple[ArraySet, float]] = (),
         exact: bool = False,
     ) -> Numeric:
-        """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
+        """Values on all states: these on the states of the system, constants on the sets in `rest`,
+        0 elsewhere.
+        """
         low = self._spread(lower, rest)
         if self.engine.exact:
             assert upper is None or upper is lower, "rational values have no bounds"

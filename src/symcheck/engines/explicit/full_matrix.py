@@ -1,4 +1,6 @@
-"""Preprocessing: equations over most states are solved on the rows of all states, without copying a submatrix."""
+"""Preprocessing: equations over most states are solved on the rows of all states, without copying a
+submatrix.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from symcheck.engines import tuning
 from symcheck.engines.base import OwnSet, SolvedValues
 from symcheck.engines.linear_system import ExpectedReward, Query, per_row, solved_values
 from symcheck.matrices.numbers import Numbers
@@ -16,10 +19,6 @@ from symcheck.numerics.settings import Settings
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["FullMatrix"]
-
-STATES_PER_UNKNOWN = 3
-"""Solve on the full matrix if it has at most this many times as many states as there are unknowns; otherwise extract a
-submatrix. Copying the rows of a third of the states takes as long as going over the mask of all of them."""
 
 
 class Owner(Protocol):
@@ -43,10 +42,12 @@ class FullMatrix:
     unknown: Bools = field(repr=False)
 
     def accepts(self, query: Query, settings: Settings) -> bool:  # noqa: ARG002
-        """Whether most states are unknown, and all their rows are used. Masks save memory of doubles only."""
+        """Whether most states are unknown, and all their rows are used. Masks save memory of
+        doubles only.
+        """
         if self.engine.matrix.exact:
             return False
-        if STATES_PER_UNKNOWN * query.n < len(self.unknown):
+        if tuning.STATES_PER_UNKNOWN * query.n < len(self.unknown):
             return False
         return not isinstance(query, ExpectedReward) or query.usable_rows is None
 

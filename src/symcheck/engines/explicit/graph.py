@@ -79,7 +79,8 @@ class ExplicitGraph:
     def exists_globally(self, states: ArraySet) -> ArraySet:
         """E [ G states ]: some path in the set reaches a cycle in it.
 
-        A strong component with an edge inside has a cycle; every state has a successor, so nothing else stays for ever.
+        A strong component with an edge inside has a cycle; every state has a successor, so nothing
+        else stays for ever.
         """
         cyclic = self._on_cycles(states.members)
         return ArraySet(graph.backward_reachable(self._edges, cyclic, states.members))
@@ -123,12 +124,16 @@ class ExplicitGraph:
     def accepting_end_components(
         self, pairs: Sequence[tuple[ArraySet, Sequence[ArraySet]]]
     ) -> ArraySet:
-        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
+        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets
+        every set in `visits`.
+        """
         arrays = [(avoid.members, [v.members for v in visits]) for avoid, visits in pairs]
         return ArraySet(graph.accepting_end_components(self._edges, arrays))
 
     def witness(self, left: ArraySet, right: ArraySet) -> Sequence[Mapping[str, int | bool]] | None:
-        """A shortest path from an initial state that satisfies left U right, as states; None if there is none."""
+        """A shortest path from an initial state that satisfies left U right, as states; None if
+        there is none.
+        """
         path = graph.shortest_path(
             self._edges, self.engine.initial.members, right.members, left.members
         )

@@ -1,4 +1,6 @@
-"""The product of an explicitly stored model with an automaton: the pairs that may be reached, and their rows."""
+"""The product of an explicitly stored model with an automaton: the pairs that may be reached, and
+their rows.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.engines import tuning
 from symcheck.engines.base import Engine
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.graph import Owner
@@ -24,8 +27,6 @@ if TYPE_CHECKING:
     from symcheck.engines.product import Automaton
 
 __all__ = ["Base", "ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
-
-_PAIRS_LIMIT = 2**33
 
 
 class Base(Owner, Protocol):
@@ -44,7 +45,9 @@ class Base(Owner, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ProductModel:
-    """The pairs as a model: state p is pair (state[p], automaton[p]), in this order; what is asked of a pair is asked of its state."""
+    """The pairs as a model: state p is pair (state[p], automaton[p]), in this order; what is asked
+    of a pair is asked of its state.
+    """
 
     base: Base = field(repr=False)
     state: Int32s = field(repr=False)
@@ -101,7 +104,9 @@ class ProductModel:
 
 @dataclass(frozen=True, eq=False)
 class ExplicitProduct:
-    """See `symcheck.engines.product.Product`. `entry`: per base state, the pair with the automaton's initial state."""
+    """See `symcheck.engines.product.Product`. `entry`: per base state, the pair with the
+    automaton's initial state.
+    """
 
     engine: Engine
     pairs: ProductModel = field(repr=False)
@@ -142,16 +147,18 @@ def product(
     automaton: Automaton,
     over: Callable[[ProductModel], Engine],
 ) -> ExplicitProduct:
-    """The pairs reachable from (s, initial state) for every state s of the base model; `over` makes an engine of them.
+    """The pairs reachable from (s, initial state) for every state s of the base model; `over` makes
+    an engine of them.
 
-    Memory while building: a byte for each possible pair. Raises MemoryLimitError beyond 2**33 of them.
+    Memory while building: a byte for each possible pair. Raises MemoryLimitError beyond 2**33 of
+    them.
     """
     table = np.asarray(automaton.table, dtype=np.int32)
     letter = np.zeros(base.states, np.int32)
     for i, members in enumerate(letters):
         letter[members.members] |= 1 << i
     size = table.shape[0]
-    if base.states * size > _PAIRS_LIMIT:
+    if base.states * size > tuning.PRODUCT_PAIRS:
         raise MemoryLimitError(
             f"the product with an automaton of {size} states is too large for the explicit engine"
         )
@@ -182,7 +189,9 @@ def _entries(matrix: SparseMatrix) -> Int64s:
 def reachable_pairs(
     matrix: SparseMatrix, table: Int32s, letter: Int32s, initial: int
 ) -> NDArray[np.bool_]:
-    """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for some s."""
+    """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for
+    some s.
+    """
     found = np.zeros(matrix.states * table.shape[0], np.uint8)
     kernel.mark_reachable(
         _entries(matrix), matrix.indices, np.ascontiguousarray(table), letter, initial, found

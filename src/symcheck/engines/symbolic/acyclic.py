@@ -1,8 +1,8 @@
-"""Chains without cycles among very many states: solved on diagrams, without an array and without numbering a state.
+"""Acyclic chains with very many states: solved on diagrams, without arrays and state numbers.
 
-The states whose longest path has k steps are solved by one product from those with fewer, so that the only error is the
-rounding of as many steps as there are levels. What values have in common stays in common: in egl with N=10, L=2, the values
-of 66 million states are a diagram of some 30 000 nodes.
+The states whose longest path has k steps are solved by one product from those with shorter paths.
+The only error is the rounding of as many steps as there are levels. Equal values share nodes: in
+egl with N=10, L=2, the values of 66 million states are a diagram of some 30 000 nodes.
 """
 
 from __future__ import annotations
@@ -15,12 +15,11 @@ import numpy as np
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
+from symcheck.engines import tuning
 from symcheck.engines.base import SolvedValues
 from symcheck.engines.linear_system import ExpectedReward, Query, Reachability
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
-    FEW_LEAVES,
-    MANY_STATES,
     Piece,
     RestrictableValues,
     SymbolicSet,
@@ -37,16 +36,13 @@ from symcheck.semantics.rewards import Reward
 
 __all__ = ["Acyclic", "AcyclicSolution", "solve_acyclic"]
 
-LARGE = 2_000_000  # unknowns from which on arrays are worth avoiding
-BUDGET = 30_000_000  # nodes that products may go over, in all, where arrays are a way out
-PER_STATE = 0.25  # and of these for each state: where it works at all it takes a tenth, and arrays take less than five times as long
-SHARE = 0.02  # nodes per unknown above which the values have little in common
 TINY = 1e-300
+"""Absolute margin of upper bounds, for values so small that a relative margin underflows."""
 
 
 @dataclass(frozen=True)
 class Acyclic:
-    """The solution, the steps that it took, and the relative rounding error that they may have made."""
+    """The solution, the number of steps, and a bound of their relative rounding error."""
 
     values: SymbolicValues
     steps: int
@@ -58,46 +54,61 @@ def solve_acyclic(
     states: SymbolicSet,
     target: SymbolicSet | None,
     reward: Reward | None,
-    rest: Sequence[tuple[SymbolicSet, float]],
+    known: Sequence[tuple[SymbolicSet, float]],
 ) -> Acyclic | None:
-    """Solve x = A x + b over `states` of a DTMC, b the probability of entering `target` next, or a reward structure's reward of a step.
+    """Solve x = A x + b over `states` of a DTMC, level by level.
 
-    d: the diagrams of a chain. rest: constants on other sets, 0 elsewhere. None where the states are few, run in circles, or
-    their values are no small diagrams; and for rewards that are negative or infinite.
+    Args:
+        d: the diagrams of a DTMC.
+        states: the unknowns.
+        target: b is the one-step probability of entering it; None for rewards.
+        reward: b is its expected reward of a step; None for probabilities.
+        known: constants on other sets, 0 elsewhere.
+
+    Returns:
+        The solution; None if the states are few or have a cycle, if the diagrams of the values are
+        large, or if some reward is negative or infinite.
     """
-    if states.count < LARGE:
+    if states.count < tuning.ACYCLIC_STATES:
         return None
-    budget = min(BUDGET * min(100, 1 + states.count // 100_000_000), int(PER_STATE * states.count))
-    allowed = int(min(SHARE * states.count, budget))
+    budget = min(
+        tuning.ACYCLIC_NODES * min(100, 1 + states.count // 100_000_000),
+        int(tuning.ACYCLIC_NODES_PER_STATE * states.count),
+    )
+    allowed = int(min(tuning.ACYCLIC_NODE_SHARE * states.count, budget))
     levels = _levels(d, d.roots[0].to_bdd(), states.bdd, allowed, budget)
     constant = None if levels is None else _constant(d, states.bdd, target, reward)
     if levels is None or constant is None:
         return None
     x, spent = d.manager.constant(0.0), 0
     for level in levels:
-        here = d.roots[0].times_bdd(level)
-        x = x + here.multiply_sum(x.rename(d.to_columns), d.column_cube) + constant.times_bdd(level)
+        covered = d.roots[0].times_bdd(level)
+        x = (
+            x
+            + covered.multiply_sum(x.rename(d.to_columns), d.column_cube)
+            + constant.times_bdd(level)
+        )
         nodes = x.node_count
         spent += nodes
         if nodes > allowed or spent > budget:
             return None
-    # A sum over the column bits is a tree of that depth.
+    # The sum over the column bits is a tree with one level per bit.
     error = 1.01 * len(levels) * (len(d.columns) + 4) * 2.0**-53
-    make = partial(_pieces, d, x, states.bdd, error, rest)
+    make = partial(_pieces, d, x, states.bdd, error, known)
     return Acyclic(RestrictableValues(d, make, exact=False), len(levels), error)
 
 
 @dataclass(frozen=True, eq=False)
 class AcyclicSolution:
-    """The preprocessing step for chains: the solution itself, where there are no cycles."""
+    """The preprocessing step that solves acyclic chains."""
 
     diagrams: Diagrams = field(repr=False)
 
     def accepts(self, query: Query, settings: Settings) -> bool:
-        """Whether very many states of a DTMC are unknown, and no other method was asked for."""
+        """Whether very many states of a DTMC are unknown, and no other method was requested."""
         system, auto = query.system, settings.method == "auto"
         is_dtmc = self.diagrams.guards is None and not system.is_ctmc
-        return auto and is_dtmc and bool(system.states.count >= LARGE)
+        return auto and is_dtmc and bool(system.states.count >= tuning.ACYCLIC_STATES)
 
     def apply(
         self,
@@ -106,36 +117,39 @@ class AcyclicSolution:
         settings: Settings,  # noqa: ARG002
         observer: Observer | None,  # noqa: ARG002
     ) -> SolvedValues | None:
-        """The solution; None where there is a cycle, or the values are no small diagrams."""
+        """The solution; None if there is a cycle, or the diagrams of the values are large."""
         reward = query.reward if isinstance(query, ExpectedReward) else None
         target = query.target if isinstance(query, Reachability) else None
         states: SymbolicSet = query.system.states
-        found = solve_acyclic(self.diagrams, states, target, reward, known)
-        if found is None:
+        solution = solve_acyclic(self.diagrams, states, target, reward, known)
+        if solution is None:
             return None
-        note = f"no cycles: {found.steps} steps on diagrams"
-        return SolvedValues(found.values, "topological", states.count, found.steps, note)
+        note = f"no cycles: {solution.steps} steps on diagrams"
+        return SolvedValues(solution.values, "topological", states.count, solution.steps, note)
 
 
 def _levels(d: Diagrams, relation: Bdd, states: Bdd, allowed: int, budget: int) -> list[Bdd] | None:
-    """The states by the length of their longest path among the states; None where there is none, or it is too hard to find."""
-    left, spent = states, 0
+    """The states by the length of their longest path; None if there is a cycle or no budget."""
+    remaining, spent = states, 0
     levels = []
-    while left:
-        after = left & relation.and_exists(left.rename(d.to_columns), d.column_cube)
-        nodes = after.node_count
+    while remaining:
+        deeper = remaining & relation.and_exists(remaining.rename(d.to_columns), d.column_cube)
+        nodes = deeper.node_count
         spent += nodes
-        if after == left or spent > budget or nodes > allowed:
+        if deeper == remaining or spent > budget or nodes > allowed:
             return None
-        levels.append(left - after)
-        left = after
+        levels.append(remaining - deeper)
+        remaining = deeper
     return levels
 
 
 def _constant(
     d: Diagrams, states: Bdd, target: SymbolicSet | None, reward: Reward | None
 ) -> Mtbdd | None:
-    """The constants b as a function of the row bits, on the states; None where it is negative or infinite somewhere."""
+    """The constants b on the states, a function of the row bits.
+
+    None if some constant is negative or infinite.
+    """
     if target is not None:
         return (
             d.roots[0]
@@ -144,39 +158,54 @@ def _constant(
         )
     assert reward is not None
     earned, (transitions, *_) = d.rewards(reward)
-    found = (earned + transitions).times_bdd(states)
-    return found if found.minimum_leaf >= 0.0 and found.maximum_leaf < np.inf else None
+    solution = (earned + transitions).times_bdd(states)
+    return solution if solution.minimum_leaf >= 0.0 and solution.maximum_leaf < np.inf else None
 
 
 def _pieces(
     d: Diagrams,
     function: Mtbdd,
-    on: Bdd,
+    domain: Bdd,
     error: float,
-    rest: Sequence[tuple[SymbolicSet, float]],
+    known: Sequence[tuple[SymbolicSet, float]],
     states: Bdd,
 ) -> tuple[Piece, ...]:
-    """Of `states`: the function of the row bits `on` some, up to a relative error; constants on the `rest`, 0 elsewhere."""
-    pieces = list(constants_on(states - on, rest))
-    here = states & on
-    if here:
-        pieces.extend(_spread_out(d, function.times_bdd(here), here, error))
+    """The values on `states`.
+
+    Args:
+        d: the diagrams.
+        function: the values on `domain`, a function of the row bits.
+        domain: the states that were solved.
+        error: the relative error of the function.
+        known: constants on other sets, 0 elsewhere.
+        states: a set that is not empty.
+    """
+    pieces = list(constants_on(states - domain, known))
+    covered = states & domain
+    if covered:
+        pieces.extend(_function_pieces(d, function.times_bdd(covered), covered, error))
     return merged(d, pieces)
 
 
-def _spread_out(d: Diagrams, function: Mtbdd, states: Bdd, error: float) -> Iterator[Piece]:
-    """Constants where values are few (or states too many), else an array."""
+def _function_pieces(d: Diagrams, function: Mtbdd, states: Bdd, error: float) -> Iterator[Piece]:
+    """Constants if there are few values (or too many states), else an array."""
     leaves = function.leaves
-    if len(leaves) > FEW_LEAVES and d.manager.count(states, d.row_cube) <= MANY_STATES:
+    if (
+        len(leaves) > tuning.FEW_LEAVES
+        and d.manager.count(states, d.row_cube) <= tuning.MANY_STATES
+    ):
         odd = Odd(d.manager, states, d.rows)
         values = odd.to_vector(function)
         yield array_piece(states, odd, values * (1.0 - error), _above(values, error), False)
         return
     for leaf in leaves.tolist():
-        here = function.equal(leaf) & states
-        if here:
-            yield constant_piece(here, leaf * (1.0 - error), float(_above(np.array(leaf), error)))
+        covered = function.equal(leaf) & states
+        if covered:
+            yield constant_piece(
+                covered, leaf * (1.0 - error), float(_above(np.array(leaf), error))
+            )
 
 
 def _above(values: Floats, error: float) -> Floats:
+    """Upper bounds of values with a relative error."""
     return np.where(values > 0.0, values * (1.0 + error) + TINY, 0.0)

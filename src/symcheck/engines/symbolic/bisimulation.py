@@ -1,10 +1,12 @@
-"""Strong bisimulation on diagrams: a partition of 10¹² states is a diagram whose leaves are the blocks.
+"""Strong bisimulation on diagrams: a partition of 10¹² states is a diagram whose leaves are the
+blocks.
 
-Partition refinement by signatures (Wimmer, Derisavi & Hermanns, Symbolic partition refinement with automatic balancing of
-time and space, 2010). There block numbers are bits below the states' bits; here they are leaves, and the signature of a
-state is a leaf too: a sparse vector from blocks to sums of entries, kept once. Sums are exact, so that the many orders in
-which diagrams add give one vector; they are compared when rounded to 44 binary digits, as in `symcheck.numerics.bisimulation`, and
-the quotient has them rounded to doubles only.
+Partition refinement by signatures (Wimmer, Derisavi & Hermanns, Symbolic partition refinement with
+automatic balancing of time and space, 2010). There block numbers are bits below the states' bits;
+here they are leaves, and the signature of a state is a leaf too: a sparse vector from blocks to
+sums of entries, kept once. Sums are exact, so that the many orders in which diagrams add give one
+vector; they are compared when rounded to 44 binary digits, as in `symcheck.numerics.bisimulation`,
+and the quotient has them rounded to doubles only.
 """
 
 from __future__ import annotations
@@ -21,11 +23,10 @@ from numpy.typing import NDArray
 
 from symcheck.dd.export import NodeTable
 from symcheck.dd.odd import levels_of
+from symcheck.engines import tuning
 from symcheck.engines.explicit.array_values import ArrayValues
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
-    FEW_LEAVES,
-    MANY_STATES,
     LazyValues,
     Piece,
     SymbolicSet,
@@ -41,15 +42,12 @@ if TYPE_CHECKING:
 
 __all__ = ["LumpedDiagrams", "Round", "lump_diagrams"]
 
-MEMORY = 2 * 2**30
-"""Bytes that a partition and what is known about it may take, unless told otherwise."""
-
-MANY_PIECES = 20_000
-
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """A round of refinement: blocks after it, nodes and signatures that are kept, seconds since the first."""
+    """A round of refinement: blocks after it, nodes and signatures that are kept, seconds since the
+    first.
+    """
 
     number: int
     blocks: int
@@ -61,9 +59,10 @@ class Round:
 class LumpedDiagrams:
     """The coarsest bisimulation of a model on diagrams.
 
-    members: uint8[blocks, bits], the first state of each block (by row bits), in ascending order; so blocks are numbered.
-    matrix: the quotient; equal choices of an MDP are one row. rewards: per structure (those asked for), a transition reward
-    per row. rounds: of refinement, the last of which split nothing. nodes: kept at the end.
+    members: uint8[blocks, bits], the first state of each block (by row bits), in ascending order;
+    so blocks are numbered. matrix: the quotient; equal choices of an MDP are one row. rewards: per
+    structure (those asked for), a transition reward per row. rounds: of refinement, the last of
+    which split nothing. nodes: kept at the end.
     """
 
     diagrams: Diagrams = field(repr=False)
@@ -86,7 +85,9 @@ class LumpedDiagrams:
         return self._partition.diagram()
 
     def function(self, values: Floats) -> Mtbdd:
-        """The function of the row bits that has a value (float64[blocks]) per block, and 0 where no state is."""
+        """The function of the row bits that has a value (float64[blocks]) per block, and 0 where no
+        state is.
+        """
         manager, (place, low, high, root) = self.diagrams.manager, self._table
         bottom = len(manager.bdd.vars)
         level = np.append(levels_of(manager, self.diagrams.rows), bottom).astype(np.int32)[place]
@@ -99,7 +100,8 @@ class LumpedDiagrams:
     def lift(self, values: ArrayValues) -> SymbolicValues:
         """Values of blocks as values of states, made when they are asked for.
 
-        Then UnsupportedError is raised where there are too many states, and too many different values.
+        Then UnsupportedError is raised where there are too many states, and too many different
+        values.
         """
         return LazyValues(self.diagrams, partial(self._pieces, values))
 
@@ -112,9 +114,9 @@ class LumpedDiagrams:
         _, first, kind = np.unique(
             np.column_stack(columns), axis=0, return_index=True, return_inverse=True
         )
-        if len(first) > FEW_LEAVES and d.count <= MANY_STATES:
+        if len(first) > tuning.FEW_LEAVES and d.count <= tuning.MANY_STATES:
             return (Piece(d.states, picked(values, self.block_of_states()), d.odd),)
-        if len(first) > MANY_PIECES:
+        if len(first) > tuning.CONSTANT_PIECES:
             raise UnsupportedError(
                 f"{len(first):,} different values on {d.count:,} states are too many to be told state by state"
             )
@@ -155,14 +157,16 @@ def lump_diagrams(
     colours: Iterable[Bdd | Mtbdd],
     structures: Sequence[int] = (),
     observer: Callable[[Round], None] | None = None,
-    limit: int = MEMORY,
+    limit: int = tuning.LUMPING_MEMORY,
     most: int | None = None,
     seconds: float | None = None,
 ) -> LumpedDiagrams:
-    """The coarsest bisimulation that keeps apart states at which one of the colours, or a reward of `structures`, differs.
+    """The coarsest bisimulation that keeps apart states at which one of the colours, or a reward of
+    `structures`, differs.
 
-    Raises UnsupportedError where more than `limit` bytes or `seconds` of processor time would be needed, or there are more
-    than `most` blocks: then few states are alike, and a partition of listed states is cheaper.
+    Raises UnsupportedError where more than `limit` bytes or `seconds` of processor time would be
+    needed, or there are more than `most` blocks: then few states are alike, and a partition of
+    listed states is cheaper.
     """
     from symcheck.dd.manager import Bdd
 
@@ -282,7 +286,9 @@ def _row_table(diagrams: Diagrams, function: Mtbdd) -> tuple[Int32s, Int32s, Int
 def _rows_only(
     diagrams: Diagrams, function: Mtbdd, known: Floats | None = None
 ) -> tuple[Int32s, Int32s, Int32s, Int32s, int]:
-    """The same, with leaves as numbers: places in `known`, or any that tell them apart up to rounding."""
+    """The same, with leaves as numbers: places in `known`, or any that tell them apart up to
+    rounding.
+    """
     level, low, high, values, root = _row_table(diagrams, function)
     numbers = (
         np.unique(_shortened(values), return_inverse=True)[1]

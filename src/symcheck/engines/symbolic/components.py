@@ -14,6 +14,7 @@ import numpy as np
 
 from symcheck.dd.manager import Bdd
 from symcheck.dd.odd import Odd
+from symcheck.engines import tuning
 from symcheck.engines.symbolic.diagrams import Diagrams, TransitionPart
 from symcheck.engines.symbolic.sets import SymbolicSet
 from symcheck.engines.symbolic.steps import Steps
@@ -23,9 +24,6 @@ from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics import graph
 
 __all__ = ["Components", "Owner"]
-
-PIVOTS = 12
-"""Bottom components are looked for with so many pivots on diagrams before the rows of what is left are enumerated."""
 
 
 class Owner(SystemOwner, Protocol):
@@ -79,7 +77,7 @@ class Components:
             yield from self._singletons(self._absorbing)
             left = left - self.steps.backward(self._absorbing, left)
         inside = left
-        for _ in range(PIVOTS):
+        for _ in range(tuning.BSCC_PIVOTS):
             if not left:
                 return
             pivot = self.engine.lowest(inside)
@@ -144,7 +142,9 @@ class Components:
     def accepting_end_components(
         self, pairs: Sequence[tuple[SymbolicSet, Sequence[SymbolicSet]]]
     ) -> SymbolicSet:
-        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
+        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets
+        every set in `visits`.
+        """
         accepted = []
         for avoid, visits in pairs:
             part, found = self._end_components(self._d.states - avoid.bdd)

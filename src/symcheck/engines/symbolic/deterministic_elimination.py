@@ -1,11 +1,12 @@
 """Preprocessing: deterministic-state elimination for reachability among very many states.
 
-A state whose only choice has a single successor (probability 1) has the same value as that successor, so it can be
-eliminated. In models of timed systems nearly all states are such: of the 84 856 004 states of csma with 3 stations and 6
-collisions, 2 % are not. Diagrams tell which; one product with the numbers of the states gives the successor of each, and
-following successors to the end takes one pass. The rows of the other states remain (`ReducedSystem`), few enough for graph
-algorithms that take linear time, where fixpoints on diagrams take as many steps as the longest path has. Elimination
-preserves reachability values, but not step counts.
+A state whose only choice has a single successor (probability 1) has the same value as that
+successor, so it can be eliminated. In models of timed systems nearly all states are such: of the 84
+856 004 states of csma with 3 stations and 6 collisions, 2 % are not. Diagrams tell which; one
+product with the numbers of the states gives the successor of each, and following successors to the
+end takes one pass. The rows of the other states remain (`ReducedSystem`), few enough for graph
+algorithms that take linear time, where fixpoints on diagrams take as many steps as the longest path
+has. Elimination preserves reachability values, but not step counts.
 """
 
 from __future__ import annotations
@@ -59,7 +60,9 @@ __all__ = [
 
 
 def deterministic_states(d: Diagrams) -> Bdd:
-    """States with one choice, whose only successor has probability 1 (not of a CTMC: its entries are rates)."""
+    """States with one choice, whose only successor has probability 1 (not of a CTMC: its entries
+    are rates).
+    """
     seen = twice = d.manager.false
     for guard in d.slot_guards:
         twice = twice | (seen & guard)
@@ -72,8 +75,8 @@ def deterministic_states(d: Diagrams) -> Bdd:
 class Successors:
     """The first state after each state that is not eliminated.
 
-    representative: int32[states] (see `ReducedSystem`). path_reward: the reward of the eliminated states on the way to it,
-    float64[states]; None where no reward is asked for.
+    representative: int32[states] (see `ReducedSystem`). path_reward: the reward of the eliminated
+    states on the way to it, float64[states]; None where no reward is asked for.
     """
 
     diagrams: Diagrams = field(repr=False)
@@ -85,8 +88,8 @@ class Successors:
 class ReducedSystem:
     """The system of `left U right` without its deterministic states.
 
-    The n states that remain are numbered as `kept` has them; n stands for `right`, n+1 for all states from which the
-    until formula can no longer be satisfied.
+    The n states that remain are numbered as `kept` has them; n stands for `right`, n+1 for all
+    states from which the until formula can no longer be satisfied.
 
     Args:
         successors: for each reachable state the number that represents it.
@@ -155,7 +158,9 @@ class ReducedSystem:
         return SymbolicSet(self.diagrams, self.right).count
 
     def members(self, states: SymbolicSet) -> Bools | None:
-        """A set as `ReducedSet.chosen`; None where it has some, not all, of the states that a number represents."""
+        """A set as `ReducedSet.chosen`; None where it has some, not all, of the states that a
+        number represents.
+        """
         if isinstance(states, ReducedSet) and states.system is self:
             return states.chosen
         found = np.zeros(self.n + 3, bool)
@@ -175,7 +180,8 @@ class ReducedSystem:
 class ReducedSet(SymbolicSet):
     """A set of states by the numbers that represent them; its diagram is made when it is asked for.
 
-    chosen: bool[n+3]; number n stands here for the eliminated states that lead to `right`, n+2 for `right` itself.
+    chosen: bool[n+3]; number n stands here for the eliminated states that lead to `right`, n+2 for
+    `right` itself.
     """
 
     system: ReducedSystem
@@ -237,7 +243,8 @@ class ReducedSet(SymbolicSet):
 def eliminate(
     d: Diagrams, left: Bdd, right: Bdd, limit: int, reward: Reward | None = None
 ) -> ReducedSystem | None:
-    """The system of `left U right` without its deterministic states, and with a reward reward if one is given.
+    """The system of `left U right` without its deterministic states, and with a reward reward if
+    one is given.
 
     None where it would take more than `limit` bytes, or some reward is negative or infinite.
     """
@@ -292,7 +299,8 @@ def _successors(
     n, path_reward = kept.count, None
     representative = np.empty(d.count, np.int32)
     if deterministic:
-        # Each row has a single 1. Rows are numbered as all states, so that no other array is as long.
+        # Each row has a single 1. Rows are numbered as all states, so that no other array is as
+        # long.
         successor = d.manager.sum([root.times_bdd(deterministic) for root in d.roots])
         BlockOperations(
             quad_dag([successor], d.odd, d.odd, d.columns), matrix_tuning.MAX_BLOCK_RUNS
@@ -332,7 +340,9 @@ def _add_step(
 def _among(
     m: SparseMatrix, open_: Bools, member: Bools, direction: Direction | None
 ) -> tuple[SparseMatrix, Floats, Floats]:
-    """The matrix among some states, written over m; per row, what enters members that are not among them, and what leaves."""
+    """The matrix among some states, written over m; per row, what enters members that are not among
+    them, and what leaves.
+    """
     assert m.groups is not None
     n = int(np.count_nonzero(open_))
     number = np.full(m.columns, -1, np.int32)
@@ -404,7 +414,9 @@ class Owner(Protocol):
 
     @property
     def rows_limit(self) -> int | None:
-        """Entries up to which the rows of a system are written out to solve equations on them; None: always."""
+        """Entries up to which the rows of a system are written out to solve equations on them;
+        None: always.
+        """
         ...
 
 
@@ -432,7 +444,9 @@ class DeterministicElimination:
         return system if same and reward in (None, system.reward) else None
 
     def reduced(self, left: Bdd, right: Bdd, reward: Reward | None = None) -> ReducedSystem | None:
-        """The system of `left U right` without its deterministic states; None where memory does not suffice."""
+        """The system of `left U right` without its deterministic states; None where memory does not
+        suffice.
+        """
         if not self.possible:
             return None
         found = self.last(left, right, reward)
@@ -443,7 +457,9 @@ class DeterministicElimination:
         return found
 
     def accepts(self, query: Query, settings: Settings) -> bool:  # noqa: ARG002
-        """Whether the unknowns belong to a reduced system, or are many and at least half of them deterministic."""
+        """Whether the unknowns belong to a reduced system, or are many and at least half of them
+        deterministic.
+        """
         states: SymbolicSet = query.system.states
         if isinstance(states, ReducedSet):
             return True

@@ -1,4 +1,6 @@
-"""A built model as diagrams, in the form that all symbolic engines share: what a model and its products have in common."""
+"""A built model as diagrams, in the form that all symbolic engines share: what a model and its
+products have in common.
+"""
 
 from __future__ import annotations
 
@@ -29,15 +31,16 @@ __all__ = ["Diagrams", "HasDiagrams", "TransitionPart", "diagrams_of"]
 
 @dataclass(frozen=True, eq=False)
 class Diagrams:
-    """States over `rows`, transitions from `rows` to `columns` (alternating, from the top of the diagrams down).
+    """States over `rows`, transitions from `rows` to `columns` (alternating, from the top of the
+    diagrams down).
 
-    states: all reachable states. deadlocks: those that had no transition of their own. loops: states with a self-loop
-    that no step has (deadlocks, unless an automaton moves on there).
-    steps: the transitions of positive probability without these loops, of all choices.
-    roots: the matrices on reachable rows, loops included: one, or one per choice slot of an MDP; `guards` (None unless an
-    MDP): the states that have a choice in each slot. actions: (slot, action or None) to the states whose choice it is.
-    state_rewards: per structure. transition_rewards: per structure and slot, weighted by probability (rate).
-    continuous: whether time is (of a CTMC).
+    states: all reachable states. deadlocks: those that had no transition of their own. loops:
+    states with a self-loop that no step has (deadlocks, unless an automaton moves on there). steps:
+    the transitions of positive probability without these loops, of all choices. roots: the matrices
+    on reachable rows, loops included: one, or one per choice slot of an MDP; `guards` (None unless
+    an MDP): the states that have a choice in each slot. actions: (slot, action or None) to the
+    states whose choice it is. state_rewards: per structure. transition_rewards: per structure and
+    slot, weighted by probability (rate). continuous: whether time is (of a CTMC).
     """
 
     manager: DiagramManager = field(repr=False)
@@ -143,7 +146,9 @@ class Diagrams:
 
 
 class HasDiagrams(Protocol):
-    """A capability (see `symcheck.engines.capabilities`): states and matrix are at hand as diagrams."""
+    """A capability (see `symcheck.engines.capabilities`): states and matrix are at hand as
+    diagrams.
+    """
 
     diagrams: Diagrams
     space: StateSpace

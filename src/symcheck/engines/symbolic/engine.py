@@ -1,4 +1,6 @@
-"""The symbolic engines: one set of diagrams, three forms of the matrix (see sparse.py, hybrid.py and mtbdd.py)."""
+"""The symbolic engines: one set of diagrams, three forms of the matrix (see sparse.py, hybrid.py
+and mtbdd.py).
+"""
 
 from __future__ import annotations
 
@@ -36,8 +38,9 @@ __all__ = ["SymbolicEngine"]
 class SymbolicEngine(Capable, HasDiagrams, HasActions):
     """A model built as diagrams (see `symcheck.engines.base.Engine`).
 
-    States are numbered in the order of the diagrams: lexicographically in declaration order, unless another order of the
-    variables was chosen. `space` translates expressions; in a product it is the model's, over the same row bits.
+    States are numbered in the order of the diagrams: lexicographically in declaration order, unless
+    another order of the variables was chosen. `space` translates expressions; in a product it is
+    the model's, over the same row bits.
     """
 
     diagrams: Diagrams = field(repr=False)
@@ -46,7 +49,9 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     exact: ClassVar[bool] = False
     has_rows: ClassVar[bool] = False
     rows_limit: ClassVar[int | None] = 0
-    """Entries up to which the rows of a system are written out to solve equations on them; None: always."""
+    """Entries up to which the rows of a system are written out to solve equations on them; None:
+    always.
+    """
 
     @classmethod
     def of(cls, transitions: Transitions) -> SymbolicEngine:
@@ -161,7 +166,9 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
 
     @cached_property
     def _last(self) -> dict[tuple[Bdd, Direction | None], SymbolicSystem]:
-        """The system asked for last: one question often asks for it several times, and each has made its rows."""
+        """The system asked for last: one question often asks for it several times, and each has
+        made its rows.
+        """
         return {}
 
     def system(self, states: SymbolicSet, direction: Direction | None = None) -> SymbolicSystem:
@@ -197,7 +204,9 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     def finite_reward(
         self, reward: Reward, target: SymbolicSet, direction: Direction | None
     ) -> SymbolicSet:
-        """States from which the expected reward until `target` is finite (see `symcheck.engines.base.Engine`)."""
+        """States from which the expected reward until `target` is finite (see
+        `symcheck.engines.base.Engine`).
+        """
         finite = self.graph.prob1(self.all, target, direction and direction.dual, reward)
         infinite = self.system(finite - target, direction).infinite_rewards(reward)
         if infinite:
@@ -230,7 +239,9 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         yield from zip(*lists, strict=True) if lists else iter([()] * len(bits))
 
     def product(self, letters: Sequence[SymbolicSet], automaton: Automaton) -> SymbolicProduct:
-        """The product with a deterministic automaton that reads which of `letters` hold (see engines/product.py)."""
+        """The product with a deterministic automaton that reads which of `letters` hold (see
+        engines/product.py).
+        """
         from symcheck.engines.symbolic.product import product
 
         return product(self, letters, automaton)

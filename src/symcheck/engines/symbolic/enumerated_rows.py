@@ -1,7 +1,8 @@
-"""From diagrams to rows without a matrix diagram, for models that diagrams explore and do not compress.
+"""An engine over rows that are enumerated from diagrams without a diagram of the matrix.
 
-Where the states take more than half a diagram node each, a matrix as blocks or as a diagram is larger than its rows, and
-takes many times as long to make. Then the rows are listed from the states and the commands' own diagrams.
+It is for models that diagrams can explore but do not compress. With more than half a diagram node
+per state, a matrix as blocks or as a diagram is larger than its rows, and takes many times as long
+to make. The rows are then enumerated from the states and the diagrams of the commands.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from symcheck.engines import tuning
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.diagrams import Diagrams
-from symcheck.engines.symbolic.materialized import WrittenEngine, stored_states
+from symcheck.engines.symbolic.materialized import MaterializedEngine, stored_states
 from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.model import ExplicitModel
 from symcheck.options import Options
@@ -29,18 +31,17 @@ from symcheck.syntax.ast import Expression, ModelType
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
 
-__all__ = ["ListedEngine", "listed"]
-
-_NODES = 0.5  # per state, above which diagrams compress nothing
-_MANY = 200_000  # nodes, below which any form of the matrix is soon made
-_STATES = 10_000_000  # whose rows are listed
+__all__ = ["EnumeratedEngine", "enumerated_engine"]
 
 
 @dataclass(frozen=True)
-class ListedEngine(WrittenEngine):
-    """States and rows as arrays. Expressions are evaluated on the states: as diagrams they may read more than the rows."""
+class EnumeratedEngine(MaterializedEngine):
+    """States and rows as arrays; expressions are evaluated on the states.
 
-    transitions = ExplicitEngine.transitions  # the rows are there, and no matrix to count them on
+    The diagram of an expression may be larger than the rows.
+    """
+
+    transitions = ExplicitEngine.transitions  # counted on the rows: there is no matrix diagram
     choices = ExplicitEngine.choices
 
     def where(self, expression: Expression) -> ArraySet:
@@ -48,15 +49,24 @@ class ListedEngine(WrittenEngine):
         return ExplicitEngine.where(self, expression)
 
 
-def listed(space: StateSpace, options: Options, name: str) -> ListedEngine | None:
-    """An engine over listed rows, under the name `name`; None where diagrams are the better form, or rows cannot be listed.
+def enumerated_engine(space: StateSpace, options: Options, name: str) -> EnumeratedEngine | None:
+    """An engine over enumerated rows.
 
-    Raises ModelFault where a reachable state breaks a rule.
+    Args:
+        space: the reachable states.
+        options: limits, and the treatment of deadlocks.
+        name: the first word of the engine's name.
+
+    Returns:
+        The engine; None if the diagrams compress the states, or the rows cannot be enumerated.
+
+    Raises:
+        ModelFault: the model has a fault in some reachable state.
     """
     nodes = space.states.node_count
     if (
-        nodes <= max(_MANY, _NODES * space.count)
-        or space.count > _STATES
+        nodes <= max(tuning.SMALL_DIAGRAM_NODES, tuning.MAX_NODES_PER_STATE * space.count)
+        or space.count > tuning.ENUMERATED_STATES
         or not space.symbolic.encoding.in_declaration_order
     ):
         return None
@@ -80,15 +90,15 @@ def listed(space: StateSpace, options: Options, name: str) -> ListedEngine | Non
             for i in range(len(model.rewards))
         ],
     )
-    return ListedEngine(
+    return EnumeratedEngine(
         explored,
-        name=f"{name} ({nodes:,} nodes for {space.count:,} states: rows are listed)",
+        name=f"{name} ({nodes:,} nodes for {space.count:,} states: rows are enumerated)",
         source=source,
     )
 
 
 def _diagrams(space: StateSpace, options: Options) -> Diagrams:
-    """What engines share; the matrix is made when somebody asks for it after all."""
+    """The model as diagrams; the matrix is built on first use only."""
     symbolic = space.symbolic
     numbers = choice_counts(space) if symbolic.model.type is ModelType.DTMC else None
     return Diagrams(

@@ -1,4 +1,5 @@
-"""Graph questions on diagrams: fixpoints of images and preimages; on rows where these are few, or on a reduced system.
+"""Graph questions on diagrams: fixpoints of images and preimages; on rows where these are few, or
+on a reduced system.
 
 Source: Bianco & de Alfaro (1995) for prob0/prob1 of MDPs.
 """
@@ -27,9 +28,6 @@ from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["Owner", "SymbolicGraph"]
-
-REMEMBERED = 4
-"""Answers of diagrams that are kept: who asks for values may have asked for 0 and 1 before."""
 
 Question = tuple[str, Bdd, Bdd, Direction | None]
 """'possible' (E [left U right]), 'prob0' or 'prob1'; left, right, and the direction."""
@@ -67,7 +65,9 @@ class Owner(ComponentsOwner, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SymbolicGraph:
-    """See `symcheck.engines.base.Graph`. `observer` is told of each set on the way to a fixpoint, and what it is."""
+    """See `symcheck.engines.base.Graph`. `observer` is told of each set on the way to a fixpoint,
+    and what it is.
+    """
 
     engine: Owner = field(repr=False)
     observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
@@ -103,7 +103,9 @@ class SymbolicGraph:
         on_rows: Callable[[graph.Incidence], Bools],
         reward: Reward | None = None,
     ) -> SymbolicSet:
-        """An answer found on diagrams, which have a budget, or else on rows: all, or without deterministic states."""
+        """An answer found on diagrams, which have a budget, or else on rows: all, or without
+        deterministic states.
+        """
         reduced = self._reduced_last(question)
         if reduced is None and "_rows" not in vars(self):
             try:
@@ -158,7 +160,7 @@ class SymbolicGraph:
         if question not in self._answers:
             with look_ups(self._d.manager, budget):
                 found = on_diagrams()
-            if len(self._answers) >= REMEMBERED:
+            if len(self._answers) >= tuning.CACHED_ANSWERS:
                 self._answers.pop(next(iter(self._answers)))
             self._answers[question] = found
         return self._answers[question]
@@ -274,7 +276,9 @@ class SymbolicGraph:
         return candidates
 
     def _surely_within(self, candidates: Bdd, left: Bdd, right: Bdd) -> Bdd:
-        """States with a path into `right`, in `left` before, by choices that surely stay within `candidates`."""
+        """States with a path into `right`, in `left` before, by choices that surely stay within
+        `candidates`.
+        """
         within = [w & left for w in self._steps.slots_within(candidates)]
         sure = fresh = right
         while fresh:
@@ -302,7 +306,9 @@ class SymbolicGraph:
     def accepting_end_components(
         self, pairs: Sequence[tuple[SymbolicSet, Sequence[SymbolicSet]]]
     ) -> SymbolicSet:
-        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets every set in `visits`."""
+        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets
+        every set in `visits`.
+        """
         return self.components.accepting_end_components(pairs)
 
     # paths
@@ -310,7 +316,9 @@ class SymbolicGraph:
     def witness(
         self, left: SymbolicSet, right: SymbolicSet
     ) -> Sequence[Mapping[str, int | bool]] | None:
-        """A shortest path from an initial state that satisfies left U right, as states; None if there is none."""
+        """A shortest path from an initial state that satisfies left U right, as states; None if
+        there is none.
+        """
         d = self._d
         layers = [d.initial]
         seen = d.initial

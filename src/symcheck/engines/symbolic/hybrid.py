@@ -1,4 +1,6 @@
-"""The hybrid engine: built as diagrams, multiplied block by block without writing rows out; vectors are arrays."""
+"""The hybrid engine: built as diagrams, multiplied block by block without writing rows out; vectors
+are arrays.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ __all__ = ["HybridEngine"]
 class HybridEngine(SymbolicEngine):
     """Distinct blocks of the matrix are stored once each; a product visits their places.
 
-    Equations of up to 200 MB are solved on rows all the same: components in order need far fewer steps than products do.
+    Equations of up to 200 MB are solved on rows all the same: components in order need far fewer
+    steps than products do.
     """
 
     name: ClassVar[str] = "hybrid"

@@ -1,8 +1,8 @@
-"""From diagrams to arrays: a model that was built symbolically, written out as states and compressed rows.
+"""Materialized engines: models that were built as diagrams and are checked on compressed rows.
 
-Diagrams explore in milliseconds what a search takes seconds for; but a fixpoint of many iterations on them, such as prob0 of
-a deep model, takes seconds where one pass over rows takes milliseconds. So a model whose rows fit well into memory is
-explored as a diagram and checked as arrays.
+Diagrams explore in milliseconds a model that explicit exploration takes seconds for. A fixpoint of
+many iterations, such as prob0 of a deep model, takes seconds on diagrams and milliseconds on rows.
+A model whose rows fit well into memory is therefore explored as a diagram and checked as arrays.
 """
 
 from __future__ import annotations
@@ -29,19 +29,23 @@ from symcheck.syntax.ast import Expression
 if TYPE_CHECKING:
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
-__all__ = ["WrittenEngine", "WrittenModel", "stored_states", "written_out"]
+__all__ = ["MaterializedEngine", "MaterializedModel", "materialize", "stored_states"]
 
 
 @dataclass(frozen=True)
-class WrittenEngine(ExplicitEngine):
-    """States and rows as arrays; which states satisfy an expression is still asked of the diagrams, where it costs nothing."""
+class MaterializedEngine(ExplicitEngine):
+    """States and rows as arrays; expressions are translated to diagrams, which is cheap."""
 
     source: SymbolicEngine | None = None
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
-        """The engine as what offers `kind`, or the diagrams that it was materialized from; None where neither does."""
-        own = super().capability(kind)
-        return own if own is not None or self.source is None else self.source.capability(kind)
+        """The engine as what offers `kind`, or the diagrams that it was materialized from; None
+        where neither does.
+        """
+        capable = super().capability(kind)
+        return (
+            capable if capable is not None or self.source is None else self.source.capability(kind)
+        )
 
     @property
     def states(self) -> int:
@@ -77,11 +81,12 @@ class WrittenEngine(ExplicitEngine):
 
 
 @dataclass(frozen=True, eq=False)
-class WrittenModel:
-    """An explored model (see `symcheck.explicit.model.ExplicitModel`) of which only the rows are arrays, written when first asked for.
+class MaterializedModel:
+    """An explored model (see `symcheck.explicit.model.ExplicitModel`) read from diagrams.
 
-    Rewards and actions are read off the diagrams whenever they are asked for, and not kept: most properties ask for none of
-    them, and each takes as much memory as a vector of values.
+    The rows are written on first use and kept. Rewards and actions are read from the diagrams at
+    each use and not kept: most properties use none of them, and each takes as much memory as a
+    vector of values.
     """
 
     source: SymbolicEngine = field(repr=False)
@@ -90,10 +95,8 @@ class WrittenModel:
     @cached_property
     def matrix(self) -> SparseMatrix:
         """One-step probabilities (rates), deadlocks fixed."""
-        source, system = (
-            self.source,
-            self.system,
-        )  # whose own `matrix` would keep the distinct sub-matrices too
+        # `system.matrix` would keep the distinct sub-matrices as well.
+        source, system = self.source, self.system
         indptr, indices, data = flatten(
             quad_dag(system.roots, system.odd, system.odd, source.diagrams.columns), system.layout
         )
@@ -123,13 +126,13 @@ class WrittenModel:
     def state_rewards(self) -> Sequence[Floats]:
         """Per structure, the reward of each state: float64[states]."""
         functions = self.source.diagrams.state_rewards
-        return _Asked(len(functions), lambda i: self.system.odd.to_vector(functions[i]))
+        return _ArraysOnDemand(len(functions), lambda i: self.system.odd.to_vector(functions[i]))
 
     @property
     def choice_rewards(self) -> Sequence[Floats]:
         """Per structure, the expected transition reward of each row: float64[rows]."""
         functions = self.source.diagrams.transition_rewards
-        return _Asked(len(functions), lambda i: self.system.per_row(functions[i]))
+        return _ArraysOnDemand(len(functions), lambda i: self.system.per_row(functions[i]))
 
     @property
     def choice_actions(self) -> Int32s:
@@ -138,12 +141,12 @@ class WrittenModel:
         return np.full(self.matrix.rows, -1, np.int32) if actions is None else actions
 
     def evaluate(self, expression: Expression) -> NDArray[Any]:
-        """The value of an expression over the variables in each state. Raises ModelFault if it has none in some state."""
+        """Value of an expression in each state; ModelFault if it has none in some state."""
         return evaluate_states(self.model, self.states, expression)
 
 
-class _Asked(Sequence[Floats]):
-    """Arrays that are made each time one is asked for."""
+class _ArraysOnDemand(Sequence[Floats]):
+    """Arrays that are made anew at each use."""
 
     def __init__(self, size: int, make: Callable[[int], Floats]) -> None:
         self._size, self._make = size, make
@@ -160,28 +163,33 @@ class _Asked(Sequence[Floats]):
         return self._make(numbers) if isinstance(numbers, int) else [self._make(i) for i in numbers]
 
 
-def written_out(engine: SymbolicEngine) -> WrittenEngine:
-    """The same model with its rows as arrays, under the name 'sparse'. Its states must be in declaration order.
+def materialize(engine: SymbolicEngine) -> MaterializedEngine:
+    """The same model with states and compressed rows as arrays, under the name 'sparse'.
 
-    Raises OverflowError for more than 2**31 - 1 states, ModelFault for a reward that has no value.
+    Args:
+        engine: an engine whose states are in declaration order.
+
+    Raises:
+        OverflowError: the model has more than 2**31 - 1 states.
+        ModelFault: a reward has no value in some state.
     """
     if engine.states >= 2**31:
         raise OverflowError(f"{engine.states:,} states are too many for rows of 32-bit numbers")
     diagrams = engine.diagrams
     for rewards in (diagrams.state_rewards, diagrams.transition_rewards):
-        list(rewards)  # what is wrong with one is said now
-    # A system of its own, which does not keep its rows: the engine keeps its last one, and that would be a second copy.
-    model = WrittenModel(engine, SymbolicSystem(engine, engine.all))
-    return WrittenEngine(model, name="sparse", source=engine)
+        list(rewards)  # raises ModelFault now, not at the first use
+    # Not `engine.system`, which the engine keeps: its rows would be a second copy.
+    model = MaterializedModel(engine, SymbolicSystem(engine, engine.all))
+    return MaterializedEngine(model, name="sparse", source=engine)
 
 
 def stored_states(engine: SymbolicEngine) -> StateTable:
-    """The reachable states in the order of their numbers, as a table that is filled when it is first looked into."""
-    return _States(engine)
+    """The reachable states in the order of their numbers, as a table that is filled on first use."""
+    return _LazyStateTable(engine)
 
 
-class _States(StateTable):
-    """The reachable states as packed rows, made when they are first asked for: most checks never do."""
+class _LazyStateTable(StateTable):
+    """The reachable states as packed rows, made on first use: most checks need none."""
 
     def __init__(self, engine: SymbolicEngine) -> None:
         object.__setattr__(self, "layout", StateLayout.of(engine.model.variables))
@@ -202,7 +210,7 @@ class _States(StateTable):
         columns: list[Int64s] = []
         for variable in encoding.variables:
             weights = np.zeros(len(odd.rows), np.int64)
-            for place, bit in enumerate(reversed(variable.rows)):
-                weights[odd.rows.index(bit)] = 1 << place
+            for position, bit in enumerate(reversed(variable.rows)):
+                weights[odd.rows.index(bit)] = 1 << position
             columns.append(odd.weighted_sums(weights, variable.low))
         return self.layout.pack(columns)

@@ -1,4 +1,6 @@
-"""The MTBDD engine: vectors are diagrams too, so that what a product costs grows with their structure and not with states."""
+"""The MTBDD engine: vectors are diagrams too, so that what a product costs grows with their
+structure and not with states.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from symcheck.direction import Direction
+from symcheck.engines import tuning
 from symcheck.engines.symbolic.engine import SymbolicEngine
 from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.matrices.blocks import BlockMatrix
@@ -19,10 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["DiagramOperator", "MtbddEngine"]
 
-STEPS = 10
-"""Steps of a sweep: so often a vector is multiplied as a diagram before it is an array again."""
-
 TINY = 1e-307
+"""Absolute margin of upper bounds, for values so small that a relative margin underflows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +58,14 @@ class DiagramOperator:
         upper: bool,
         divisor: Floats | None = None,
     ) -> None:
-        """Some steps of x = opt(A x / divisor + constant) on bounds, in place, all on diagrams (see BlockMatrix.sweep)."""
+        """Some steps of x = opt(A x / divisor + constant) on bounds, in place, all on diagrams (see
+        BlockMatrix.sweep).
+        """
         odd = self.system.odd
         add = self._by_slot(constant)
         scale = None if divisor is None else self._by_slot(1.0 / divisor)
         bounds = odd.from_vector(x)
-        for _ in range(STEPS):
+        for _ in range(tuning.SWEEP_STEPS):
             rows = self.apply(bounds)
             if scale is not None:
                 rows = tuple(row * by for row, by in zip(rows, scale, strict=True))
@@ -108,7 +111,9 @@ class DiagramOperator:
 
 
 class MtbddEngine(SymbolicEngine):
-    """Products are made on diagrams, except in small systems: on these arrays are better, and a direct solution best."""
+    """Products are made on diagrams, except in small systems: on these arrays are better, and a
+    direct solution best.
+    """
 
     name: ClassVar[str] = "mtbdd"
     rows_limit: ClassVar[int | None] = 200_000

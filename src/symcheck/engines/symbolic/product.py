@@ -41,7 +41,9 @@ class Base(Engine, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Counter:
-    """Bits for an automaton's states, number i in binary, most significant first; `rows` and `columns` may be empty."""
+    """Bits for an automaton's states, number i in binary, most significant first; `rows` and
+    `columns` may be empty.
+    """
 
     manager: DiagramManager
     rows: tuple[str, ...]
@@ -63,7 +65,9 @@ class Counter:
 
 @dataclass(frozen=True, eq=False)
 class SymbolicProduct:
-    """See `symcheck.engines.product.Product`. `letters`: the base states with each letter that occurs."""
+    """See `symcheck.engines.product.Product`. `letters`: the base states with each letter that
+    occurs.
+    """
 
     engine: Base
     base: Base = field(repr=False)
@@ -182,7 +186,9 @@ def _moves(
     table: np.ndarray[tuple[int, int], np.dtype[np.int32]],
     classes: dict[int, Bdd],
 ) -> Bdd:
-    """The automaton's steps, by the letter of the state that is left: over row bits and the counter's columns."""
+    """The automaton's steps, by the letter of the state that is left: over row bits and the
+    counter's columns.
+    """
     manager = counter.manager
     alike: dict[bytes, list[int]] = {}
     for letter in classes:

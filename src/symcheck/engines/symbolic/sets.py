@@ -1,8 +1,9 @@
-"""Sets of states as BDDs, and values as pieces: constants on sets, and arrays on sets where values differ.
+"""Sets of states as BDDs, and values as pieces: constants on sets, and arrays on sets where values
+differ.
 
-A value per state of a model of 66 million states is seldom 66 million numbers: most are 0 or 1 by graph analysis, and
-only the states between need an array, numbered by an ODD of their own. What is done with the numbers is left to
-`ArrayValues`, piece by piece, so that all engines agree on it.
+A value per state of a model of 66 million states is seldom 66 million numbers: most are 0 or 1 by
+graph analysis, and only the states between need an array, numbered by an ODD of their own. What is
+done with the numbers is left to `ArrayValues`, piece by piece, so that all engines agree on it.
 """
 
 from __future__ import annotations
@@ -16,13 +17,12 @@ import numpy as np
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
+from symcheck.engines import tuning
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.matrices.rows import Bools, Floats, Int64s
 
 __all__ = [
-    "FEW_LEAVES",
-    "MANY_STATES",
     "LazyValues",
     "Piece",
     "RestrictableValues",
@@ -35,12 +35,6 @@ __all__ = [
     "picked",
     "values_of",
 ]
-
-FEW_LEAVES = 256
-"""A function with at most so many values is stored as constants on sets."""
-
-MANY_STATES = 50_000_000
-"""A function on more states than this is stored as constants on sets, however many values it has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +91,9 @@ class SymbolicSet:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Values on a set that is not empty: one for all its states (arrays of length 1, `odd` None) or one for each."""
+    """Values on a set that is not empty: one for all its states (arrays of length 1, `odd` None) or
+    one for each.
+    """
 
     states: Bdd = field(repr=False)
     values: ArrayValues
@@ -155,7 +151,9 @@ def constants_on(states: Bdd, parts: Sequence[tuple[SymbolicSet, float]]) -> Ite
 
 @dataclass(frozen=True, eq=False)
 class SymbolicValues:
-    """A number per reachable state (see `symcheck.engines.base.Values`). The pieces are disjoint and cover all states."""
+    """A number per reachable state (see `symcheck.engines.base.Values`). The pieces are disjoint
+    and cover all states.
+    """
 
     diagrams: Diagrams = field(repr=False)
     pieces: tuple[Piece, ...] = field(repr=False)
@@ -176,7 +174,9 @@ class SymbolicValues:
         )
 
     def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, ArrayValues]]:
-        """The values on a set: for each piece that meets it, the common states and their values (one if constant)."""
+        """The values on a set: for each piece that meets it, the common states and their values
+        (one if constant).
+        """
         for piece in self.pieces:
             common = piece.states & states.bdd
             if not common:
@@ -303,9 +303,11 @@ class LazyValues(SymbolicValues):
 
 
 class RestrictableValues(LazyValues):
-    """Values that can be made on any set of states alone: for the initial state, those of all states are not needed.
+    """Values that can be made on any set of states alone: for the initial state, those of all
+    states are not needed.
 
-    make: gives the values on a set that is not empty. exact: whether lower and upper are equal everywhere.
+    make: gives the values on a set that is not empty. exact: whether lower and upper are equal
+    everywhere.
     """
 
     _make_on: Callable[[Bdd], tuple[Piece, ...]]
@@ -363,7 +365,7 @@ def values_of(diagrams: Diagrams, function: Mtbdd, undefined: Bdd | None = None)
     if undefined is not None and undefined & diagrams.states:
         pieces.append(constant_piece(undefined & diagrams.states, float("nan")))
     leaves = function.leaves
-    if states and len(leaves) > FEW_LEAVES and diagrams.count <= MANY_STATES:
+    if states and len(leaves) > tuning.FEW_LEAVES and diagrams.count <= tuning.MANY_STATES:
         odd = Odd(diagrams.manager, states, diagrams.rows)
         pieces.append(array_piece(states, odd, odd.to_vector(function), None, False))
     else:

@@ -9,13 +9,11 @@ from functools import cached_property
 
 from symcheck.dd.manager import Bdd, DiagramManager
 from symcheck.dd.saturation import saturate
+from symcheck.engines import tuning
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.errors import TimeLimitError
 
 __all__ = ["Steps", "TooSlowError", "look_ups"]
-
-REMEMBERED = 4
-"""Results of backward searches that are kept."""
 
 
 class TooSlowError(Exception):
@@ -41,7 +39,9 @@ def look_ups(manager: DiagramManager, budget: int | None) -> Iterator[None]:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """The steps of a model. `observer` is told of each set on the way to a fixpoint, and what it is."""
+    """The steps of a model. `observer` is told of each set on the way to a fixpoint, and what it
+    is.
+    """
 
     diagrams: Diagrams = field(repr=False)
     observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
@@ -96,9 +96,11 @@ class Steps:
         return {}
 
     def backward(self, target: Bdd, through: Bdd) -> Bdd:
-        """States with a path into `target` whose states before are in `through`; with `target` itself."""
+        """States with a path into `target` whose states before are in `through`; with `target`
+        itself.
+        """
         if (target, through) not in self._known:
-            if len(self._known) >= REMEMBERED:
+            if len(self._known) >= tuning.CACHED_BACKWARD_SEARCHES:
                 self._known.pop(next(iter(self._known)))
             self._known[target, through] = self.close(target, forward=False, within=through)
         return self._known[target, through]

@@ -53,7 +53,9 @@ class Owner(Protocol):
 
     @property
     def rows_limit(self) -> int | None:
-        """Entries up to which the rows of a system are written out to solve equations on them; None: always."""
+        """Entries up to which the rows of a system are written out to solve equations on them;
+        None: always.
+        """
         ...
 
     def operator(self, system: SymbolicSystem) -> Any:
@@ -141,7 +143,9 @@ class SymbolicSystem(LinearSystem):
 
     @property
     def has_rows(self) -> bool:
-        """Whether equations should be solved on `matrix`: it has no more entries than the engine is ready to write out."""
+        """Whether equations should be solved on `matrix`: it has no more entries than the engine is
+        ready to write out.
+        """
         limit = self.engine.rows_limit
         return limit is None or int(self.dag.entries.sum()) <= limit
 
@@ -200,7 +204,9 @@ class SymbolicSystem(LinearSystem):
         return self.per_row([root.multiply_sum(columns, d.column_cube) for root in self.roots])
 
     def one_step_values(self, values: SymbolicValues) -> tuple[Floats, Floats]:
-        """Per row: sum over the successors outside of the states of probability (rate) × value (lower, upper)."""
+        """Per row: sum over the successors outside of the states of probability (rate) × value
+        (lower, upper).
+        """
         outside = ~self.states
         lower: Floats = np.zeros(self.layout.rows if self.layout is not None else self.n)
         upper = lower if values.exact else lower.copy()
@@ -254,7 +260,9 @@ class SymbolicSystem(LinearSystem):
         rest: Sequence[tuple[SymbolicSet, float]] = (),
         exact: bool = False,
     ) -> SymbolicValues:
-        """Values on all states: these on the states of the system, constants on the sets in `rest`, 0 elsewhere."""
+        """Values on all states: these on the states of the system, constants on the sets in `rest`,
+        0 elsewhere.
+        """
         d = self._d
         pieces = []
         if self.states:

@@ -1,4 +1,4 @@
-"""The automatic choice: which engine it comes to, and that what is written out is what was built."""
+"""The automatic choice of an engine, and materialized engines against the explicit engine."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from symcheck.engines import selection
+from symcheck.engines import selection, tuning
 from symcheck.engines.registry import build
-from symcheck.engines.symbolic.materialized import WrittenEngine, written_out
+from symcheck.engines.symbolic.materialized import MaterializedEngine, materialize
 from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.errors import MemoryLimitError, TimeLimitError
 from symcheck.options import Options
@@ -41,7 +41,7 @@ UNBOUNDED = "dtmc module m x : int; [] x<70000 -> (x'=x+1); [] x>=70000 -> true;
 
 def chosen(text, monkeypatch, **settings):
     for name, value in settings.items():
-        monkeypatch.setattr(selection, name, value)
+        monkeypatch.setattr(tuning if name.isupper() else selection, name, value)
     choices = []
     engine = selection.choose(
         bind(parse_model(text)),
@@ -57,50 +57,81 @@ def test_a_small_model_is_searched(monkeypatch):
 
 
 def test_a_model_that_diagrams_compress_is_built_by_them(monkeypatch):
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100)
+    engine, choice = chosen(COUNTER, monkeypatch, SMALL_MODEL_STATES=100, SPARSE_MODEL_STATES=100)
     assert isinstance(engine, SparseEngine)
     assert (engine.states, choice.engine) == (10_000, "sparse")
 
 
 def test_an_mdp_that_diagrams_compress_is_written_out(monkeypatch):
-    engine, choice = chosen(CHOICES, monkeypatch, _SMALL=1, _MORE=1, _SPARSE_NODES=100.0)
-    assert isinstance(engine, WrittenEngine)
+    engine, choice = chosen(
+        CHOICES, monkeypatch, SMALL_MODEL_STATES=1, SPARSE_MODEL_STATES=1, MAX_NODES_PER_STATE=100.0
+    )
+    assert isinstance(engine, MaterializedEngine)
     assert (engine.states, choice.engine) == (16, "sparse")
-    engine, _ = chosen(CHOICES, monkeypatch, _SMALL=1, _MORE=1, _SPARSE_NODES=100.0, _WRITTEN=0)
+    engine, _ = chosen(
+        CHOICES,
+        monkeypatch,
+        SMALL_MODEL_STATES=1,
+        SPARSE_MODEL_STATES=1,
+        MAX_NODES_PER_STATE=100.0,
+        _WRITTEN=0,
+    )
     assert isinstance(engine, SparseEngine)
 
 
 def test_rows_that_do_not_fit_stay_blocks(monkeypatch):
     engine, choice = chosen(
-        COUNTER, monkeypatch, _SMALL=100, _MORE=100, _ROWS_SHARE=0.0, _WRITTEN=0
+        COUNTER,
+        monkeypatch,
+        SMALL_MODEL_STATES=100,
+        SPARSE_MODEL_STATES=100,
+        _ROWS_SHARE=0.0,
+        _WRITTEN=0,
     )
     assert engine.name == choice.engine == "hybrid"
 
 
 def test_a_model_that_does_not_compress_goes_on_being_searched(monkeypatch):
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _SPARSE_NODES=0.0)
+    engine, choice = chosen(
+        COUNTER,
+        monkeypatch,
+        SMALL_MODEL_STATES=100,
+        SPARSE_MODEL_STATES=100,
+        MAX_NODES_PER_STATE=0.0,
+    )
     assert engine.name == "explicit"
     assert "compress" in choice.reason
 
 
 def test_diagrams_that_take_too_long_give_way(monkeypatch):
     def too_long(*_):
-        raise selection._Unfinished("time", 7)
+        raise selection._SearchInterrupted("time", 7)
 
-    engine, choice = chosen(COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=too_long)
+    engine, choice = chosen(
+        COUNTER,
+        monkeypatch,
+        SMALL_MODEL_STATES=100,
+        SPARSE_MODEL_STATES=100,
+        _explore_symbolically=too_long,
+    )
     assert engine.name == "explicit"
     assert "did not finish" in choice.reason
 
 
 def test_a_search_is_not_gone_on_with_where_diagrams_had_found_more_than_it_would_list(monkeypatch):
-    def unfinished_at_first(model, options, lookups, reach=selection._reach):
+    def unfinished_at_first(model, options, lookups, reach=selection._explore_symbolically):
         if lookups is not None:
-            raise selection._Unfinished("time", 2_000)
+            raise selection._SearchInterrupted("time", 2_000)
         return reach(model, options, lookups)
 
     turns = ((1_000_000, 1000), (2_000_000, 1500))
     engine, choice = chosen(
-        COUNTER, monkeypatch, _SMALL=100, _MORE=100, _reach=unfinished_at_first, _TURNS=turns
+        COUNTER,
+        monkeypatch,
+        SMALL_MODEL_STATES=100,
+        SPARSE_MODEL_STATES=100,
+        _explore_symbolically=unfinished_at_first,
+        SELECTION_TURNS=turns,
     )
     assert isinstance(engine, SparseEngine)
     assert "more than 2,000 states" in choice.reason
@@ -112,16 +143,16 @@ def test_diagrams_that_miss_their_turn_say_what_they_had_found(monkeypatch):
         raise TimeLimitError("time")
 
     monkeypatch.setattr(reaching, "search", stopped)
-    with pytest.raises(selection._Unfinished) as caught:
-        selection._reach(bind(parse_model(COUNTER), {}), Options(), 10**8)
-    assert caught.value.found == 1 + 2 + 3  # states at distance 0, 1 and 2
+    with pytest.raises(selection._SearchInterrupted) as caught:
+        selection._explore_symbolically(bind(parse_model(COUNTER), {}), Options(), 10**8)
+    assert caught.value.found_states == 1 + 2 + 3  # states at distance 0, 1 and 2
 
 
 def test_arrays_beyond_the_memory_end_with_advice(monkeypatch):
     def too_large(*_):
         np.empty(2**62, dtype=np.uint8)
 
-    monkeypatch.setattr(selection, "_explicit", too_large)
+    monkeypatch.setattr(selection, "_explicit_engine", too_large)
     with pytest.raises(MemoryLimitError, match="hint: the engines -h and -m"):
         build(bind(parse_model(COUNTER), {}), Options())
 
@@ -130,13 +161,19 @@ def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatc
     wide = " ".join(f"x{i} : [0..255];" for i in range(5))
     total = "+".join(f"0.{i + 1}*x{i}" for i in range(5))
     text = f"dtmc module m {wide} [] true -> 0.5 : (x0'=mod(ceil({total})+1, 256)) + 0.5 : (x1'=mod(x0+x1, 256)); endmodule"
-    engine, choice = chosen(text, monkeypatch, _SMALL=100, _MORE=100, _reach=None)
+    engine, choice = chosen(
+        text,
+        monkeypatch,
+        SMALL_MODEL_STATES=100,
+        SPARSE_MODEL_STATES=100,
+        _explore_symbolically=None,
+    )
     assert engine.name == "explicit"
-    assert choice.reason == "updates read too much for diagrams"
+    assert choice.reason == "updates read too many variables for diagrams"
 
 
 @pytest.mark.parametrize(
-    "missed", [TimeLimitError("while encoding"), selection._Unfinished("while searching", 7)]
+    "missed", [TimeLimitError("while encoding"), selection._SearchInterrupted("while searching", 7)]
 )
 def test_where_diagrams_found_less_in_their_long_turn_the_search_goes_on(monkeypatch, missed):
     def too_long(*_):
@@ -145,44 +182,49 @@ def test_where_diagrams_found_less_in_their_long_turn_the_search_goes_on(monkeyp
     engine, choice = chosen(
         COUNTER,
         monkeypatch,
-        _SMALL=100,
-        _MORE=100,
-        _reach=too_long,
-        _TURNS=((1_000_000, 1000), (10_000_000, 2000)),
+        SMALL_MODEL_STATES=100,
+        SPARSE_MODEL_STATES=100,
+        _explore_symbolically=too_long,
+        SELECTION_TURNS=((1_000_000, 1000), (10_000_000, 2000)),
     )
     assert engine.name == "explicit"
     assert choice.reason == "diagrams did not finish within 10 million look-ups"
 
 
 def test_too_many_states_for_a_search_go_back_to_diagrams(monkeypatch):
-    def too_long_at_first(model, options, lookups, reach=selection._reach):
+    def too_long_at_first(model, options, lookups, reach=selection._explore_symbolically):
         if lookups is not None:
-            raise selection._Unfinished("time", 0)
+            raise selection._SearchInterrupted("time", 0)
         return reach(model, options, lookups)
 
     engine, choice = chosen(
         COUNTER,
         monkeypatch,
-        _SMALL=100,
-        _MORE=100,
-        _reach=too_long_at_first,
-        _TURNS=((1_000_000, 1000),),
+        SMALL_MODEL_STATES=100,
+        SPARSE_MODEL_STATES=100,
+        _explore_symbolically=too_long_at_first,
+        SELECTION_TURNS=((1_000_000, 1000),),
     )
     assert isinstance(engine, SparseEngine)
     assert "more than 1,000 states" in choice.reason
 
 
 def test_where_diagrams_are_no_help_the_search_goes_on_as_far_as_memory_reaches(monkeypatch):
-    settings = {"_SMALL": 100, "_MORE": 100, "_SPARSE_NODES": 0.0, "_TURNS": ((1_000_000, 1000),)}
+    settings = {
+        "SMALL_MODEL_STATES": 100,
+        "SPARSE_MODEL_STATES": 100,
+        "MAX_NODES_PER_STATE": 0.0,
+        "SELECTION_TURNS": ((1_000_000, 1000),),
+    }
     engine, choice = chosen(COUNTER, monkeypatch, **settings)
     assert engine.name == "explicit"
     assert "compress nothing" in choice.reason
-    engine, _ = chosen(COUNTER, monkeypatch, **settings, _SEARCH_SHARE=0.0)
+    engine, _ = chosen(COUNTER, monkeypatch, **settings, EXPLORATION_MEMORY_SHARE=0.0)
     assert isinstance(engine, SparseEngine)
 
 
 def test_integers_without_bounds_are_searched(monkeypatch):
-    engine, choice = chosen(UNBOUNDED, monkeypatch, _SMALL=100, _MORE=100)
+    engine, choice = chosen(UNBOUNDED, monkeypatch, SMALL_MODEL_STATES=100, SPARSE_MODEL_STATES=100)
     assert engine.states == 70_001
     assert "without bounds" in choice.reason
 
@@ -198,7 +240,7 @@ def test_too_many_possible_initial_states_are_left_to_diagrams(monkeypatch):
 @pytest.mark.parametrize("text", [COUNTER, CHOICES])
 def test_what_is_written_out_is_what_a_search_finds(text):
     model = bind(parse_model(text))
-    ours = written_out(build(model, Options(engine="sparse")))
+    ours = materialize(build(model, Options(engine="sparse")))
     theirs = build(model, Options(engine="explicit"))
     assert list(ours.explored.states) == list(theirs.explored.states)
     assert list(ours.valuations(ours.all, 3)) == list(theirs.valuations(theirs.all, 3))
@@ -226,13 +268,13 @@ def rows(engine):
 @pytest.mark.parametrize("complete", [False, True])
 def test_few_states_with_many_transitions_are_not_searched_at_length(complete):
     class Search:
-        progress = SimpleNamespace(transitions=selection._DENSE + 1)
+        progress = SimpleNamespace(transitions=tuning.SPARSE_MODEL_TRANSITIONS + 1)
 
         def run(self, budget, observer):
-            assert budget == selection._MORE
+            assert budget == tuning.SPARSE_MODEL_STATES
             observer(self.progress)
             raise AssertionError("the search went on")
 
     search = Search()
     search.complete = complete
-    assert selection._a_little_more(search) is complete
+    assert selection._explore_sparse_model(search) is complete

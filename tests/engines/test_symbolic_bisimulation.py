@@ -1,4 +1,6 @@
-"""The coarsest bisimulation on diagrams: the same partition as of listed states, and of models that nobody can list."""
+"""The coarsest bisimulation on diagrams: the same partition as of listed states, and of models that
+nobody can list.
+"""
 
 from __future__ import annotations
 

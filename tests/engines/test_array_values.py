@@ -1,4 +1,6 @@
-"""Values with bounds: comparisons never decide what the bounds leave open, and arithmetic keeps the truth inside."""
+"""Values with bounds: comparisons never decide what the bounds leave open, and arithmetic keeps the
+truth inside.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,8 @@ def test_arithmetic_keeps_the_truth(operator, a, b, c, d, first, second):
         for q in (Fraction(c), Fraction(d)):
             low, high = _map(operator, x, y)
             true = _exact(operator, p, q)
-            # Beyond the greatest double a value rounds to infinity, as everywhere in floating point.
+            # Beyond the greatest double a value rounds to infinity, as everywhere in floating
+            # point.
             if true is not None and not np.isnan(low) and abs(true) < Fraction(10) ** 300:
                 slack = 1e-9 if first or second else 1e-12
                 assert low - slack * (1 + abs(low)) <= true <= high + slack * (1 + abs(high))
