@@ -117,12 +117,14 @@ def main() -> None:
     rates = line(20_000, 1.0, 3.0)
     leave = sparse.row_sums(rates.indptr, rates.data)
     leave[30:] += 1e-6
-    gain = np.where(np.arange(20_000) >= 30, 1e-6, 0.0)
+    reward_rate = np.where(np.arange(20_000) >= 30, 1e-6, 0.0)
     start = np.zeros(1, dtype=np.int64)
     measure(
         "failure in 1e6 hours",
         lambda: (
-            transient_values(rates, leave, 1e6, Accuracy(), gain=gain, interest=start).explanation
+            transient_values(
+                rates, leave, 1e6, Accuracy(), reward_rate=reward_rate, interest=start
+            ).explanation
         ),
     )
 

@@ -92,7 +92,7 @@ def test_rewards_are_scaled():
     [
         ("-1", r"-\d.0 in state \(s=\d\) is negative"),
         ("pow(2, 0.5)", r"1.414.* in state \(s=0\)"),
-        ("1e-6", "too fine"),
+        ("1e-6", "too large"),
     ],
 )
 def test_rewards_of_other_kinds_are_refused(u, message):

@@ -31,10 +31,10 @@ def stiff(n: int, seed: int, leak: float = 0.0) -> tuple[Floats, SparseMatrix, F
     return rates - np.diag(leave), matrix, leave
 
 
-def exact(generator: Floats, start: Floats, gain: Floats, time: float) -> Floats:
+def exact(generator: Floats, start: Floats, reward_rate: Floats, time: float) -> Floats:
     n = len(start)
     wide = np.zeros((n + 1, n + 1))
-    wide[:n, :n], wide[:n, n] = generator, gain
+    wide[:n, :n], wide[:n, n] = generator, reward_rate
     return np.asarray((expm(wide * time) @ np.append(start, 1.0))[:n])
 
 
@@ -42,10 +42,13 @@ def exact(generator: Floats, start: Floats, gain: Floats, time: float) -> Floats
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_values_are_within_the_error_everywhere(seed: int, leak: float) -> None:
     generator, rates, leave = stiff(60, seed, leak)
-    gain = np.random.default_rng(seed).random(60)
-    found = krylov_values(rates, leave, np.zeros(60), gain, 20.0, np.arange(60), EVERYWHERE)
+    reward_rate = np.random.default_rng(seed).random(60)
+    found = krylov_values(rates, leave, np.zeros(60), reward_rate, 20.0, np.arange(60), EVERYWHERE)
     assert found is not None
-    assert np.max(np.abs(found.values - exact(generator, np.zeros(60), gain, 20.0))) <= found.error
+    assert (
+        np.max(np.abs(found.values - exact(generator, np.zeros(60), reward_rate, 20.0)))
+        <= found.error
+    )
     assert 2.0 * found.error <= 1e-6 * found.values.min()
 
 
@@ -55,31 +58,31 @@ def test_a_bad_space_costs_width_and_nothing_else(
 ) -> None:
     monkeypatch.setattr(tuning, "VECTOR_RESIDUAL", loose)
     generator, rates, leave = stiff(40, 7)
-    start, gain = np.linspace(1.0, 2.0, 40), np.ones(40)
+    start, reward_rate = np.linspace(1.0, 2.0, 40), np.ones(40)
     found = krylov_values(
-        rates, leave, start, gain, 5.0, np.arange(40), Accuracy(epsilon=1e9, relative=False)
+        rates, leave, start, reward_rate, 5.0, np.arange(40), Accuracy(epsilon=1e9, relative=False)
     )
     assert found is not None
-    assert np.max(np.abs(found.values - exact(generator, start, gain, 5.0))) <= found.error
+    assert np.max(np.abs(found.values - exact(generator, start, reward_rate, 5.0))) <= found.error
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_rows_may_sum_to_more_than_their_exit_rate(seed: int) -> None:
     """As they do where values are divided by weights: the error grows as exp(Q t) may."""
     generator, rates, leave = stiff(40, seed)
-    weights, gain = 10.0 ** np.random.default_rng(seed).uniform(-0.02, 0.02, 40), np.ones(40)
+    weights, reward_rate = 10.0 ** np.random.default_rng(seed).uniform(-0.02, 0.02, 40), np.ones(40)
     relative = scaled(rates, weights)
     found = krylov_values(
         relative,
         leave,
         np.zeros(40),
-        gain / weights,
+        reward_rate / weights,
         0.02,
         np.arange(40),
         Accuracy(epsilon=1e9, relative=False),
     )
     assert found is not None
-    truth = exact(generator, np.zeros(40), gain, 0.02) / weights
+    truth = exact(generator, np.zeros(40), reward_rate, 0.02) / weights
     assert np.max(np.abs(found.values - truth)) <= found.error
 
 
@@ -89,12 +92,12 @@ def test_weights_are_about_the_values_and_grow_as_slowly_as_asked(
 ) -> None:
     monkeypatch.setattr(tuning, "WEIGHT_ELIMINATION_OPERATIONS", quick)  # by elimination, or not
     generator, rates, leave = stiff(60, 4, 0.3)
-    gain = np.zeros(60)
-    gain[0] = 1e-3
-    weights = rational_krylov.importance(rates, leave, gain, 20.0, np.full(60, 1e-4))
+    reward_rate = np.zeros(60)
+    reward_rate[0] = 1e-3
+    weights = rational_krylov.importance(rates, leave, reward_rate, 20.0, np.full(60, 1e-4))
     assert weights is not None
     assert np.max(generator @ weights / weights) <= tuning.IMPORTANCE_SHIFT / 20.0 * 1.01
-    ratio = exact(generator, np.zeros(60), gain, 20.0) / weights
+    ratio = exact(generator, np.zeros(60), reward_rate, 20.0) / weights
     assert ratio.max() <= 100.0 * ratio.min()
 
 
@@ -111,18 +114,23 @@ def test_loops_count_as_no_change() -> None:
     nonzero = dense > 0
     indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
     looped = SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), dense[nonzero], 30)
-    gain = np.linspace(0.5, 1.0, 30)
-    found = krylov_values(looped, leave + 7.0, np.zeros(30), gain, 10.0, np.arange(30), EVERYWHERE)
+    reward_rate = np.linspace(0.5, 1.0, 30)
+    found = krylov_values(
+        looped, leave + 7.0, np.zeros(30), reward_rate, 10.0, np.arange(30), EVERYWHERE
+    )
     assert found is not None
-    assert np.max(np.abs(found.values - exact(generator, np.zeros(30), gain, 10.0))) <= found.error
+    assert (
+        np.max(np.abs(found.values - exact(generator, np.zeros(30), reward_rate, 10.0)))
+        <= found.error
+    )
 
 
-@pytest.mark.parametrize("kind", ["gain", "terminal"])
+@pytest.mark.parametrize("kind", ["reward_rate", "terminal"])
 def test_long_stiff_horizons_are_left_to_it(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tuning, "KRYLOV_ENTRIES", 1e5)
     generator, rates, leave = stiff(60, 4, 0.05)
     values = np.linspace(1.0, 3.0, 60)
-    given = {"gain": values} if kind == "gain" else {"terminal": values}
+    given = {"reward_rate": values} if kind == "reward_rate" else {"terminal": values}
     found = transient_values(
         rates, leave, 30.0, Accuracy(), interest=np.array([3], np.int64), **given
     )
@@ -130,7 +138,7 @@ def test_long_stiff_horizons_are_left_to_it(kind: str, monkeypatch: pytest.Monke
     zero = np.zeros(60)
     true = (
         exact(generator, zero, values, 30.0)
-        if kind == "gain"
+        if kind == "reward_rate"
         else exact(generator, values, zero, 30.0)
     )
     assert found.lower[3] <= true[3] * (1 + 1e-11)
@@ -144,10 +152,15 @@ def test_what_is_rare_is_left_to_uniformisation(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(tuning, "KRYLOV_STEPS", 1e3)
     _, rates, leave = stiff(40, 9)
     slow = SparseMatrix(rates.indptr, rates.indices, rates.data, 40)
-    gain = np.zeros(40)
-    gain[20] = 1e-9
+    reward_rate = np.zeros(40)
+    reward_rate[20] = 1e-9
     found = transient_values(
-        slow, leave + 1.0, 20.0, Accuracy(), gain=gain, interest=np.array([0], np.int64)
+        slow,
+        leave + 1.0,
+        20.0,
+        Accuracy(),
+        reward_rate=reward_rate,
+        interest=np.array([0], np.int64),
     )
     assert found.upper[0] - found.lower[0] <= 1e-6 * found.upper[0]
 
@@ -156,16 +169,16 @@ def test_what_is_rare_is_left_to_uniformisation(monkeypatch: pytest.MonkeyPatch)
 def test_poles_may_be_any(poles: tuple[float, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tuning, "KRYLOV_ELIMINATION_STATES", 0)
     generator, rates, leave = stiff(60, 2, 0.3)
-    start, gain = np.linspace(1.0, 2.0, 60), np.ones(60)
+    start, reward_rate = np.linspace(1.0, 2.0, 60), np.ones(60)
     found = krylov_values(
         rates,
         leave,
         start,
-        gain,
+        reward_rate,
         2.0,
         np.arange(60),
         Accuracy(epsilon=1e9, relative=False),
         poles=poles,
     )
     assert found is not None
-    assert np.max(np.abs(found.values - exact(generator, start, gain, 2.0))) <= found.error
+    assert np.max(np.abs(found.values - exact(generator, start, reward_rate, 2.0))) <= found.error

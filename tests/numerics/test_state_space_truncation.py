@@ -13,7 +13,7 @@ REST = 0.05
 
 
 def slow(n: int, seed: int) -> tuple[Floats, SparseMatrix, Floats, Floats]:
-    """A chain without leaks and with rates of several sizes, (rest - Q) in full, and a gain in one place."""
+    """A chain without leaks and with rates of several sizes, (rest - Q) in full, and a reward rate in one place."""
     rng = np.random.default_rng(seed)
     rates = np.zeros((n, n))
     for step, fast in ((1, 20.0), (3, 0.5)):

@@ -25,9 +25,13 @@ def sparse_of(dense: Floats) -> SparseMatrix:
 
 
 def integrate(
-    rates: Floats, leave: Floats, terminal: list[Fraction], gain: list[Fraction], time: Fraction
+    rates: Floats,
+    leave: Floats,
+    terminal: list[Fraction],
+    reward_rate: list[Fraction],
+    time: Fraction,
 ) -> list[Fraction]:
-    """x(time) for x' = Q x + gain by its Taylor series in fractions; the rest is below 1e-30."""
+    """x(time) for x' = Q x + reward_rate by its Taylor series in fractions; the rest is below 1e-30."""
     n = len(leave)
     q = [[Fraction(rates[i, j]) for j in range(n)] for i in range(n)]
     for i in range(n):
@@ -39,7 +43,7 @@ def integrate(
         product = [
             sum((q[i][j] * term[j] for j in range(n) if q[i][j]), Fraction(0)) for i in range(n)
         ]
-        source = gain if k == 1 else [Fraction(0)] * n
+        source = reward_rate if k == 1 else [Fraction(0)] * n
         term = [(p + g) * time / k for p, g in zip(product, source, strict=True)]
         total = [a + b for a, b in zip(total, term, strict=True)]
     return total
@@ -65,13 +69,22 @@ def cases(draw: st.DrawFn) -> tuple[Floats, Floats, list[float], list[float], fl
 def test_values_and_distributions(
     case: tuple[Floats, Floats, list[float], list[float], float],
 ) -> None:
-    rates, leave, terminal, gain, time = case
+    rates, leave, terminal, reward_rate, time = case
     n = len(leave)
     exact = integrate(
-        rates, leave, [Fraction(v) for v in terminal], [Fraction(v) for v in gain], Fraction(time)
+        rates,
+        leave,
+        [Fraction(v) for v in terminal],
+        [Fraction(v) for v in reward_rate],
+        Fraction(time),
     )
     found = transient_values(
-        sparse_of(rates), leave, time, Accuracy(), terminal=np.array(terminal), gain=np.array(gain)
+        sparse_of(rates),
+        leave,
+        time,
+        Accuracy(),
+        terminal=np.array(terminal),
+        reward_rate=np.array(reward_rate),
     )
     slack = Fraction(1, 10**28)
     for s in range(n):
@@ -107,7 +120,9 @@ def test_a_long_horizon_ends_early_and_right() -> None:
     fail, repair, time = 1e-4, 10.0, 1e7
     rates = np.array([[0.0, 2 * fail], [repair, 0.0]])
     leave = np.array([2 * fail, repair + fail])
-    found = transient_values(sparse_of(rates), leave, time, Accuracy(), gain=np.array([0.0, fail]))
+    found = transient_values(
+        sparse_of(rates), leave, time, Accuracy(), reward_rate=np.array([0.0, fail])
+    )
     # Survival is a sum of two exponentials with the roots of x^2 + (3 fail + repair) x + 2 fail^2.
     b, c = 3 * fail + repair, 2 * fail * fail
     slow = 2 * c / (b + math.sqrt(b * b - 4 * c))
@@ -123,7 +138,9 @@ def test_tiny_probabilities_keep_their_digits() -> None:
     """Twenty steps within a short time: about (rate t)^20/20!, 1e-38."""
     n, time = 20, 0.01
     rates = np.diag(np.ones(n - 1), 1)
-    found = transient_values(sparse_of(rates), np.ones(n), time, Accuracy(), gain=np.eye(n)[n - 1])
+    found = transient_values(
+        sparse_of(rates), np.ones(n), time, Accuracy(), reward_rate=np.eye(n)[n - 1]
+    )
     exact = sum(math.exp(-time) * time**k / math.factorial(k) for k in range(n, n + 20))
     assert found.lower[0] <= exact * (1 + 1e-12)
     assert found.upper[0] >= exact * (1 - 1e-12)
@@ -135,14 +152,14 @@ def test_only_the_states_of_interest_decide_when_to_stop() -> None:
     rates = np.zeros((n, n))
     rates[np.arange(n - 1), np.arange(1, n)] = 1.0
     everywhere = transient_values(
-        sparse_of(rates), np.ones(n), 1.0, Accuracy(), gain=np.eye(n)[n - 1]
+        sparse_of(rates), np.ones(n), 1.0, Accuracy(), reward_rate=np.eye(n)[n - 1]
     )
     last = transient_values(
         sparse_of(rates),
         np.ones(n),
         1.0,
         Accuracy(),
-        gain=np.eye(n)[n - 1],
+        reward_rate=np.eye(n)[n - 1],
         interest=np.array([n - 1]),
     )
     assert last.iterations < everywhere.iterations
@@ -208,12 +225,14 @@ def test_cutting_states_off_keeps_rare_events_right(
     """Two queues, of which one is fast and never overflows in effect: most of its states do not matter, by 1e-60 or so."""
     slow, leave, overflow = queue(40, 1.0, 4.0)
     both, exits = beside(slow, leave, m := 30, 1.0, 200.0)
-    gain = np.repeat(overflow, m)
+    reward_rate = np.repeat(overflow, m)
     starts = np.array(interest) * m
-    alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-9), gain=overflow)
-    whole = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
+    alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-9), reward_rate=overflow)
+    whole = transient_values(
+        both, exits, 50.0, Accuracy(), reward_rate=reward_rate, interest=starts
+    )
     monkeypatch.setattr(tuning, "TRUNCATION_ENTRIES", 1.0)
-    cut = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
+    cut = transient_values(both, exits, 50.0, Accuracy(), reward_rate=reward_rate, interest=starts)
     assert cut.statistics["kept"] < 0.5 * len(exits)
     for s, t in zip(interest, starts.tolist(), strict=True):
         for found in (whole, cut):
@@ -230,10 +249,15 @@ def test_what_is_too_small_for_a_double_is_not_called_0(length: int) -> None:
     """A chain of states, one jump of rate 1 from each to the next, within a time of 0.01: 0.01**n exp(-0.01) / n! and a little more."""
     indptr = np.minimum(np.arange(length + 1), length - 1).astype(np.int64)
     rates = SparseMatrix(indptr, np.arange(1, length, dtype=np.int32), np.ones(length - 1), length)
-    gain = np.zeros(length)
-    gain[-1] = 1.0
+    reward_rate = np.zeros(length)
+    reward_rate[-1] = 1.0
     found = transient_values(
-        rates, np.ones(length), 0.01, Accuracy(), gain=gain, interest=np.zeros(1, np.int64)
+        rates,
+        np.ones(length),
+        0.01,
+        Accuracy(),
+        reward_rate=reward_rate,
+        interest=np.zeros(1, np.int64),
     )
     log10 = (length * math.log(0.01) - math.lgamma(length + 1.0)) / math.log(10.0)
     assert log10 < -500.0
@@ -245,8 +269,8 @@ def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyP
     """Values from 1e-20 up: divided by what a resolvent says of them, they are alike, and a small space holds them all."""
     slow, leave, overflow = queue(40, 1.0, 4.0)
     both, exits = beside(slow, leave, m := 30, 1.0, 200.0)
-    gain, starts = np.repeat(overflow, m), np.zeros(1, np.int64)
-    alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-10), gain=overflow)
+    reward_rate, starts = np.repeat(overflow, m), np.zeros(1, np.int64)
+    alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-10), reward_rate=overflow)
     for name, value in (
         ("KRYLOV_STEPS", 0.0),
         ("KRYLOV_ENTRIES", 0.0),
@@ -255,7 +279,9 @@ def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyP
         ("SMOOTHING_STEPS", 50.0),
     ):
         monkeypatch.setattr(tuning, name, value)
-    found = transient_values(both, exits, 50.0, Accuracy(), gain=gain, interest=starts)
+    found = transient_values(
+        both, exits, 50.0, Accuracy(), reward_rate=reward_rate, interest=starts
+    )
     assert "rational Krylov" in found.explanation
     assert found.lower[0] <= alone.upper[0]
     assert found.upper[0] >= alone.lower[0]

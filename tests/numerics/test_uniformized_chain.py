@@ -53,7 +53,7 @@ def test_what_remains_lies_within_the_bounds(seed):
         for w in everything[k:]:
             left += w * ahead[0]
             ahead = p @ ahead
-        ratio, off = visits.settled(y, before, chain, weights.rest(k))
+        ratio, off = visits.settled(y, before, chain, weights.tail_sum(k))
         known = weights.powers(k, ratio) * y[0]
         assert 0.0 <= ratio <= 1.0
         assert known - off - 1e-12 <= left <= known + off + 1e-12
@@ -68,7 +68,7 @@ def test_bounds_close_in_on_a_chain_that_decays():
     before = np.array([1.0, 0.2])
     for _ in range(60):
         before, y = p @ before, p @ (p @ before)
-    ratio, off = visits.settled(y, before, chain, weights.rest(60))
+    ratio, off = visits.settled(y, before, chain, weights.tail_sum(60))
     assert ratio == pytest.approx(0.99, rel=1e-12)
     assert off <= 1e-9 * weights.powers(60, ratio) * y[0]
 

@@ -1,8 +1,8 @@
-"""The probability of the complement of `left U right`, computed directly instead of as a difference.
+"""The probability of the complement of `left U right`, computed without subtraction from 1.
 
-1 minus the probability of left U right is the same number; but where that is small, the subtraction leaves it few digits,
-or none. The complement of left U right: reaching a state from which the until formula can no longer be satisfied, or staying
-between until the end of the window.
+Where the probability of the complement is small, a difference would have few correct digits or
+none. The complement means reaching a state from which the until formula can no longer be satisfied,
+or staying in `left` and outside `right` until the end of the window.
 """
 
 from __future__ import annotations
@@ -20,9 +20,18 @@ __all__ = ["complement_until"]
 def complement_until(
     context: Context, path: UntilPath, direction: Direction | None, certain: StateSet
 ) -> Values:
-    """(Least or greatest) probability that a run does not satisfy left U right within the window of `path`.
+    """Probability that a run does not satisfy `left U right` within the window of `path`.
 
-    certain: where it is 1 without a window. For engines in floating point; accuracy as `options.epsilon` says.
+    For engines in floating point.
+
+    Args:
+        context: the engine, the options and the log.
+        path: the until formula whose complement is measured.
+        direction: minimise or maximise the probability of the complement; None for a chain.
+        certain: the states where that probability is 1 without a window.
+
+    Returns:
+        Values in [0, 1], certified within `options.epsilon`.
     """
     left, right = path.left, path.right
     if path.window.trivial:
@@ -41,14 +50,18 @@ def complement_until(
 
 
 def _least(context: Context, left: StateSet, right: StateSet) -> Values:
-    """The least probability in an MDP: that of the strategies which reach `right` most often.
+    """The least probability of the complement without a window, in an MDP.
 
-    Such a strategy stays in no end component between: it leaves at last, to where it may still succeed, or fail for certain.
-    So with end components made into single states that must be left, the least probability of the latter is the answer.
+    A strategy that maximises the probability of the until formula leaves every end component
+    outside `right`. So the least probability of reaching the states where the formula is impossible
+    is computed on the quotient by end components, each of which must be left.
     """
     graph = context.engine.graph
-    never, surely = graph.prob0(left, right, Direction.MAX), graph.prob1(left, right, Direction.MAX)
-    system = context.engine.system(~(never | surely), Direction.MIN)
-    constant = system.embedded(system.one_step_probability(never))
+    impossible, certain = (
+        graph.prob0(left, right, Direction.MAX),
+        graph.prob1(left, right, Direction.MAX),
+    )
+    system = context.engine.system(~(impossible | certain), Direction.MIN)
+    constant = system.embedded(system.one_step_probability(impossible))
     equations = system.equations(constant, probability=True, allow_stay=True)
-    return context.solve(equations, known=[(never, 1.0)])
+    return context.solve(equations, known=[(impossible, 1.0)])

@@ -1,4 +1,4 @@
-"""What a formula is checked against, and the log that checking keeps."""
+"""The context in which formulas are checked (engine, options, names), and the log of a check."""
 
 from __future__ import annotations
 
@@ -22,30 +22,44 @@ __all__ = ["CheckLog", "Context"]
 
 @dataclass
 class CheckLog:
-    """What is noted while a property is checked: numerical runs, lines to print, warnings, and a path that shows why."""
+    """The log of the check of a property.
+
+    Attributes:
+        runs: the numerical computations.
+        lines: the lines to print.
+        warnings: the warnings, each once.
+        witness: a path that explains the result, as the values of the variables in each state.
+        exact_engine: the model explored in rational arithmetic, once a comparison needed it.
+    """
 
     runs: list[SolverRun] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     witness: Sequence[Mapping[str, int | bool]] | None = None
     exact_engine: Engine | None = None
-    """The model explored in rational arithmetic, once a comparison needed it."""
 
     def warn(self, text: str) -> None:
-        """Add a warning, once."""
+        """Add a warning unless it is there already."""
         if text not in self.warnings:
             self.warnings.append(text)
 
 
 @dataclass(frozen=True)
 class Context:
-    """An engine, the options, and what the names in formulas stand for.
+    """An engine, the options, and the meaning of the names in formulas.
 
-    labels: those of the properties file (the model's are with the model). properties: the named properties.
-    rebind: gives the formula that is checked, bound to the same model in exact arithmetic (thresholds such as 1/6 then are
-      rationals). open: the properties that are being expanded, so that one that refers to itself is found. relevant_states: the
-      states at which values are needed to the accuracy asked for (None: all); elsewhere their bounds may be wider.
-    observer: is told of each step of a computation, and may raise to end it.
+    Attributes:
+        engine: the model, as sets, values and equations.
+        options: the options, such as accuracy and method.
+        labels: the labels of the properties file; those of the model are stored with the model.
+        properties: the named properties.
+        log: the log, shared by all contexts of a check.
+        rebind: binds the formula that is checked to the same model in rational arithmetic, where
+            thresholds such as 1/6 are rationals.
+        open: the properties that are being expanded, to detect one that refers to itself.
+        relevant_states: the states at which values need the requested accuracy (None: all); at
+            other states, bounds may be wider.
+        observer: receives each step of a computation, and may raise an exception to stop it.
     """
 
     engine: Engine
@@ -59,9 +73,10 @@ class Context:
     observer: Observer | None = None
 
     def referred(self, reference: LabelReference) -> Expression:
-        """The expression that a reference to a label or a property stands for ("init" and "deadlock" are none).
+        """The expression of a label or a property; "init" and "deadlock" have none.
 
-        Raises NameFault for an unknown name and for a property that refers to itself.
+        Raises:
+            NameFault: the name is unknown, or the property refers to itself.
         """
         for table in (self.labels, self.engine.model.labels, self.properties):
             if reference.name in table:
@@ -81,25 +96,34 @@ class Context:
         )
 
     def inside(self, reference: LabelReference) -> Context:
-        """The context for what a reference stands for."""
+        """The context in which the expression of a reference is checked."""
         return replace(self, open=self.open | {reference.name})
 
     def relevant_at(self, states: StateSet) -> Context:
-        """The same where values are needed at these states (at all, if the options say so)."""
+        """A context in which these states are relevant (all states, if the options say so)."""
         return replace(self, relevant_states=None if self.options.everywhere else states)
 
     def with_epsilon(self, epsilon: float) -> Context:
-        """The same with another accuracy wanted; the log is shared."""
+        """A context with another requested accuracy and the same log."""
         return replace(self, options=replace(self.options, epsilon=epsilon))
 
     def solve(self, equations: Equations, known: Sequence[tuple[StateSet, float]]) -> Values:
-        """The solution of equations on all states; `known`: constants on other sets, 0 elsewhere. The run is logged."""
+        """Solve equations, and log the run.
+
+        Args:
+            equations: the equations of the unknown states.
+            known: sets of other states with their constants; the remaining states have value 0.
+
+        Returns:
+            Values of all states.
+        """
         started = perf_counter()
         solved = equations.solve(known, self.options, self.observer)
         if solved.unknowns:
             if solved.width > self.options.epsilon:
                 self.log.warn(
-                    f"the bounds are {solved.width:.1E} apart, further than asked for: {solved.explanation}"
+                    f"the bounds are {solved.width:.1E} apart, further than asked for: "
+                    f"{solved.explanation}"
                 )
             seconds = perf_counter() - started
             self.log.runs.append(
@@ -116,7 +140,7 @@ class Context:
         return solved.values
 
     def example(self, states: StateSet) -> str:
-        """One of the states, of which there must be one, as it is shown."""
+        """The text of the first state of a non-empty set."""
         values = next(iter(self.engine.valuations(self.engine.first(states))))
         return describe_state(self.engine.model.variables, values)
 
@@ -131,7 +155,7 @@ class Context:
 
 @dataclass(frozen=True)
 class _LabelTypes(Mapping[str, Type]):
-    """Types of references: a label is a bool, a property has the type of its formula."""
+    """The types of references: a label is a bool, a property has the type of its formula."""
 
     context: Context
 
@@ -147,7 +171,7 @@ class _LabelTypes(Mapping[str, Type]):
         return context.inside(reference).type(context.referred(reference))
 
     def __contains__(self, name: object) -> bool:
-        return True  # an unknown name is reported, with what is known, when it is looked up
+        return True  # looking up an unknown name reports it, with the known ones
 
     def __iter__(self) -> Iterator[str]:
         yield from (

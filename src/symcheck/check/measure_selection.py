@@ -1,6 +1,7 @@
-"""Which implementation measures on a model: the only place where measures depend on the model type.
+"""Selection of the implementation of a measure: the only place that depends on the model type.
 
-Until probabilities, rewards until a set is reached, total rewards and bounds on rewards are the same for all types.
+Until probabilities, reachability rewards, total rewards and reward bounds are the same for all
+model types.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ __all__ = ["long_run_measures", "timed_measures"]
 
 
 def timed_measures(context: Context) -> TimedMeasures:
-    """Measures within a time, in steps or continuous (imported when first needed)."""
+    """Time-bounded measures, in steps or continuous time; the module is imported when needed."""
     if context.engine.model.type is ModelType.CTMC:
         from symcheck.check.measures import ctmc
 
@@ -24,7 +25,7 @@ def timed_measures(context: Context) -> TimedMeasures:
 
 
 def long_run_measures(context: Context) -> LongRunMeasures:
-    """Long-run averages, of a chain or of an MDP (imported when first needed)."""
+    """Long-run averages of a chain or of an MDP; the module is imported when needed."""
     if context.engine.model.type is ModelType.MDP:
         from symcheck.check.measures import long_run_mdp
 

@@ -1,4 +1,6 @@
-"""Path formulas over sets of states: next and until with their bounds, and formulas of linear time for automata."""
+"""Path formulas over sets of states: next and until with their bounds, and formulas of linear time
+for automata.
+"""
 
 from __future__ import annotations
 
@@ -79,7 +81,9 @@ class TemporalPath:
 
 @dataclass(frozen=True, slots=True)
 class RewardPath:
-    """A path without bounds on time, during which the rewards gathered are within bounds: see `symcheck.check.measures.reward_bounded_until`."""
+    """A path without bounds on time, during which the rewards gathered are within bounds: see
+    `symcheck.check.measures.reward_bounded_until`.
+    """
 
     path: NextPath | UntilPath
     counts: tuple[Count, ...]
@@ -133,7 +137,9 @@ def _temporal(form: NormalForm, states_of: StatesOf, span: Span) -> TemporalPath
 
 
 def _once(states_of: StatesOf) -> StatesOf:
-    """`states_of`, asked once for each formula of the text: what the normal form adds are operations on sets."""
+    """`states_of`, asked once for each formula of the text: what the normal form adds are
+    operations on sets.
+    """
     known: dict[Expression, StateSet] = {}
 
     def find(formula: Expression) -> StateSet:

@@ -1,4 +1,4 @@
-"""The probability of a path formula at each state, and which states meet a bound on it."""
+"""The probability of a path formula at each state, and the states that satisfy a bound on it."""
 
 from __future__ import annotations
 
@@ -23,36 +23,52 @@ from symcheck.engines.base import ROUNDING, StateSet, Values
 
 __all__ = ["complement", "probability", "qualitative"]
 
-_LEAST = 5e-324
+_SMALLEST_POSITIVE = 5e-324
 
 _LARGE = 100_000
-"""States from which on values are not computed that nothing asks for."""
+"""In models with at least so many states, values that are not requested are not computed."""
 
 
 def complement(context: Context, values: Values) -> Values:
-    """1 - values. Where that is so small that the rounding of `values` is most of it, bounds take the place of a number."""
+    """The values 1 - values.
+
+    Where the result is so small that the rounding of `values` dominates, it is an interval.
+    """
     one = context.engine.constant(1)
-    found = one.map("-", values)
-    if not found.rounded(context.engine.all):
-        return found
-    sure, close = found.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
-    # An interval makes the margins of rounding part of the sum; this one changes nothing else.
-    return found.choose(
-        ~(sure | close), one.map("-", values.map("+", context.engine.constant(0, _LEAST)))
+    result = one.map("-", values)
+    if not result.rounded(context.engine.all):
+        return result
+    certain, close = result.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
+    # Adding an interval includes the rounding error in the bounds; this one adds nothing else.
+    return result.choose(
+        ~(certain | close),
+        one.map("-", values.map("+", context.engine.constant(0, _SMALLEST_POSITIVE))),
     )
 
 
 def probability(context: Context, path: Path, direction: Direction | None) -> Values:
-    """Probability of a path formula at each state (of an MDP: the least or greatest one)."""
+    """Probability of a path formula at each state.
+
+    Args:
+        context: the engine, the options and the log.
+        path: the path formula.
+        direction: minimise or maximise over strategies; None for a chain.
+
+    Returns:
+        Values in [0, 1], certified within `options.epsilon`.
+
+    Raises:
+        UnsupportedError: the model type or an option does not permit the formula.
+    """
     if isinstance(path, UntilPath) and _decided(context, path):
         known = path.right | ~path.left
         satisfied = context.engine.indicator(known - path.right if path.negative else path.right)
         return satisfied.choose(known, context.engine.constant(0, 1))
-    # A difference of rationals is exact; of doubles, it would lose the digits of a small probability.
+    # A difference of rationals is exact; one of doubles loses the digits of a small probability.
     if isinstance(path, UntilPath) and path.negative and not context.engine.exact:
         from symcheck.check.complement_until import complement_until
 
-        certain = _zero(context, path.left, path.right, direction and direction.dual)
+        certain = _probability_zero(context, path.left, path.right, direction and direction.dual)
         return complement_until(context, path, direction, certain)
     if isinstance(path, NextPath) and path.negative and path.window.trivial:
         return timed_measures(context).next_probability(
@@ -90,17 +106,20 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
 
 
 def _decided(context: Context, path: UntilPath) -> bool:
-    """Whether the model is large, and the states where a value is needed decide the formula by themselves."""
-    if context.engine.exact:  # values that are not computed are bounds, and rationals have none
+    """Whether the model is large and the formula is decided at each relevant state by its sets."""
+    if context.engine.exact:  # values that are not computed have bounds only
         return False
-    matter = context.relevant_states
-    if matter is None or context.engine.states < _LARGE or not path.window.at_once:
+    relevant = context.relevant_states
+    if relevant is None or context.engine.states < _LARGE or not path.window.at_once:
         return False
-    return matter <= path.right | ~path.left
+    return relevant <= path.right | ~path.left
 
 
 def _linear_time(context: Context, path: TemporalPath, direction: Direction | None) -> Values:
-    """By way of an automaton, unless the formula turns out to be an until; the least probability by way of the negation's."""
+    """Probability of an LTL formula: by an until if it is one, otherwise by an automaton.
+
+    The least probability is 1 - the greatest one of the negation.
+    """
     from symcheck.check.omega_regular.ltl import as_until, path_probability_ltl
 
     simple = as_until(context, path)
@@ -117,17 +136,22 @@ def _linear_time(context: Context, path: TemporalPath, direction: Direction | No
 def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:
     """Least probability of left U right over fair strategies.
 
-    A fair run reaches `right`, or a state from where it cannot be reached any more, almost surely; so the least
-    probability of the former is 1 - the greatest one of the latter. Source: Baier & Kwiatkowska (1998).
+    Under a fair strategy, a run almost surely reaches `right` or a state that cannot reach it. So
+    the least probability of the former is 1 - the greatest one of the latter.
+
+    Source: Baier & Kwiatkowska (1998).
     """
-    hopeless = ~context.engine.graph.exists_until(left, right)
-    return complement(context, until(context, left - right, hopeless, Direction.MAX))
+    impossible = ~context.engine.graph.exists_until(left, right)
+    return complement(context, until(context, left - right, impossible, Direction.MAX))
 
 
 def qualitative(
     context: Context, path: Path, operator: str, threshold: Fraction, direction: Direction | None
 ) -> StateSet | None:
-    """The states that meet a bound, where graph analysis decides it (> 0, <= 0, >= 1, < 1); None where numbers are needed."""
+    """The states that satisfy a bound that graph analysis decides (>0, <=0, >=1, <1).
+
+    None if the probabilities themselves are needed.
+    """
     if path.negative and isinstance(path, UntilPath):
         mirrored = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}[operator]
         return qualitative(
@@ -147,23 +171,27 @@ def qualitative(
     if not isinstance(path, UntilPath) or bound is None:
         return None
     states = (
-        _surely(context, path, direction) if threshold == 1 else _possibly(context, path, direction)
+        _probability_one(context, path, direction)
+        if threshold == 1
+        else _probability_positive(context, path, direction)
     )
     if states is None:
         return None
     return states if operator in (">", ">=") else ~states
 
 
-def _possibly(context: Context, path: UntilPath, direction: Direction | None) -> StateSet | None:
-    """Where the probability is greater than 0."""
+def _probability_positive(
+    context: Context, path: UntilPath, direction: Direction | None
+) -> StateSet | None:
+    """The states whose probability is positive."""
     if not path.window.trivial:
         return timed_measures(context).prob_greater_zero(
             context, path.left, path.right, path.window, direction
         )
-    return ~_zero(context, path.left, path.right, direction)
+    return ~_probability_zero(context, path.left, path.right, direction)
 
 
-def _zero(
+def _probability_zero(
     context: Context, left: StateSet, right: StateSet, direction: Direction | None
 ) -> StateSet:
     graph = context.engine.graph
@@ -172,8 +200,10 @@ def _zero(
     return graph.prob0(left, right, direction)
 
 
-def _surely(context: Context, path: UntilPath, direction: Direction | None) -> StateSet | None:
-    """Where the probability is 1."""
+def _probability_one(
+    context: Context, path: UntilPath, direction: Direction | None
+) -> StateSet | None:
+    """The states whose probability is 1."""
     if not path.window.trivial:
         return None
     graph = context.engine.graph

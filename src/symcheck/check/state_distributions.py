@@ -1,7 +1,9 @@
-"""Distributions over all states of a chain: at a time, and in the long run. From a distribution over the initial states.
+"""Distributions over all states of a chain: at a time, and in the long run. From a distribution
+over the initial states.
 
 Where there are several initial states and nothing else is said, each has the same probability.
-Sources: Stewart (1994), 'Introduction to the Numerical Solution of Markov Chains'; Baier & Katoen (2008), 10.1.2.
+Sources: Stewart (1994), 'Introduction to the Numerical Solution of Markov Chains'; Baier & Katoen
+(2008), 10.1.2.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ _UNIT = 2.0**-53
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """A probability per state, float64[n] in index order, between `lower` and `upper` (certified unless it says otherwise)."""
+    """A probability per state, float64[n] in index order, between `lower` and `upper` (certified
+    unless it says otherwise).
+    """
 
     engine: Engine = field(repr=False)
     lower: Floats = field(repr=False)
@@ -116,7 +120,9 @@ def _matrix(engine: Engine) -> SparseMatrix:
 
 
 def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Floats, str]:
-    """Products with the transposed matrix. Sums of non-negative terms: the rounding error stays relative."""
+    """Products with the transposed matrix. Sums of non-negative terms: the rounding error stays
+    relative.
+    """
     indptr, indices, data = sparse.transpose_values(
         matrix.indptr, matrix.indices, matrix.data, matrix.columns
     )
@@ -135,7 +141,8 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
             f"{steps} steps are too many: rounding may make an error of {error:.1E}"
         )
     if made < steps:
-        # The rounded chain stands still, the true one may still move: the bound must hold for all steps.
+        # The rounded chain stands still, the true one may still move: the bound must hold for all
+        # steps.
         error = max(error, min(steps * (longest + 2) * _UNIT, 1.0))
     text = f"{made} products with the matrix" + (", then nothing changes" if made < steps else "")
     return x * (1 - error), x * (1 + error), text
@@ -147,8 +154,9 @@ def steady_state(
 ) -> Distribution:
     """The long-run distribution: the share of time that is spent in each state.
 
-    Each bottom component has a stationary distribution; it counts with the probability that the component is reached.
-    Raises UnsupportedError for an MDP, NumericalError where bounds are wanted and a component is too large for them.
+    Each bottom component has a stationary distribution; it counts with the probability that the
+    component is reached. Raises UnsupportedError for an MDP, NumericalError where bounds are wanted
+    and a component is too large for them.
     """
     from symcheck.numerics.long_run.stationary import stationary_distribution
 

@@ -1,4 +1,6 @@
-"""The recursion over formulas: which states satisfy a formula, and which value it has at each state."""
+"""The recursion over formulas: which states satisfy a formula, and which value it has at each
+state.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +70,8 @@ def is_plain(expression: Expression) -> bool:
 def satisfying(context: Context, formula: Expression, matter: StateSet) -> StateSet:
     """The states that satisfy a boolean formula; right at the states that `matter`.
 
-    Raises NumericalError where a comparison cannot be decided at such a state, UnsupportedError and InputError.
+    Raises NumericalError where a comparison cannot be decided at such a state, UnsupportedError and
+    InputError.
     """
     if is_plain(formula):
         return context.engine.where(formula)
@@ -143,7 +146,9 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
 
 
 def _clipped(context: Context, values: Values) -> Values:
-    """Probabilities without what rounding, or the width of bounds, has put below 0 or above 1: the true ones are never there."""
+    """Probabilities without what rounding, or the width of bounds, has put below 0 or above 1: the
+    true ones are never there.
+    """
     if values.minimum(context.engine.all)[0] < 0:
         values = values.map("max", 0)
     return values.map("min", 1) if values.maximum(context.engine.all)[1] > 1 else values
@@ -288,7 +293,9 @@ def _threshold(bound: Bound) -> Fraction:
 
 
 def _direction(context: Context, formula: Measure, operator: str | None) -> Direction | None:
-    """Over which strategies: as given; for a bound without it over all, so that the worst one decides. None without choices."""
+    """Over which strategies: as given; for a bound without it over all, so that the worst one
+    decides. None without choices.
+    """
     if context.engine.model.type is not ModelType.MDP:
         return None
     given, letter = formula.direction, formula.letter

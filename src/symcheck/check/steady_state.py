@@ -11,7 +11,7 @@ __all__ = ["steady_values"]
 
 
 def steady_values(context: Context, states: StateSet, direction: Direction | None) -> Values:
-    """Long-run probability of being in `states`, from each state: of an MDP, the least or the greatest."""
+    """Long-run probability of `states`, from each state (of an MDP, the least or the greatest)."""
     if not states:
         return context.engine.constant(0)
     if states == context.engine.all:

@@ -2,8 +2,8 @@
 
 Partition refinement by signatures: blocks are split by the rows of their states until nothing
 changes. After the first round only states with a successor whose block has changed are considered.
-Signatures are 128-bit hashes of sums rounded to 44 binary digits, so that the order of summation does
-not separate states; states whose sums differ by less than about 6e-14 may be merged.
+Signatures are 128-bit hashes of sums rounded to 44 binary digits, so that the order of summation
+does not separate states; states whose sums differ by less than about 6e-14 may be merged.
 
 Sources: Kanellakis & Smolka (1990); Derisavi, Hermanns & Sanders (2003); Blom & van de Pol (2009).
 """
@@ -155,9 +155,9 @@ def _quotient(matrix: SparseMatrix, edges: Incidence, block: Int32s, rounds: int
     """The quotient, with blocks numbered by their first members."""
     _, first, inverse = np.unique(block, return_index=True, return_inverse=True)
     order = np.argsort(first)
-    place = np.empty(len(order), dtype=np.int32)
-    place[order] = np.arange(len(order), dtype=np.int32)
-    block = place[inverse.reshape(-1)]
+    renumbered = np.empty(len(order), dtype=np.int32)
+    renumbered[order] = np.arange(len(order), dtype=np.int32)
+    block = renumbered[inverse.reshape(-1)]
     first = first[order].astype(np.int64)
     chosen = np.zeros(matrix.states, dtype=np.bool_)
     chosen[first] = True

@@ -1,7 +1,7 @@
 """Graph algorithms on sparse matrices: components, reachability, Prob0 and Prob1 precomputation.
 
-Sets of states are bool[n]. A stored entry is an edge, whatever its value (zeros must not be stored).
-In an MDP (a matrix with groups), 'min' and 'max' range over strategies.
+Sets of states are bool[n]. A stored entry is an edge, whatever its value (zeros must not be
+stored). In an MDP (a matrix with groups), 'min' and 'max' range over strategies.
 
 Sources: Baier & Katoen (2008), 10.1 and 10.6; de Alfaro (1997) for end components.
 """
@@ -44,7 +44,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class Incidence:
-    """A square matrix with its transposed graph, computed on demand and shared by several queries."""
+    """A square matrix with its transposed graph, computed on demand and shared by queries."""
 
     matrix: SparseMatrix
 
@@ -211,12 +211,12 @@ def prob1(source: Source, left: Bools, right: Bools, direction: Direction | None
 
 
 def prob0a(source: Source, left: Bools, right: Bools) -> Bools:
-    """States whose maximal probability of `left U right` is 0 (no strategy reaches). Linear time."""
+    """States whose maximal probability of `left U right` is 0, in linear time."""
     return ~backward_reachable(source, right, left)
 
 
 def prob0e(source: Source, left: Bools, right: Bools) -> Bools:
-    """States whose minimal probability of `left U right` is 0 (some strategy avoids). Linear time."""
+    """States whose minimal probability of `left U right` is 0, in linear time."""
     graph = _incidence(source)
     if graph.matrix.groups is None:
         return prob0a(graph, left, right)
@@ -286,7 +286,9 @@ def maximal_end_components(
 def accepting_end_components(
     source: Source, pairs: Sequence[tuple[Bools, Sequence[Bools]]]
 ) -> Bools:
-    """States in an accepting end component: for some pair, it avoids `avoid` and meets all `visits`."""
+    """States in an accepting end component: for some pair, it avoids `avoid` and meets all
+    `visits`.
+    """
     graph = _incidence(source)
     found = np.zeros(graph.matrix.states, dtype=np.bool_)
     for avoid, visits in pairs:
@@ -304,7 +306,7 @@ def accepting_end_components(
 def shortest_path(
     source: Source, sources: Bools, target: Bools, through: Bools | None = None
 ) -> Int64s | None:
-    """The states of a shortest path from `sources` into `target` through `through`; None if none."""
+    """The states of a shortest path from `sources` to `target` through `through`, or None."""
     graph = _incidence(source)
     through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
     path = kernel.shortest_path(

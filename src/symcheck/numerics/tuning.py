@@ -63,8 +63,9 @@ RESTART_REDUCTION = 1e-11
 """BiCGStab restarts from the true residual once the residual is this part of its maximum: smaller
 residuals may be its rounding error."""
 BICGSTAB_PATIENCE = 40
-"""Steps within which the residual must fall by a factor of ten. Polling, mapk and herman need 25 to 48
-steps for the whole solution; grids whose values differ by many orders of magnitude do not converge."""
+"""Steps within which the residual must fall by a factor of ten. Polling, mapk and herman need 25 to
+48 steps for the whole solution; grids whose values differ by many orders of magnitude do not
+converge."""
 EARLY_BICGSTAB_STEPS, BICGSTAB_STEPS = 100, 400
 """Steps of BiCGStab for a relative solution: until a tenth of the residual remains, and in all."""
 BYTE_CODES, SHORT_CODES = 256, 65_536
@@ -97,7 +98,7 @@ TRUNCATION_SHARE = 0.01
 HOPELESS_ENTRIES = 1e12
 """If uniformisation would visit more entries, truncation is tried ten times earlier."""
 RARE_GAIN_STATES = 0.01
-"""If at most this share of the states has a gain, truncation is tried first."""
+"""If at most this share of the states has a reward rate, truncation is tried first."""
 TRUNCATION_SHIFTS = (20.0, 5.0)
 """Laplace shifts a of the two rounds of truncation: the first is quick, the second keeps less."""
 TRUNCATION_MAX_KEPT = 0.5

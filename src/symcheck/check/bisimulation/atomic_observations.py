@@ -74,8 +74,8 @@ def union(all: Iterable[AtomicObservations]) -> AtomicObservations:
 def atomic_observations(context: Context, formula: Expression) -> AtomicObservations:
     """The atomic observations of a formula.
 
-    For a filter as the outermost operator: those of its formula, and of its condition unless that is
-    an expression over variables.
+    For a filter as the outermost operator: those of its formula, and of its condition unless that
+    is an expression over variables.
 
     Raises:
         UnsupportedError: the formula contains a filter, A, E or multi(...).

@@ -226,7 +226,9 @@ class DiagramQuotient:
 
     @cached_property
     def engine(self) -> ExplicitEngine:
-        """The engine of the blocks, each with the values of its first state. Choices have no actions."""
+        """The engine of the blocks, each with the values of its first state. Choices have no
+        actions.
+        """
         lumped, encoding = self.lumped, self.source.space.symbolic.encoding
         layout = StateLayout.of(self.source.model.variables)
         codes = encoding.codes(lumped.members)

@@ -1,8 +1,12 @@
 """The measures that depend on the model type: those in time, and long-run averages.
 
-Each gives a value per reachable state. `direction` is minimise or maximise over the strategies of an MDP, and None for a
-chain. Values are certified within `context.options.epsilon`; what graph analysis decides is exact. All raise
-UnsupportedError for what the model type does not have, and NumericalError where the accuracy is missed.
+Each measure gives a value per reachable state. `direction` is minimise or maximise over the
+strategies of an MDP, and None for a chain. Values are certified within `context.options.epsilon`;
+values that graph analysis decides are exact.
+
+Raises:
+    UnsupportedError: the model type does not have the measure.
+    NumericalError: the requested accuracy is not reached.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ __all__ = ["LongRunMeasures", "TimedMeasures"]
 
 
 class TimedMeasures(Protocol):
-    """Measures within a time: counted in steps (step_bounded.py), or continuous (ctmc.py)."""
+    """Time-bounded measures: in discrete steps (step_bounded.py) or continuous time (ctmc.py)."""
 
     def next_probability(
         self, context: Context, target: StateSet, window: Window, direction: Direction | None
@@ -37,7 +41,7 @@ class TimedMeasures(Protocol):
         window: Window,
         direction: Direction | None,
     ) -> Values:
-        """Probability of left U right where `right` holds at some time in the window, and `left` before."""
+        """Probability of `left U right` with the time of `right` in the window."""
         ...
 
     def bounded_complement(
@@ -47,9 +51,12 @@ class TimedMeasures(Protocol):
         right: StateSet,
         window: Window,
         direction: Direction | None,
-        miss: Callable[[Context], Values],
+        unbounded: Callable[[Context], Values],
     ) -> Values:
-        """Probability of the complement of left U right within the window; `miss` is that without a window."""
+        """Probability of the complement of `left U right` within the window.
+
+        `unbounded` computes that probability without a window.
+        """
         ...
 
     def prob_greater_zero(
@@ -60,7 +67,7 @@ class TimedMeasures(Protocol):
         window: Window,
         direction: Direction | None,
     ) -> StateSet | None:
-        """States where left U right within the window has a probability above 0; None where only numbers tell."""
+        """States with a positive probability of `left U right` in the window; None: not decided."""
         ...
 
     def cumulative_reward(
@@ -77,12 +84,12 @@ class TimedMeasures(Protocol):
 
 
 class LongRunMeasures(Protocol):
-    """Long-run averages: of chains (long_run.py), or least and greatest ones of MDPs (long_run_mdp.py)."""
+    """Long-run averages of chains (long_run.py), and their optima for MDPs (long_run_mdp.py)."""
 
     def steady_probability(
         self, context: Context, states: StateSet, direction: Direction | None
     ) -> Values:
-        """Long-run share of the time that is spent in `states`."""
+        """Long-run fraction of the time that is spent in `states`."""
         ...
 
     def steady_reward(

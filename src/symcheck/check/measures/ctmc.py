@@ -1,6 +1,7 @@
-"""Measures on continuous-time Markov chains: the embedded chain where time does not matter, uniformisation where it does.
+"""Time-bounded measures of continuous-time Markov chains, by uniformisation.
 
-Source: Baier, Haverkort, Hermanns & Katoen (2003), 'Model-checking algorithms for continuous-time Markov chains'.
+Source: Baier, Haverkort, Hermanns & Katoen (2003), 'Model-checking algorithms for continuous-time
+Markov chains'.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ __all__ = [
 ]
 
 _TINY = 1e-299
-"""The width that bounds may have however small the value is."""
+"""Bounds may be this far apart even relative to smaller values, which are close to underflow."""
 
 
 def next_probability(
@@ -40,27 +41,34 @@ def next_probability(
 ) -> Values:
     """Probability that the first jump leads into `target` and happens within the window.
 
-    The time of the jump has an exponential distribution with the exit rate, and does not depend on where it leads.
+    The time of the jump is exponentially distributed with the exit rate, independently of the
+    successor.
     """
     engine = context.engine
     system = engine.system(engine.all)
     rates, value = system.row_sums(), system.embedded(system.one_step_probability(target))
     context.log.runs.append(SolverRun("transient", "one jump", system.n, 1))
-    sure, never = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
+    certain, impossible = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
     if window.trivial:
-        return system.lift(value, None, exact=True).choose(~(sure | never), engine.indicator(sure))
+        return system.lift(value, None, exact=True).choose(
+            ~(certain | impossible), engine.indicator(certain)
+        )
     _refuse_rationals(context)
     lower, upper = window.times()
     in_time = np.exp(-rates * lower) * (
         1.0 if upper is None else -np.expm1(-rates * (upper - lower))
     )
-    return system.lift(value * in_time, None, exact=True).choose(~never, engine.constant(0))
+    return system.lift(value * in_time, None, exact=True).choose(~impossible, engine.constant(0))
 
 
 def bounded_until(
     context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
 ) -> Values:
-    """Probability of left U[a,b] right: within `left` for time a, then left U<=b-a right (unbounded without b)."""
+    """Probability of `left U[a,b] right`.
+
+    Runs stay in `left` up to time a and satisfy `left U<=b-a right` from then on (without a bound
+    if there is no b).
+    """
     lower, upper = window.times()
     if lower == 0:
         return (
@@ -68,7 +76,8 @@ def bounded_until(
             if upper is None
             else _within(context, left, right, upper)
         )
-    # What follows time a is needed at all states that may be reached by then, and the two parts share the error.
+    # The values at time a are needed at all states that may be reached by then; the two
+    # computations share the error.
     context = context.with_epsilon(context.options.epsilon / 3)
     everywhere = replace(context, relevant_states=None)
     later = (
@@ -85,25 +94,33 @@ def bounded_complement(
     right: StateSet,
     window: Window,
     direction: Direction | None,
-    miss: Callable[[Context], Values],
+    unbounded: Callable[[Context], Values],
 ) -> Values:
-    """Probability of not (left U[a,b] right): time b - a without getting there, after time a in which `left` may end too.
+    """Probability of `!(left U[a,b] right)`.
 
-    Without an upper bound the first part is `miss`.
+    A run leaves `left` before time a, or satisfies `!(left U<=b-a right)` from then on; `unbounded`
+    computes the probability of the latter if there is no b.
     """
     lower, upper = window.times()
     if lower == 0 and upper is not None:
-        return _missing(context, left, right, upper)
+        return _complement_within(context, left, right, upper)
     context = context.with_epsilon(context.options.epsilon / 3)
     everywhere = replace(context, relevant_states=None)
-    later = miss(everywhere) if upper is None else _missing(everywhere, left, right, upper - lower)
+    later = (
+        unbounded(everywhere)
+        if upper is None
+        else _complement_within(everywhere, left, right, upper - lower)
+    )
     return later if lower == 0 else _delayed(context, left, later, lower, 1.0)
 
 
 def prob_greater_zero(
     context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
 ) -> StateSet | None:
-    """Where left U[a,b] right has a positive probability: any number of jumps happens within any time, however short."""
+    """States where `left U[a,b] right` has positive probability, by reachability.
+
+    Any number of jumps has a positive probability within any positive time.
+    """
     graph = context.engine.graph
     lower, upper = window.times()
     if upper == 0:
@@ -120,7 +137,7 @@ def cumulative_reward(
     assert time is not None
     system = context.engine.system(context.engine.all)
     states, rows = system.rewards(reward)
-    return _signed(context, None, states + rows, time)
+    return _sum_of_signs(context, None, states + rows, time)
 
 
 def instantaneous_reward(
@@ -129,7 +146,11 @@ def instantaneous_reward(
     """Expected state reward at time t."""
     system = context.engine.system(context.engine.all)
     states, _ = system.rewards(reward)
-    return system.lift(states, None) if time == 0 else _signed(context, states, None, float(time))
+    return (
+        system.lift(states, None)
+        if time == 0
+        else _sum_of_signs(context, states, None, float(time))
+    )
 
 
 def _refuse_rationals(context: Context) -> None:
@@ -140,28 +161,30 @@ def _refuse_rationals(context: Context) -> None:
 
 
 def _within(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
-    """Probability of left U<=t right."""
+    """Probability of `left U<=t right`."""
     engine = context.engine
     if time == 0:
         return engine.indicator(right)
     system = engine.system((left - right) & engine.graph.exists_until(left, right))
-    lower, upper = _values(context, system, time, gain=system.one_step_probability(right))
+    lower, upper = _transient_bounds(
+        context, system, time, reward_rate=system.one_step_probability(right)
+    )
     return system.lift(lower, np.minimum(upper, 1.0), [(right, 1.0)])
 
 
-def _missing(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
-    """Probability of not (left U<=t right)."""
+def _complement_within(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
+    """Probability of `!(left U<=t right)`."""
     engine = context.engine
     if time == 0:
         return engine.indicator(~right)
     possible = engine.graph.exists_until(left, right)
     system = engine.system((left - right) & possible)
-    lower, upper = _values(
+    lower, upper = _transient_bounds(
         context,
         system,
         time,
         terminal=np.ones(system.n),
-        gain=system.one_step_probability(~possible),
+        reward_rate=system.one_step_probability(~possible),
     )
     return system.lift(np.minimum(lower, 1.0), np.minimum(upper, 1.0), [(~possible, 1.0)])
 
@@ -169,46 +192,57 @@ def _missing(context: Context, left: StateSet, right: StateSet, time: float) -> 
 def _delayed(
     context: Context, left: StateSet, values: Values, time: float, outside: float = 0.0
 ) -> Values:
-    """The expected value at time t of runs that stay in `left` until then (`outside` for other runs)."""
+    """Expected value at time t over runs that stay in `left` until then; `outside` for others."""
     system = context.engine.system(left)
     low, high = values.at(left)
-    gain = system.one_step_probability(~left) if outside else None
-    lower, upper = _values(context, system, time, terminal=low, gain=gain)
+    reward_rate = system.one_step_probability(~left) if outside else None
+    lower, upper = _transient_bounds(context, system, time, terminal=low, reward_rate=reward_rate)
     if not values.exact:
-        _, upper = _values(context, system, time, terminal=high, gain=gain)
+        _, upper = _transient_bounds(context, system, time, terminal=high, reward_rate=reward_rate)
     return system.lift(lower, upper, [(~left, outside)])
 
 
-def _signed(context: Context, terminal: Floats | None, gain: Floats | None, time: float) -> Values:
-    """Transient values with rewards of both signs, one sign at a time, over the states that matter to them."""
+def _sum_of_signs(
+    context: Context, terminal: Floats | None, reward_rate: Floats | None, time: float
+) -> Values:
+    """Transient values for rewards of both signs: the difference of two non-negative solutions.
+
+    Each is computed over the states that can reach rewards of its sign.
+    """
     engine = context.engine
-    start = terminal if terminal is not None else gain
+    start = terminal if terminal is not None else reward_rate
     assert start is not None
     parts = []
     for sign in (1.0, -1.0):
-        some = np.maximum(sign * start, 0.0)
-        system = engine.system(engine.graph.exists_until(engine.all, engine.from_bools(some > 0)))
-        own = some[engine.to_bools(system.states)]
-        lower, upper = _values(
+        positive_part = np.maximum(sign * start, 0.0)
+        system = engine.system(
+            engine.graph.exists_until(engine.all, engine.from_bools(positive_part > 0))
+        )
+        rewards = positive_part[engine.to_bools(system.states)]
+        lower, upper = _transient_bounds(
             context,
             system,
             time,
-            terminal=None if terminal is None else own,
-            gain=None if gain is None else own,
+            terminal=None if terminal is None else rewards,
+            reward_rate=None if reward_rate is None else rewards,
         )
         parts.append(system.lift(lower, upper))
     return parts[0] if not np.any(start < 0) else parts[0].map("-", parts[1])
 
 
-def _values(
+def _transient_bounds(
     context: Context,
     system: System,
     time: float,
     *,
     terminal: Floats | None = None,
-    gain: Floats | None = None,
+    reward_rate: Floats | None = None,
 ) -> tuple[Floats, Floats]:
-    """Bounds on the solution of x' = Q x + gain, x(0) = terminal, at a time, over the states of the system."""
+    """Bounds on x(time) for x' = Q x + reward_rate, x(0) = terminal, over the states of the system.
+
+    Returns:
+        The lower and the upper bounds, float64[n] each.
+    """
     from symcheck.numerics.transient.uniformization import transient_values
 
     _refuse_rationals(context)
@@ -219,30 +253,35 @@ def _values(
     interest = None
     if context.relevant_states is not None:
         interest = np.flatnonzero(system.restrict(context.relevant_states))
-    found = transient_values(
+    transient = transient_values(
         rates,
         system.row_sums(),
         time,
         context.options,
         terminal=terminal,
-        gain=gain,
+        reward_rate=reward_rate,
         interest=interest,
         observer=context.observer,
     )
     seconds = perf_counter() - started
     context.log.runs.append(
         SolverRun(
-            "transient", "uniformisation", system.n, found.iterations, seconds, found.explanation
+            "transient",
+            "uniformisation",
+            system.n,
+            transient.iterations,
+            seconds,
+            transient.explanation,
         )
     )
-    _note_width(context, system, found.lower, found.upper, found.explanation)
-    return found.lower, found.upper
+    _note_width(context, system, transient.lower, transient.upper, transient.explanation)
+    return transient.lower, transient.upper
 
 
 def _note_width(
     context: Context, system: System, lower: Floats, upper: Floats, explanation: str
 ) -> None:
-    """Warn where the bounds are further apart than was asked for, at states that matter."""
+    """Warn if the bounds at relevant states are further apart than requested."""
     width = upper - lower
     if context.options.relative:
         width = np.maximum(width - _TINY, 0.0) / np.maximum(np.abs(upper), _TINY)

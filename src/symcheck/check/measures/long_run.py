@@ -1,4 +1,4 @@
-"""Long-run averages of Markov chains: the average of each bottom component, and who gets there.
+"""Long-run averages of Markov chains: averages of bottom components and reachability of these.
 
 Source: Baier & Katoen (2008), 10.1.2; Baier, Haverkort, Hermanns & Katoen (2003).
 """
@@ -23,16 +23,16 @@ from symcheck.semantics.rewards import Reward
 
 __all__ = ["steady_probability", "steady_reward"]
 
-Earned = Callable[[System], Numbers]
+RewardOf = Callable[[System], Numbers]
 
 
 def steady_probability(
     context: Context, states: StateSet, direction: Direction | None = None
 ) -> Values:
-    """Long-run share of the time that is spent in `states`, from each state.
+    """Long-run fraction of the time that is spent in `states`, from each state.
 
-    A bottom component has one average for all its states; a state outside has the average of those, weighted with the
-    probabilities of getting there.
+    All states of a bottom component have the same average; any other state has the mean of these
+    averages, weighted with the probabilities of reaching the components.
     """
     return _average(context, lambda system: system.restrict(states))
 
@@ -40,20 +40,20 @@ def steady_probability(
 def steady_reward(context: Context, reward: Reward, direction: Direction | None = None) -> Values:
     """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
 
-    def earned(system: System) -> Numbers:
+    def reward_of(system: System) -> Numbers:
         states, rows = system.rewards(reward)
         return states + rows
 
-    return _average(context, earned)
+    return _average(context, reward_of)
 
 
-def _average(context: Context, earned: Earned) -> Values:
+def _average(context: Context, reward_of: RewardOf) -> Values:
     engine = context.engine
     recurrent, low, high = (
         engine.none,
         *(full(engine.states, 0, exact=engine.exact) for _ in range(2)),
     )
-    for states, members, lower, upper in _components(context, earned):
+    for states, members, lower, upper in _components(context, reward_of):
         recurrent = recurrent | states
         low[members], high[members] = lower, upper
     system = engine.system(recurrent)
@@ -63,25 +63,28 @@ def _average(context: Context, earned: Earned) -> Values:
 
 
 def _components(
-    context: Context, earned: Earned
+    context: Context, reward_of: RewardOf
 ) -> Iterator[tuple[StateSet, Bools, Numbers, Numbers]]:
-    """Sets of bottom components with their members, and bounds on the average at each member."""
+    """Sets of recurrent states, with bounds on the average at each member.
+
+    All absorbing states form one set; every larger bottom component is a set.
+    """
     engine = context.engine
     if engine.has_rows:
-        # Absorbing states may be many: they are one set, with their own rewards as averages.
+        # There may be many absorbing states: they form one set, with their rewards as averages.
         parts = graph.bsccs(engine.system(engine.all).matrix)
         members = np.zeros(engine.states, bool)
         members[[int(p[0]) for p in parts if len(p) == 1]] = True
         absorbing = engine.from_bools(members)
-        own = earned(engine.system(absorbing))
-        yield absorbing, members, own, own
+        rewards = reward_of(engine.system(absorbing))
+        yield absorbing, members, rewards, rewards
         larger = [_indices(p, engine.states) for p in parts if len(p) > 1]
         sets = (engine.from_bools(m) for m in larger)
     else:
         sets = (s for s in engine.graph.bsccs())
     for states in sets:
         system = engine.system(states)
-        lower, upper = _component_average(context, system, earned(system))
+        lower, upper = _component_average(context, system, reward_of(system))
         yield states, engine.to_bools(states), system.full(lower), system.full(upper)
 
 
@@ -92,23 +95,23 @@ def _indices(states: np.ndarray[tuple[int, ...], np.dtype[np.int32]], n: int) ->
 
 
 def _component_average(context: Context, system: System, reward: Numbers) -> tuple[Any, Any]:
-    """Bounds on the average in a bottom component; no numbers are needed where the reward is the same everywhere."""
+    """Bounds on the average of a bottom component, whose reward itself if it is constant."""
     from symcheck.numerics.long_run.stationary import long_run_average
 
     if reward.min() == reward.max():
         return reward[0], reward[0]
     started = perf_counter()
-    found = long_run_average(system.matrix, reward, context.options, context.observer)
+    average = long_run_average(system.matrix, reward, context.options, context.observer)
     seconds = perf_counter() - started
     context.log.runs.append(
         SolverRun(
             "steady",
             "long-run average",
             system.n,
-            found.iterations,
+            average.iterations,
             seconds,
-            found.explanation,
-            found.certified,
+            average.explanation,
+            average.certified,
         )
     )
-    return found.lower, found.upper
+    return average.lower, average.upper

@@ -1,4 +1,4 @@
-"""Long-run averages of Markov decision processes: the least and the greatest over all strategies.
+"""Least and greatest long-run averages of Markov decision processes over all strategies.
 
 See `symcheck.numerics.long_run.mean_payoff` for the method and its sources.
 """
@@ -29,7 +29,7 @@ __all__ = ["steady_probability", "steady_reward"]
 
 
 def steady_probability(context: Context, states: StateSet, direction: Direction | None) -> Values:
-    """Long-run share of the steps that are spent in `states`, at least or at most: certified."""
+    """Least or greatest long-run fraction of the steps that are spent in `states`, certified."""
     system = context.engine.system(context.engine.all)
     return _average(
         context, system, per_row(system, system.restrict(states)), direction, share=True
@@ -37,7 +37,7 @@ def steady_probability(context: Context, states: StateSet, direction: Direction 
 
 
 def steady_reward(context: Context, reward: Reward, direction: Direction | None) -> Values:
-    """Long-run average of the reward per step, at least or at most: certified."""
+    """Least or greatest long-run average of the reward per step, certified."""
     system = context.engine.system(context.engine.all)
     states, rows = system.rewards(reward)
     return _average(
@@ -49,7 +49,7 @@ def _average(
     context: Context, system: System, rewards: Numbers, direction: Direction | None, *, share: bool
 ) -> Values:
     from symcheck.numerics.linear.methods import solve_linear
-    from symcheck.numerics.long_run.mean_payoff import component_gains, ending
+    from symcheck.numerics.long_run.mean_payoff import component_gains, mec_quotient
 
     assert direction is not None
     if context.options.fairness:
@@ -59,69 +59,81 @@ def _average(
     if is_infinite(rewards).any():
         raise UnsupportedError("long-run averages of infinite rewards are not supported")
     started, options, observer = perf_counter(), context.options, context.observer
-    # Averages near 0 of rewards of both signs are sums that cancel: all is done more finely for them.
+    # With rewards of both signs, averages near 0 result from cancellation: use a smaller epsilon.
     finer = (
         replace(options, epsilon=1e-4 * options.epsilon)
         if rewards.min(initial=0.0) < 0
         else options
     )
     gains = component_gains(system.matrix, rewards, direction, finer, observer)
-    # Averages that may be negative are moved up: a strategy ends with probability 1, so that the values move by as much.
-    # Rational equations may have negative constants, as all strategies end.
+    # Averages that may be negative are shifted up: every strategy stays in some end component with
+    # probability 1, so the values are shifted by the same amount. Rational equations may have
+    # negative constants.
     negative = not context.engine.exact and gains.lower.min() < 0
     shift = 2 * np.abs(gains.lower).max() if negative else 0
-    moved = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
-    part = ending(system.matrix, moved, direction)
-    given = float(((moved.upper - moved.lower) / np.maximum(moved.upper, 1e-300)).max(initial=0.0))
+    shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
+    quotient = mec_quotient(system.matrix, shifted, direction)
+    gain_error = float(
+        ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
+    )
     accuracy = Accuracy(
         method=options.method,
-        epsilon=max(finer.epsilon, 4.0 * given),
+        epsilon=max(finer.epsilon, 4.0 * gain_error),
         relative=options.relative,
         certify=options.certify,
         max_iterations=options.max_iterations,
     )
-    found = solve_linear(part.problem, accuracy, observer)
-    lower, upper = found.lower[part.place], found.upper[part.place]
+    found = solve_linear(quotient.problem, accuracy, observer)
+    lower, upper = found.lower[quotient.state], found.upper[quotient.state]
     exact = found.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
     if not exact:
-        # The shift is rounded, and so is what is exact up to rounding only.
-        slip = (ROUNDING if found.exact else 2.0**-51) * upper
-        lower, upper = lower - slip - shift, upper + slip - shift
+        # The shift is rounded, and so are values that are exact up to rounding.
+        rounding_error = (ROUNDING if found.exact else 2.0**-51) * upper
+        lower, upper = lower - rounding_error - shift, upper + rounding_error - shift
     if share:
         lower, upper = np.clip(lower, 0, 1), np.clip(upper, 0, 1)
     count = gains.parts.count
-    about = f"{count} end component{'s' * (count != 1)}, the largest of {max(1, gains.largest)} states; {found.explanation}"
+    explanation = (
+        f"{count} end component{'s' * (count != 1)}, "
+        f"the largest of {max(1, gains.largest)} states; {found.explanation}"
+    )
     run = SolverRun(
         "steady",
         "mean payoff",
         system.n,
         gains.iterations + found.iterations,
         perf_counter() - started,
-        about,
+        explanation,
         found.certified,
     )
     context.log.runs.append(run)
     _note_width(context, lower, upper)
     values = system.lift(
-        found.middle[part.place] if exact else lower, None if exact else upper, exact=exact
+        found.middle[quotient.state] if exact else lower, None if exact else upper, exact=exact
     )
-    return _certain(context, gains, values, direction) if share else values
+    return _with_qualitative(context, gains, values, direction) if share else values
 
 
-def _certain(context: Context, gains: Gains, values: Values, direction: Direction) -> Values:
-    """Shares with 0 and 1 exactly where the graph gives them: all ends are such, or (the best) some that are reached for certain."""
+def _with_qualitative(
+    context: Context, gains: Gains, values: Values, direction: Direction
+) -> Values:
+    """The values, with exactly 0 and 1 where graph analysis decides them.
+
+    The best value is taken where its end components are reached almost surely, the worst one where
+    no other end component can be reached.
+    """
     graph = context.engine.graph
     sure = {v: (gains.lower == v) & (gains.upper == v) for v in (0.0, 1.0)}
     best, worst = (1.0, 0.0) if direction is Direction.MAX else (0.0, 1.0)
     found = {
-        best: graph.prob1(context.engine.all, _ends(context, gains, sure[best]), Direction.MAX),
-        worst: ~graph.exists_until(context.engine.all, _ends(context, gains, ~sure[worst])),
+        best: graph.prob1(context.engine.all, _members(context, gains, sure[best]), Direction.MAX),
+        worst: ~graph.exists_until(context.engine.all, _members(context, gains, ~sure[worst])),
     }
     return values.choose(~(found[0.0] | found[1.0]), context.engine.indicator(found[1.0]))
 
 
-def _ends(context: Context, gains: Gains, chosen: Bools) -> StateSet:
-    """The states of some end components."""
+def _members(context: Context, gains: Gains, chosen: Bools) -> StateSet:
+    """The states of the chosen end components."""
     inside = gains.parts.of >= 0
     members = np.zeros(len(inside), np.bool_)
     members[inside] = chosen[gains.parts.of[inside]]

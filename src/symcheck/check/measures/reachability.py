@@ -1,7 +1,7 @@
 """Reachability: the states that graph analysis decides, and the equations of the others.
 
-Sources: Baier & Katoen (2008), 10.1.1 and 10.6.1; for rewards, Forejt, Kwiatkowska, Norman & Parker (2011),
-'Automated verification techniques for probabilistic systems', section 4.
+Sources: Baier & Katoen (2008), 10.1.1 and 10.6.1; for rewards, Forejt, Kwiatkowska, Norman & Parker
+(2011), 'Automated verification techniques for probabilistic systems', section 4.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["boundary_values", "reach_reward", "until"]
 
 
 def until(context: Context, left: StateSet, right: StateSet, direction: Direction | None) -> Values:
-    """Probability of `left U right` from each state; 0 and 1 exactly where graph analysis finds them.
+    """Probability of `left U right` from each state; graph analysis gives 0 and 1 exactly.
 
     Args:
         context: the engine, the options and the log.
@@ -42,8 +42,8 @@ def reach_reward(
 ) -> Values:
     """Expected reward until `target` is reached.
 
-    Infinite where `target` is not reached almost surely ('max': under some strategy, 'min': under all), and where an
-    infinite reward is met before.
+    Infinite where `target` is not reached almost surely ('max': under some strategy, 'min': under
+    all), and where an infinite reward may be earned before.
 
     Args:
         context: the engine, the options and the log.
@@ -67,7 +67,10 @@ def reach_reward(
 
 
 def boundary_values(context: Context, states: StateSet, outside: Values) -> Values:
-    """The expected value of `outside` at the state by which a run leaves `states`, which it must do almost surely (chains)."""
+    """Expected value of `outside` at the first state that a run visits outside of `states`.
+
+    For chains that leave `states` almost surely.
+    """
     system = context.engine.system(states)
     low, high = (system.embedded(v) for v in system.one_step_values(outside))
     equations = system.equations(low, None if outside.exact else high, probability=False)

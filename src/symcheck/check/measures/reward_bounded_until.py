@@ -1,8 +1,9 @@
 """Path formulas with bounds on rewards: `F^{rew{"r"}<=k} a`, and the same for U, G, W, R and X.
 
-A run satisfies `a U^{rew{"r"}<=k} b` where `b` holds in some state, `a` in all before, and the reward of these states and
-of the transitions between is at most k. So the reward of the state in which `b` holds is not counted, that of the step into
-it is. Storm and the quantitative verification benchmarks have it so.
+A run satisfies `a U^{rew{"r"}<=k} b` if `b` holds in some state, `a` holds in all states before it,
+and the reward of these states and of the transitions up to it is at most k. So the reward of the
+state in which `b` holds is not counted, but that of the step into it is. Storm and the quantitative
+verification benchmarks use the same definition.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.reward_scaling import Limits, main_first, scaled
+from symcheck.check.measures.reward_scaling import ScaledBound, dimension_order, scale_bound
 from symcheck.check.measures.step_bounded import best, per_row
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from symcheck.numerics.reward_bounds.epoch_system import RewardBoundedReachability
     from symcheck.numerics.reward_bounds.epochs import EpochValues
 
-__all__ = ["check_even", "reward_bounded_next", "reward_bounded_until"]
+__all__ = ["check_uniform_rewards", "reward_bounded_next", "reward_bounded_until"]
 
 
 def reward_bounded_until(
@@ -46,11 +47,25 @@ def reward_bounded_until(
     counts: Sequence[Count],
     direction: Direction | None,
 ) -> Values:
-    """(Least or greatest) probability of `left U right` with every reward within its bounds when `right` is reached.
+    """Probability of `left U right` with every reward within its bounds when `right` is reached.
 
-    Strategies may remember the rewards. Rewards must be multiples of a common step, and not negative; of a CTMC, rewards of
-    transitions only. Several bounds: all but one are counted in the states. Certified, rounding included. Raises
-    UnsupportedError where a reward is of another kind, naming it, and MemoryLimitError.
+    Strategies may depend on the rewards so far. All bounds but one are unfolded into the states.
+
+    Args:
+        context: the engine, the options and the log.
+        left, right: the states of the until formula.
+        counts: the bounded rewards: non-negative multiples of a common step; for a CTMC, rewards of
+            transitions only.
+        direction: minimise or maximise over strategies; None for a chain.
+
+    Returns:
+        Values in [0, 1], certified, rounding included.
+
+    Raises:
+        UnsupportedError: a reward is not a non-negative multiple of a common step, or a CTMC has
+            state rewards.
+        MemoryLimitError: the epochs or the unfolded model do not fit into memory.
+
     """
     engine = context.engine
     _supported(context, direction)
@@ -70,15 +85,15 @@ def reward_bounded_until(
     if system.n == 0:
         return engine.constant(0)
     started = perf_counter()
-    limits = [scaled(context, system, row_rewards(context, system, c), c) for c in counts]
-    if any(limit.empty for limit in limits):
+    bounds = [scale_bound(context, system, row_rewards(context, system, c), c) for c in counts]
+    if any(bound.empty for bound in bounds):
         return engine.constant(0)
-    limits.sort(key=main_first)
-    problem = _problem(context, system, left, right, limits[0], direction)
+    bounds.sort(key=dimension_order)
+    problem = _problem(context, system, left, right, bounds[0], direction)
     n = problem.matrix.states
-    for i, limit in enumerate(limits[1:], 1):
-        problem, rows = unfold_reward_dimension(problem, limit.rewards, limit.lower, limit.upper)
-        limits[i + 1 :] = [replace(later, rewards=later.rewards[rows]) for later in limits[i + 1 :]]
+    for i, bound in enumerate(bounds[1:], 1):
+        problem, rows = unfold_reward_dimension(problem, bound.rewards, bound.lower, bound.upper)
+        bounds[i + 1 :] = [replace(later, rewards=later.rewards[rows]) for later in bounds[i + 1 :]]
     found = solve_epochs(problem, context.options, context.observer)
     first = slice(None, None, problem.matrix.states // n)
     _note(context, found, problem, perf_counter() - started)
@@ -88,29 +103,28 @@ def reward_bounded_until(
 def reward_bounded_next(
     context: Context, target: StateSet, counts: Sequence[Count], direction: Direction | None
 ) -> Values:
-    """Probability that the next state is in `target`, and the reward of the step within its bounds."""
+    """Probability that the next state is in `target` and the reward of the step in its bounds."""
     engine = context.engine
     _supported(context, direction)
     system = engine.system(engine.all)
     allowed = np.ones(len(system.row_sums()), np.bool_)
     for count in counts:
-        limit = scaled(context, system, row_rewards(context, system, count), count)
-        allowed &= limit.rewards >= limit.lower
-        if limit.upper is not None:
-            allowed &= limit.rewards <= limit.upper
-    into = system.one_step_probability(target)
+        bound = scale_bound(context, system, row_rewards(context, system, count), count)
+        allowed &= bound.rewards >= bound.lower
+        if bound.upper is not None:
+            allowed &= bound.rewards <= bound.upper
+    chances = system.one_step_probability(target)
     if engine.model.type is ModelType.CTMC:
-        into = into / system.row_sums()
+        chances = chances / system.row_sums()
     sure = engine.to_bools(engine.graph.all_successors_in(target))
-    chances = into.copy()
     chances[per_row(system, sure)] = Fraction(1)
     chances[~allowed] = Fraction(0)
     values = best(chances, system, direction)
     context.log.runs.append(SolverRun("steps", "one step", system.n, 1))
     if engine.exact:
         return system.lift(values, None)
-    slip = 0.25 * ROUNDING * np.where((values == 0) | (values == 1), 0.0, values)
-    return _lift(context, system, values - slip, np.minimum(values + slip, 1.0))
+    rounding_error = 0.25 * ROUNDING * np.where((values == 0) | (values == 1), 0.0, values)
+    return _lift(context, system, values - rounding_error, np.minimum(values + rounding_error, 1.0))
 
 
 def _supported(context: Context, direction: Direction | None) -> None:
@@ -128,26 +142,35 @@ def row_rewards(context: Context, system: System, count: Count) -> Numbers:
     states, rows = system.rewards(count.reward)
     if kind is ModelType.CTMC and states.any():
         raise UnsupportedError(
-            "a bound on state rewards of a ctmc, which are gathered per unit of time, is not supported; one on rewards of transitions is"
+            "a bound on state rewards of a ctmc, which are earned per unit of time, is not "
+            "supported; a bound on transition rewards is"
         )
-    check_even(context, count.reward, paying=bool(rows.any()))
+    check_uniform_rewards(context, count.reward, paying=bool(rows.any()))
     if kind is ModelType.CTMC:
         rows = rows / system.row_sums()
     return np.asarray(per_row(system, states) + rows)
 
 
-def check_even(context: Context, reward: Reward, *, paying: bool) -> None:
-    """Raise UnsupportedError where transitions of one state (choice) have different rewards: only their average is known here.
+def check_uniform_rewards(context: Context, reward: Reward, *, paying: bool) -> None:
+    """Check that the transitions of each row have the same reward, as only their mean is stored.
 
-    In a chain, commands of different actions are one row. `paying`: whether some row has a transition reward.
+    In a chain, the commands of all actions of a state are one row.
+
+    Args:
+        context: the engine.
+        reward: the reward.
+        paying: whether some row has a transition reward.
+
+    Raises:
+        UnsupportedError: the rewards of a row differ, or it is not known whether they do.
     """
     model = context.engine.model
     items = [i for i in reward_items(reward, model) if not i.on_states]
     if not items:
         if paying:
             raise UnsupportedError(
-                "a bound on the transition rewards of a model that was read state by state is not supported: "
-                "they may differ within a choice"
+                "a bound on the transition rewards of a model that was read from explicit files is "
+                "not supported: they may differ within a choice"
             )
         return
     if model.type is ModelType.MDP:
@@ -160,7 +183,8 @@ def check_even(context: Context, reward: Reward, *, paying: bool) -> None:
     if uneven:
         where = context.example(uneven)
         raise UnsupportedError(
-            f"a bound on a reward that differs between the transitions of one state is not supported, as in {where}"
+            "a bound on a reward that differs between the transitions of one state is not "
+            f"supported, as in {where}"
         )
 
 
@@ -199,7 +223,7 @@ def _problem(
     system: System,
     left: StateSet,
     right: StateSet,
-    limit: Limits,
+    bound: ScaledBound,
     direction: Direction | None,
 ) -> RewardBoundedReachability:
     from symcheck.numerics.reward_bounds.epoch_system import RewardBoundedReachability
@@ -216,11 +240,11 @@ def _problem(
     return RewardBoundedReachability(
         matrix,
         leave,
-        limit.rewards,
+        bound.rewards,
         members(left),
         members(right),
-        limit.lower,
-        limit.upper,
+        bound.lower,
+        bound.upper,
         direction,
     )
 
@@ -243,7 +267,7 @@ def _note(
 
 
 def _lift(context: Context, system: System, lower: Numbers, upper: Numbers) -> Values:
-    """Values that are as near as rounding allows are so called; wider ones than were asked for get a warning."""
+    """Bounds as values: exact if only rounding separates them; warn if wider than requested."""
     if context.engine.exact:
         return system.lift(lower, None)
     width = upper - lower
@@ -255,13 +279,14 @@ def _lift(context: Context, system: System, lower: Numbers, upper: Numbers) -> V
     if float(relative.max(initial=0.0)) > ROUNDING:
         return system.lift(lower, upper)
     values = system.lift(0.5 * (lower + upper), None, exact=True)
-    # What is 0 or 1 for certain is no matter of rounding.
+    # Bounds of 0 and 1 are exact without rounding.
     ones = context.engine.from_bools(_spread(context, system, lower == 1.0))
     zeros = context.engine.from_bools(_spread(context, system, upper == 0.0))
     return values.choose(~(ones | zeros), context.engine.indicator(ones))
 
 
-def _spread(context: Context, system: System, own: Bools) -> Bools:
+def _spread(context: Context, system: System, of_system: Bools) -> Bools:
+    """A set of states of the system as a set of all states: bool[system.n] -> bool[n]."""
     members = np.zeros(context.engine.states, np.bool_)
-    members[np.flatnonzero(context.engine.to_bools(system.states))[own]] = True
+    members[np.flatnonzero(context.engine.to_bools(system.states))[of_system]] = True
     return members

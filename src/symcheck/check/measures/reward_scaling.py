@@ -1,4 +1,4 @@
-"""Bounds on rewards in whole steps: rewards that are multiples of a common step are counted in it."""
+"""Reward bounds in whole steps, for rewards that are multiples of a common step."""
 
 from __future__ import annotations
 
@@ -16,17 +16,23 @@ from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.time_bounds import Count, Window
 
-__all__ = ["Limits", "common_step", "in_steps", "main_first", "scaled"]
+__all__ = ["ScaledBound", "common_step", "dimension_order", "in_steps", "scale_bound"]
 
 _DENOMINATOR = 1_000_000
 _LEVELS = 100_000_000
 _NEAR = 8 * 2.0**-53
-"""How far a reward, a sum of few doubles, may be from the fraction that it is taken for (relative)."""
+"""Largest relative distance of a reward, a sum of few doubles, from the fraction it stands for."""
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
-    """A reward per row in whole steps, and from how many to how many (None: any number) there may be."""
+class ScaledBound:
+    """A bounded reward in whole steps.
+
+    Attributes:
+        rewards: the reward of each row, int64[rows].
+        lower: the least total reward.
+        upper: the greatest total reward; None: no upper bound.
+    """
 
     rewards: Int64s = field(repr=False)
     lower: int
@@ -39,21 +45,23 @@ class Limits:
 
     @property
     def levels(self) -> int:
-        """How many budgets there are."""
+        """The number of budgets."""
         return (self.lower if self.upper is None else self.upper) + 1
 
 
-def main_first(limit: Limits) -> tuple[bool, int]:
-    """A key to sort by: first what is counted level by level; the others are counted in the states.
+def dimension_order(bound: ScaledBound) -> tuple[bool, int]:
+    """A sort key of dimensions.
 
-    That must be one with an end wherever one has an end: without, the lowest level is reachability without limits, where no
-    mass may be missing, and copies that count up to an end lose some. Of several, the one with the most levels.
+    The first dimension is unfolded level by level; the remaining ones are encoded in the product
+    states. If some dimension has an upper bound, the first one must have one: otherwise its lowest
+    level is unbounded reachability, which requires rows that sum to 1, and rows of an encoded
+    dimension lose mass beyond its upper bound. Among these, the one with the most levels is first.
     """
-    return limit.upper is None, -limit.levels
+    return bound.upper is None, -bound.levels
 
 
 def in_steps(window: Window, step: Fraction) -> tuple[int, int | None]:
-    """The bounds, in steps of that size."""
+    """The lower and the upper bound of a window as whole numbers of steps."""
     lower = floor(window.lower / step) + 1 if window.lower_strict else ceil(window.lower / step)
     if window.upper is None:
         return lower, None
@@ -63,7 +71,7 @@ def in_steps(window: Window, step: Fraction) -> tuple[int, int | None]:
 
 
 def common_step(values: list[Fraction]) -> Fraction:
-    """The greatest number that all (not negative) values are multiples of; 1 where all are 0."""
+    """The greatest common divisor of non-negative fractions; 1 if all are 0."""
     some = [v for v in values if v]
     if not some:
         return Fraction(1)
@@ -71,10 +79,18 @@ def common_step(values: list[Fraction]) -> Fraction:
     return Fraction(reduce(gcd, (int(v * denominator) for v in some)), denominator)
 
 
-def scaled(context: Context, system: System, rewards: Numbers, count: Count) -> Limits:
-    """Rewards (float64[rows]) and bounds in whole steps.
+def scale_bound(context: Context, system: System, rewards: Numbers, count: Count) -> ScaledBound:
+    """A bounded reward in whole steps.
 
-    Raises UnsupportedError where a reward is negative, infinite or no multiple of a common step, and names it with a state.
+    Args:
+        context: the engine.
+        system: the states and rows of the rewards.
+        rewards: float64[rows], or rationals.
+        count: the reward and its bounds.
+
+    Raises:
+        UnsupportedError: a reward is negative, infinite or not a multiple of a common step. The
+            message names the reward and a state.
     """
     distinct, inverse = np.unique(rewards, return_inverse=True)
     exact = context.engine.exact
@@ -83,46 +99,49 @@ def scaled(context: Context, system: System, rewards: Numbers, count: Count) -> 
     for i, v in enumerate(distinct.tolist()):
         nearest = represented(Fraction(v)) if isfinite(v) and v >= 0 else None
         if nearest is None:
-            raise _refused(context, system, v, int(np.flatnonzero(inverse == i)[0]))
+            raise _not_a_multiple(context, system, v, int(np.flatnonzero(inverse == i)[0]))
         values.append(nearest)
     step = common_step(values)
-    lower, upper = in_steps(count.window if exact else _meant(count.window), step)
-    if max(lower, upper or 0) > _LEVELS:
+    lower, upper = in_steps(count.window if exact else _as_fractions(count.window), step)
+    largest = max(lower, upper or 0)
+    if largest > _LEVELS:
         raise UnsupportedError(
-            f"a bound of {max(lower, upper or 0):,} steps of {step}, the greatest number that all rewards are multiples of, is too fine\n"
+            f"a bound of {largest:,} steps of {step}, the greatest common divisor of all "
+            "rewards, is too large\n"
             "  hint: round the rewards to fewer digits"
         )
     steps = np.array([min(int(v / step), _LEVELS + 1) for v in values], dtype=np.int64)
-    return Limits(steps[inverse], lower, upper)
+    return ScaledBound(steps[inverse], lower, upper)
 
 
 def _fraction(value: Fraction) -> Fraction | None:
-    """The fraction with a small denominator that a double stands for."""
+    """The fraction with a small denominator that a double stands for; None if there is none."""
     nearest = value.limit_denominator(_DENOMINATOR)
     return nearest if abs(nearest - value) <= _NEAR * abs(value) else None
 
 
-def _meant(window: Window) -> Window:
-    """The bounds, where they were computed in floating point (such as 4/3), as the fractions that they stand for."""
+def _as_fractions(window: Window) -> Window:
+    """The window with bounds that were computed in floating point, such as 4/3, as fractions."""
     upper = window.upper if window.upper is None else _fraction(window.upper) or window.upper
     return replace(window, lower=_fraction(window.lower) or window.lower, upper=upper)
 
 
-def _refused(
+def _not_a_multiple(
     context: Context, system: System, value: float | Fraction, row: int
 ) -> UnsupportedError:
     groups = system.groups
-    place = row if groups is None else int(np.searchsorted(groups, row, side="right")) - 1
+    index = row if groups is None else int(np.searchsorted(groups, row, side="right")) - 1
     members = np.zeros(context.engine.states, np.bool_)
-    members[np.flatnonzero(context.engine.to_bools(system.states))[place]] = True
+    members[np.flatnonzero(context.engine.to_bools(system.states))[index]] = True
     state = context.example(context.engine.from_bools(members))
-    what = (
+    description = (
         "negative"
         if value < 0
         else "infinite"
         if isinf(value)
-        else "no fraction with a denominator up to a million"
+        else "not a fraction with a denominator up to a million"
     )
     return UnsupportedError(
-        f"a bound on a reward needs rewards that are multiples of a common step: {value} in state {state} is {what}"
+        "a bound on a reward needs rewards that are multiples of a common step: "
+        f"{value} in state {state} is {description}"
     )

@@ -1,7 +1,8 @@
-"""Measures in a given number of steps, for a DTMC (one row per state) and an MDP (a row per choice) alike.
+"""Step-bounded measures of DTMCs (one row per state) and MDPs (one row per choice).
 
-Every step is one product with the matrix. All terms are non-negative in probabilities, so that the rounding error stays
-relative: about (entries per row + 1) * 2**-53 per step, far below 1e-12 for thousands of steps.
+Every step is one product with the matrix. All terms of a probability are non-negative, so
+the rounding error is relative: about (entries per row + 1) * 2**-53 per step, far below 1e-12 for
+thousands of steps.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _UNIT = 2.0**-53
 
 
 def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
-    """A value per state from a value per row: the least or the greatest of its choices. float64[rows] -> float64[n]."""
+    """The least or greatest value of the rows of each state: float64[rows] -> float64[n]."""
     groups = system.groups
     if groups is None or len(rows) == 0:
         return rows
@@ -47,7 +48,7 @@ def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
 def next_probability(
     context: Context, target: StateSet, window: Window, direction: Direction | None
 ) -> Values:
-    """Probability that the first step leads into `target` (0 where the window leaves step 1 out)."""
+    """Probability that the first step leads into `target` (0 if step 1 is not in the window)."""
     engine = context.engine
     steps = window.steps()
     if steps.lower > 1 or (steps.upper is not None and steps.upper < 1):
@@ -55,7 +56,7 @@ def next_probability(
     system = engine.system(engine.all)
     _note(context, system.n, 1)
     value = best(system.one_step_probability(target), system, direction)
-    # Where all successors are in the target, or none, the answer is certain: summing must not blur it.
+    # If all or none of the successors are in the target, the value is exact in spite of rounding.
     sure = engine.graph.all_successors_in(target)
     never = ~engine.graph.predecessors(target)
     rest = system.lift(value, None, exact=True)
@@ -69,9 +70,9 @@ def bounded_until(
     window: Window,
     direction: Direction | None,
 ) -> Values:
-    """Probability of left U[a,b] right: b - a steps towards `right`, then a steps within `left`.
+    """Probability of `left U[a,b] right`: b - a steps of the bounded until, then a steps in `left`.
 
-    Without an upper bound the first part is `until`.
+    Without an upper bound, the first part is the unbounded until.
     """
     steps = window.steps()
     if steps.upper is None:
@@ -87,7 +88,7 @@ def bounded_until(
 def prob_greater_zero(
     context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
 ) -> StateSet | None:
-    """None: products of positive numbers are positive and zeros are exact, so that numbers tell."""
+    """None: the values decide, as products of positive numbers are positive and zeros are exact."""
     return None
 
 
@@ -97,15 +98,16 @@ def bounded_complement(
     right: StateSet,
     window: Window,
     direction: Direction | None,
-    miss: Callable[[Context], Values],
+    unbounded: Callable[[Context], Values],
 ) -> Values:
-    """Probability of not (left U[a,b] right): b - a steps without getting there, then a steps in which `left` may end too.
+    """Probability of `!(left U[a,b] right)`.
 
-    Without an upper bound the first part is `miss`.
+    A run leaves `left` in the first a steps, or satisfies `!(left U<=b-a right)` after them;
+    `unbounded` computes the probability of the latter if there is no b.
     """
     steps = window.steps()
     if steps.upper is None:
-        values = miss(context)
+        values = unbounded(context)
     else:
         possible = context.engine.graph.exists_until(left, right)
         values = _within(
@@ -124,7 +126,10 @@ def _within(
     direction: Direction | None,
     end: int,
 ) -> Values:
-    """Probability of reaching `goal` through `between` within so many steps; runs that are still between count as `end`."""
+    """Probability of reaching `goal` through `between` within `steps` steps.
+
+    Runs that are still in `between` then count as `end`.
+    """
     engine = context.engine
     system = engine.system(between)
     enter = system.one_step_probability(goal)
@@ -148,7 +153,7 @@ def _delayed(
     direction: Direction | None,
     outside: int,
 ) -> Values:
-    """The expected value after `steps` steps, all of which begin in `left` (`outside` for other runs)."""
+    """Expected value after `steps` steps that all start in `left`; `outside` for other runs."""
     system = context.engine.system(left)
     lost = outside * system.one_step_probability(~left)
 
@@ -175,7 +180,7 @@ def _delayed(
 def cumulative_reward(
     context: Context, reward: Reward, window: Window, direction: Direction | None
 ) -> Values:
-    """Expected reward of the first k steps: rewards of the states that are left and of the transitions taken."""
+    """Expected reward of the first k steps: of their source states and of their transitions."""
     steps = window.steps().upper
     assert steps is not None
     engine = context.engine
@@ -229,7 +234,7 @@ def _lift(
     rest: list[tuple[StateSet, float]],
     steps: int,
 ) -> Values:
-    """Values with the rounding of so many steps taken into account."""
+    """Values that include the rounding error of the given number of steps."""
     entries = context.engine.transitions / max(1, context.engine.choices)
     rounding = steps * 2 * (entries + 2) * _UNIT
     if context.engine.exact or rounding <= ROUNDING:

@@ -1,4 +1,4 @@
-"""Total expected reward for ever."""
+"""Total expected reward over infinite runs."""
 
 from __future__ import annotations
 
@@ -19,11 +19,15 @@ __all__ = ["total_reward"]
 
 
 def total_reward(context: Context, reward: Reward, direction: Direction | None) -> Values:
-    """Expected reward for ever, from each state; rewards must not be negative.
+    """Total expected reward from each state, for non-negative rewards.
 
-    Without choices: infinite unless the states from which no reward comes any more are reached almost surely, so that it
-    is the reward until those. 'min': the same with the states where some strategy can stay for ever for free.
-    'max': infinite where an end component with a reward can be reached. Raises UnsupportedError for negative rewards.
+    In a chain, it is the expected reward until the states from which no reward can be earned; it
+    is infinite where these are not reached almost surely. The least one of an MDP is that until the
+    end components without reward. The greatest one is infinite where an end component with a reward
+    can be reached.
+
+    Raises:
+        UnsupportedError: a reward is negative.
     """
     engine = context.engine
     whole = engine.system(engine.all)
@@ -34,19 +38,21 @@ def total_reward(context: Context, reward: Reward, direction: Direction | None) 
     if direction is Direction.MAX:
         return _greatest(context, reward, whole, per_step)
     if direction is Direction.MIN:
-        return reach_reward(context, reward, _free(context, whole, per_step == 0), direction)
+        return reach_reward(
+            context, reward, _reward_free_mecs(context, whole, per_step == 0), direction
+        )
     rewarding = engine.from_bools(per_step > 0)
     return reach_reward(context, reward, ~engine.graph.exists_until(engine.all, rewarding), None)
 
 
-def _free(context: Context, whole: System, costless: Bools) -> StateSet:
+def _reward_free_mecs(context: Context, whole: System, reward_free: Bools) -> StateSet:
     """States in an end component whose rows carry no reward."""
-    parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool), costless)
+    parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool), reward_free)
     return context.engine.from_bools(parts.of >= 0)
 
 
 def _greatest(context: Context, reward: Reward, whole: System, per_step: Numbers) -> Values:
-    """The greatest total reward: end components without reward become places where a run may stay, with value 0."""
+    """The greatest total reward; a run may stay in end components without reward, with value 0."""
     engine = context.engine
     parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool))
     paying = engine.from_bools(

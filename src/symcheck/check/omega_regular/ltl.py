@@ -1,8 +1,9 @@
 """LtlFactory of linear time, by way of deterministic automata.
 
-The product of the model with an automaton of the formula has the same probabilities as the model, and whether a run
-satisfies the formula can be seen from where it ends up: in a bottom component (a Markov chain) or an end component (an
-MDP) that the automaton accepts. Sources: Baier & Katoen (2008), 10.3 and 10.6.4; de Alfaro (1997); Baier (1998), chapter 9.
+The product of the model with an automaton of the formula has the same probabilities as the model,
+and whether a run satisfies the formula can be seen from where it ends up: in a bottom component (a
+Markov chain) or an end component (an MDP) that the automaton accepts. Sources: Baier & Katoen
+(2008), 10.3 and 10.6.4; de Alfaro (1997); Baier (1998), chapter 9.
 """
 
 from __future__ import annotations
@@ -27,16 +28,20 @@ from symcheck.syntax.ast import Expression, ModelType
 __all__ = ["as_until", "co_safe_reward", "linear_product", "path_probability_ltl"]
 
 _BITS = 8
-"""Up to so many atoms, letters of the product are valuations of the atoms; of more, only those that occur are numbered."""
+"""Up to so many atoms, letters of the product are valuations of the atoms; of more, only those that
+occur are numbered.
+"""
 _LETTERS = 1 << 14
 
 
 def path_probability_ltl(
     context: Context, path: TemporalPath, direction: Direction | None
 ) -> Values:
-    """Probability of a formula of linear time at each state: the only (None) or the greatest ('max') one.
+    """Probability of a formula of linear time at each state: the only (None) or the greatest
+    ('max') one.
 
-    Raises UnsupportedError where the automaton would be too large, and for bounds on time within such formulas.
+    Raises UnsupportedError where the automaton would be too large, and for bounds on time within
+    such formulas.
     """
     product, pairs = linear_product(context, path)
     inner = replace(context, engine=product.engine)
@@ -45,7 +50,9 @@ def path_probability_ltl(
 
 
 def as_until(context: Context, path: TemporalPath) -> UntilPath | None:
-    """The path formula as `left U right` over sets of states, if it is found to be no more: F (a U b) is F b."""
+    """The path formula as `left U right` over sets of states, if it is found to be no more: F (a U
+    b) is F b.
+    """
     factory = LtlFactory()
     alphabet, formula = _read(context, factory, path)
     if formula.kind is not Kind.UNTIL or formula.bound is not None:
@@ -69,7 +76,8 @@ def _literal_states(context: Context, alphabet: _Alphabet, formula: LtlFormula) 
 def linear_product(
     context: Context, path: TemporalPath, form: Callable[[Automaton], Automaton] | None = None
 ) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
-    """The product with an automaton of the formula, and the pairs (avoid, visits) one of which its runs must meet for ever.
+    """The product with an automaton of the formula, and the pairs (avoid, visits) one of which its
+    runs must meet for ever.
 
     form: what is to be made of the automaton first.
     """
@@ -93,10 +101,12 @@ def linear_product(
 def co_safe_reward(
     context: Context, reward: Reward, path: TemporalPath, direction: Direction | None
 ) -> Values:
-    """Expected reward until a run shows that it satisfies a co-safe formula; infinite where that may never be.
+    """Expected reward until a run shows that it satisfies a co-safe formula; infinite where that
+    may never be.
 
-    A run shows it with the state whose letter ends a prefix all of whose continuations satisfy the formula, as the
-    derivatives tell; X true needs one step. Raises InputError for formulas with (after negations are pushed inwards) G, W or R.
+    A run shows it with the state whose letter ends a prefix all of whose continuations satisfy the
+    formula, as the derivatives tell; X true needs one step. Raises InputError for formulas with
+    (after negations are pushed inwards) G, W or R.
     """
     factory = LtlFactory(step=len(path.sets))
     alphabet, formula = _read(context, factory, path)
@@ -123,7 +133,8 @@ def co_safe_reward(
 
 @dataclass(frozen=True)
 class _Alphabet:
-    """The valuations of the atoms that occur in the model (atom i: bit i), and the sets of states that tell letters apart.
+    """The valuations of the atoms that occur in the model (atom i: bit i), and the sets of states
+    that tell letters apart.
 
     own: the automaton is made here, not by an external translator.
     """
@@ -187,7 +198,9 @@ def _read(
 def _atom(
     factory: LtlFactory, sets: list[StateSet], states: StateSet, everything: StateSet
 ) -> LtlFormula:
-    """The literal of a set of states; no atom is spent on sets that are full, empty, known, or the complement of a known one."""
+    """The literal of a set of states; no atom is spent on sets that are full, empty, known, or the
+    complement of a known one.
+    """
     if not states:
         return factory.false
     if states == everything:
@@ -212,7 +225,9 @@ def _accepted(
     product: Product,
     pairs: Sequence[tuple[StateSet, Sequence[StateSet]]],
 ) -> StateSet:
-    """States of the product in components that the automaton accepts, or from where it does almost surely."""
+    """States of the product in components that the automaton accepts, or from where it does almost
+    surely.
+    """
     graph = context.engine.graph
     if context.engine.model.type is not ModelType.MDP:
         return _union(
@@ -226,10 +241,12 @@ def _accepted(
 
 
 def _surely(context: Context, avoid: StateSet, visits: Sequence[StateSet]) -> StateSet:
-    """Where a run of a Markov chain almost surely leaves `avoid` for good and meets each set of `visits` infinitely often.
+    """Where a run of a Markov chain almost surely leaves `avoid` for good and meets each set of
+    `visits` infinitely often.
 
-    No bottom component is listed: a set is met infinitely often for certain exactly where every state that can be reached
-    can reach it; and it is left for good for certain where no state can be reached from which it is met infinitely often.
+    No bottom component is listed: a set is met infinitely often for certain exactly where every
+    state that can be reached can reach it; and it is left for good for certain where no state can
+    be reached from which it is met infinitely often.
     """
     graph, everything = context.engine.graph, context.engine.all
 

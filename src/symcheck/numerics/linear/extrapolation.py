@@ -2,8 +2,8 @@
 
 Guessed bounds around the solution are then proved. Let x = opt(A x + b) have a unique solution
 (everything leaves almost surely, as far as it is finite). Then L <= opt(A L + b) proves that L is a
-lower bound, and U >= opt(A U + b) that U is an upper one. A good approximation, made a little smaller
-and a little larger, satisfies this after a few sweeps.
+lower bound, and U >= opt(A U + b) that U is an upper one. A good approximation, made a little
+smaller and a little larger, satisfies this after a few sweeps.
 
 Sources: Howard (1960); Anderson (1965); Hartmanns & Kaminski (2020) for the proof.
 """
@@ -63,7 +63,7 @@ def solve_extrapolated(
             observer(Progress("extrapolated sweeps", evaluator.sweeps, change, local.n))
         if change <= tolerance:
             if local.mode != 0:
-                evaluator.release_history()  # free the differences, which the next improvement discards anyway
+                evaluator.release_history()  # the next improvement discards the differences anyway
             bounds = _prove(evaluator, goal, constants_width, relative)
             if bounds is not None or tolerance <= tuning.SMALLEST_CHANGE:
                 return bounds, evaluator.sweeps
@@ -81,7 +81,8 @@ def _changes(evaluator: PolicyEvaluator, local: LocalSystem, reward: bool) -> It
             changed += more
         yield change
         best, stalled = (change, 0) if change < 0.5 * best else (best, stalled + 1)
-        # Only for minimal rewards may a policy stay forever while its values are too low to show it.
+        # Only for minimal rewards may a policy stay forever while its values are too low to show
+        # it.
         if changed and reward and local.mode == 1 and not _make_proper(evaluator, local):
             return
         changed = 0

@@ -23,7 +23,8 @@ __all__ = ["MaskedProblem"]
 
 @dataclass(frozen=True, eq=False)
 class MaskedProblem:
-    """x_s = opt over the rows r of s of (constant[r] + sum over t of A[r, t] x_t), where s is unknown.
+    """x_s = opt over the rows r of s of (constant[r] + sum over t of A[r, t] x_t), where s is
+    unknown.
 
     matrix: the rows of all states; each sums to 1, or with `rates` (no choices) the equations are
       divided by the sum of the row.

@@ -51,7 +51,7 @@ class MecQuotient:
         )
 
     def _strategy(self, chosen: Int64s) -> Int64s:
-        """Original rows: the chosen one at its state, and inner rows towards that state elsewhere."""
+        """Original rows: the chosen one at its state, elsewhere inner rows towards that state."""
         matrix = self.original.rows
         assert matrix.groups is not None
         n = matrix.states

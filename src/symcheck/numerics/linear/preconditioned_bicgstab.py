@@ -1,8 +1,8 @@
 """BiCGStab for M-matrices I - A, preconditioned by their own triangles.
 
-With K1 the lower and K2 the upper triangle of I - A, the method solves with K1^-1 (I - A) K2^-1. This
-preconditions as a symmetric Gauss-Seidel sweep does (SSOR), and one multiplication is one pass over
-the entries of A. The solutions are candidates: callers prove bounds around them.
+With K1 the lower and K2 the upper triangle of I - A, the method solves with K1^-1 (I - A) K2^-1.
+This preconditions as a symmetric Gauss-Seidel sweep does (SSOR), and one multiplication is one pass
+over the entries of A. The solutions are candidates: callers prove bounds around them.
 
 Sources: van der Vorst (1992) for BiCGStab; Eisenstat (1981) for the multiplication.
 """

@@ -1,4 +1,5 @@
-"""The equations of a component as a problem of their own: direct solution, BiCGStab, policy iteration.
+"""The equations of a component as a problem of their own: direct solution, BiCGStab, policy
+iteration.
 
 All bounds are certified. Let x = opt(A x + b), let x' be any approximation, and let w > 0 be any
 vector with A w < w (along all rows that could matter). Then x' ± h w are bounds if the residual of
@@ -125,7 +126,7 @@ class LocalSystem:
         )
 
     def chain(self, policy: Int64s) -> tuple[SparseMatrix, Floats]:
-        """The chain of a policy (rows of the block): its matrix, and the probabilities of leaving."""
+        """The chain of a policy (rows of the block): its matrix and exit probabilities."""
         everywhere = np.arange(self.n, dtype=np.int32)
         part = sparse.select(
             self.matrix.indptr, self.matrix.indices, self.matrix.data, policy, everywhere

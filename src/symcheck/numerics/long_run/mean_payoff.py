@@ -1,12 +1,16 @@
 """Long-run average rewards of Markov decision processes, with certified bounds.
 
-In an end component all states have the same best average, as one can go from any to any. For *any* vector h,
+All states of an end component have the same best average (its gain), as each can be reached almost
+surely from each. For *any* vector h,
 
-    min over s of (T h - h)(s)  <=  best average  <=  max over s of (T h - h)(s),    T h = max over rows of (r + P h),
+    min over s of (T h - h)(s)  <=  best average  <=  max over s of (T h - h)(s),
+    where T h = max over rows of (r + P h)
 
-(Odoni 1969; Puterman 1994, 8.5 and 9.5), so that h may come from anywhere: here, from value iteration on the aperiodic variant
-of the process, and where that is slow from policy iteration. A strategy for ever ends in some end component, almost surely;
-so the value is that of the best way to end in them (Chatterjee & Henzinger 2011; Ashok, Chatterjee, Daca, Kretinsky & Meggendorfer 2017).
+(Odoni 1969; Puterman 1994, 8.5 and 9.5), so h may be any approximation: here, it comes from value
+iteration on the aperiodic variant of the process, or from policy iteration where that is slow.
+Under every strategy, a run stays in some end component from some time on, almost surely. So the
+value of a state is the optimal expected gain of the end component that is reached (Chatterjee &
+Henzinger 2011; Ashok, Chatterjee, Daca, Kretinsky & Meggendorfer 2017).
 """
 
 from __future__ import annotations
@@ -26,12 +30,15 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy, Settings
 
-__all__ = ["Gain", "Gains", "component_gains", "ending"]
+__all__ = ["Gain", "Gains", "component_gains", "mec_quotient"]
 
 
 @dataclass(frozen=True)
 class Gain:
-    """Bounds on the best average of an end component (floats, or the same Fraction twice); `iterations` of any kind."""
+    """Bounds on the gain of an end component: floats, or equal rationals.
+
+    `iterations` counts those of value iteration.
+    """
 
     lower: Any
     upper: Any
@@ -40,7 +47,14 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Maximal end components (`parts`) and bounds on the best average of each: float64[parts.count], or rationals."""
+    """Bounds on the gain of each maximal end component.
+
+    Attributes:
+        parts: the maximal end components.
+        lower, upper: the bounds, float64[parts.count] or rationals.
+        iterations: the iterations of all components.
+        largest: the number of states of the largest component that was solved numerically.
+    """
 
     parts: graph.EndComponents
     lower: Numbers
@@ -50,8 +64,8 @@ class Gains:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """An end component alone, with the rows that stay inside: rewards float64[rows], more is better."""
+class _EndComponent:
+    """An end component with the rows that stay inside; rewards, float64[rows], are maximised."""
 
     matrix: SparseMatrix
     rewards: Numbers = field(repr=False)
@@ -63,15 +77,15 @@ class _Part:
         return self.matrix.groups
 
     def rows(self, h: Numbers) -> Numbers:
-        """R + P h per row."""
+        """The value r + P h of each row."""
         return np.asarray(self.matrix.multiply(h) + self.rewards)
 
     def best(self, rows: Numbers) -> Numbers:
-        """The best row of each state."""
+        """The greatest value of the rows of each state."""
         return np.asarray(np.maximum.reduceat(rows, self.groups[:-1]))
 
-    def slip(self, h: Numbers) -> float:
-        """What rounding may have done to T h - h: nothing in rational arithmetic."""
+    def rounding_error(self, h: Numbers) -> float:
+        """A bound on the rounding error of T h - h; 0 in rational arithmetic."""
         if self.matrix.exact:
             return 0
         longest = int(np.diff(self.matrix.indptr).max())
@@ -87,9 +101,18 @@ def component_gains(
     settings: Settings,
     observer: Observer | None = None,
 ) -> Gains:
-    """The best ('max': greatest, 'min': least) long-run average reward per step in each maximal end component.
+    """The best ('max': greatest, 'min': least) long-run average reward per step in each maximal end
+    component.
 
-    rewards: per row, float64[rows]. Certified; relative to the average, but of the greatest reward where it is near 0.
+    Args:
+        matrix: the MDP.
+        rewards: the reward of each row, float64[rows] or rationals.
+        direction: maximise or minimise the average.
+        settings: the accuracy.
+        observer: receives the progress.
+
+    Returns:
+        Certified bounds, a quarter of epsilon apart unless rounding prevents it.
     """
     sign = -1 if direction is Direction.MIN else 1
     parts = graph.maximal_end_components(matrix, np.ones(matrix.states, np.bool_))
@@ -97,45 +120,45 @@ def component_gains(
     iterations = largest = 0
     sizes = np.bincount(parts.of[parts.of >= 0], minlength=parts.count)
     owner = graph.Incidence(matrix).owner_of_rows
-    alone = sizes == 1
-    if alone.any():
-        # States that only stay where they are: the best of their loops.
+    singleton = sizes == 1
+    if singleton.any():
+        # Components of one state: the best self-loop.
         best = full(parts.count, -np.inf, exact=matrix.exact)
         np.maximum.at(best, parts.of[owner[parts.rows]], sign * rewards[parts.rows])
-        lower[alone] = upper[alone] = best[alone]
-    for c, part in _larger(matrix, sign * rewards, parts, sizes, owner):
-        found = _gain(part, settings, observer)
-        lower[c], upper[c] = found.lower, found.upper
-        iterations += found.iterations
+        lower[singleton] = upper[singleton] = best[singleton]
+    for c, part in _larger_components(matrix, sign * rewards, parts, sizes, owner):
+        gain = _gain(part, settings, observer)
+        lower[c], upper[c] = gain.lower, gain.upper
+        iterations += gain.iterations
         largest = max(largest, part.matrix.states)
     if sign < 0:
         lower, upper = -upper, -lower
     return Gains(parts, lower, upper, iterations, largest)
 
 
-def _larger(
+def _larger_components(
     matrix: SparseMatrix, rewards: Numbers, parts: graph.EndComponents, sizes: Int64s, owner: Int32s
-) -> Iterator[tuple[int, _Part]]:
-    """The components of more than one state, each alone."""
+) -> Iterator[tuple[int, _EndComponent]]:
+    """The components of more than one state, with their numbers."""
     inside = np.flatnonzero(parts.rows)
     inside = inside[np.argsort(parts.of[owner[inside]], kind="stable")]
     starts = starts_of(np.bincount(parts.of[owner[inside]], minlength=parts.count))
-    place = np.full(matrix.states, -1, np.int32)
+    index = np.full(matrix.states, -1, np.int32)
     for c in np.flatnonzero(sizes > 1).tolist():
         rows = inside[starts[c] : starts[c + 1]]
         states, counts = np.unique(owner[rows], return_counts=True)
-        place[states] = np.arange(len(states), dtype=np.int32)
-        own = matrix.select(rows, place, len(states), starts_of(counts))
-        place[states] = -1
-        yield c, _Part(own, rewards[rows])
+        index[states] = np.arange(len(states), dtype=np.int32)
+        inner = matrix.select(rows, index, len(states), starts_of(counts))
+        index[states] = -1
+        yield c, _EndComponent(inner, rewards[rows])
 
 
-def _gain(part: _Part, settings: Settings, observer: Observer | None) -> Gain:
-    """Bounds on the greatest average of an end component."""
+def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) -> Gain:
+    """Bounds on the gain of an end component."""
     top, n = part.rewards.max(), part.matrix.states
     everywhere = np.ones(n, np.bool_)
     if graph.maximal_end_components(part.matrix, everywhere, part.rewards == top).count:
-        return Gain(top, top)  # nothing is better than the greatest reward at each step
+        return Gain(top, top)  # a cycle earns the greatest reward at each step
     if part.matrix.exact:
         low, high, _ = _policies(part, full(n, 0, exact=True), Accuracy(epsilon=0.0))
         if low < high:
@@ -147,7 +170,7 @@ def _gain(part: _Part, settings: Settings, observer: Observer | None) -> Gain:
         low, high = _narrowed(part, h, following, low, high)
         if observer is not None:
             observer(Progress("value iteration", count, high - low, n))
-        if _near(low, high, part.slip(h), settings):
+        if _close_enough(low, high, part.rounding_error(h), settings):
             return Gain(low, high, count)
         if (
             count % tuning.VALUE_ITERATIONS_BEFORE_POLICIES == 0
@@ -156,7 +179,7 @@ def _gain(part: _Part, settings: Settings, observer: Observer | None) -> Gain:
             better = _policies(part, h, settings)
             low, high, h = max(low, better[0]), min(high, better[1]), better[2]
             if (
-                _near(low, high, part.slip(h), settings)
+                _close_enough(low, high, part.rounding_error(h), settings)
                 or count >= 5 * tuning.VALUE_ITERATIONS_BEFORE_POLICIES
             ):
                 break
@@ -167,20 +190,20 @@ def _gain(part: _Part, settings: Settings, observer: Observer | None) -> Gain:
 
 
 def _narrowed(
-    part: _Part, h: Numbers, following: Numbers, low: float, high: float
+    part: _EndComponent, h: Numbers, following: Numbers, low: float, high: float
 ) -> tuple[float, float]:
-    change, slip = following - h, part.slip(h)
-    return max(low, change.min() - slip), min(high, change.max() + slip)
+    change, rounding_error = following - h, part.rounding_error(h)
+    return max(low, change.min() - rounding_error), min(high, change.max() + rounding_error)
 
 
-def _near(low: float, high: float, slip: float, settings: Settings) -> bool:
-    """Whether the bounds are near enough, or as near as rounding lets them be."""
+def _close_enough(low: float, high: float, rounding_error: float, settings: Settings) -> bool:
+    """Whether the bounds are as close as requested, or as close as rounding permits."""
     scale = max(abs(low), abs(high)) if settings.relative else 1.0
-    return high - low <= max(0.25 * settings.epsilon * scale, 4.0 * slip)
+    return high - low <= max(0.25 * settings.epsilon * scale, 4.0 * rounding_error)
 
 
-def _policies(part: _Part, h: Numbers, settings: Settings) -> tuple[float, float, Numbers]:
-    """Policy iteration from the policy that is greedy for h: bounds, and the h of the last policy."""
+def _policies(part: _EndComponent, h: Numbers, settings: Settings) -> tuple[float, float, Numbers]:
+    """Policy iteration from the greedy policy of h: bounds on the gain, and the last bias."""
     low, high = -np.inf, np.inf
     values = part.rows(h)
     policy = _first_best(values, part, part.best(values))
@@ -193,14 +216,14 @@ def _policies(part: _Part, h: Numbers, settings: Settings) -> tuple[float, float
         values = part.rows(h)
         best = part.best(values)
         low, high = _narrowed(part, h, best, low, high)
-        better = best > values[policy] + 4.0 * part.slip(h)
-        if _near(low, high, part.slip(h), settings) or not better.any():
+        better = best > values[policy] + 4.0 * part.rounding_error(h)
+        if _close_enough(low, high, part.rounding_error(h), settings) or not better.any():
             break
         policy = np.where(better, _first_best(values, part, best), policy)
     return low, high, h - h[0]
 
 
-def _first_best(values: Numbers, part: _Part, best: Numbers) -> Int64s:
+def _first_best(values: Numbers, part: _EndComponent, best: Numbers) -> Int64s:
     """Per state, the first row with the best value."""
     rows = np.flatnonzero(values == np.repeat(best, np.diff(part.groups)))
     owner = np.repeat(np.arange(part.matrix.states), np.diff(part.groups))[rows]
@@ -209,12 +232,12 @@ def _first_best(values: Numbers, part: _Part, best: Numbers) -> Int64s:
     return out
 
 
-def _chain(part: _Part, policy: Int64s) -> SparseMatrix:
+def _chain(part: _EndComponent, policy: Int64s) -> SparseMatrix:
     return part.matrix.choose(policy)
 
 
-def _unichain(part: _Part, policy: Int64s, settings: Settings) -> Int64s:
-    """The policy, changed where it does not lead to its best bottom component almost surely, so that it does."""
+def _unichain(part: _EndComponent, policy: Int64s, settings: Settings) -> Int64s:
+    """A policy that reaches the best bottom component of the given one almost surely."""
     from symcheck.numerics.long_run.stationary import long_run_average
 
     chain = _chain(part, policy)
@@ -223,26 +246,29 @@ def _unichain(part: _Part, policy: Int64s, settings: Settings) -> Int64s:
     target = bottoms[0]
     if len(bottoms) > 1:
         rewards = part.rewards[policy]
-        place = np.full(n, -1, np.int32)
+        index = np.full(n, -1, np.int32)
         averages = []
         for states in bottoms:
-            place[states] = np.arange(len(states), dtype=np.int32)
-            own = chain.select(states, place, len(states))
-            found = long_run_average(own, rewards[states], settings)
-            averages.append(found.lower)
-            place[states] = -1
+            index[states] = np.arange(len(states), dtype=np.int32)
+            inner = chain.select(states, index, len(states))
+            average = long_run_average(inner, rewards[states], settings)
+            averages.append(average.lower)
+            index[states] = -1
         target = bottoms[int(np.argmax(averages))]
     goal = np.zeros(n, np.bool_)
     goal[target] = True
-    sure = graph.prob1(chain, np.ones(n, np.bool_), goal)
-    if sure.all():
+    certain = graph.prob1(chain, np.ones(n, np.bool_), goal)
+    if certain.all():
         return policy
-    _, rows = graph.prob1e_strategy(part.matrix, np.ones(n, np.bool_), sure)
-    return np.where(sure, policy, rows)
+    _, rows = graph.prob1e_strategy(part.matrix, np.ones(n, np.bool_), certain)
+    return np.where(certain, policy, rows)
 
 
-def _bias(part: _Part, policy: Int64s) -> Numbers | None:
-    """H with h + g = r + P h for the policy's chain, and 0 at a state of its bottom component; None where that fails."""
+def _bias(part: _EndComponent, policy: Int64s) -> Numbers | None:
+    """The bias of a policy: h with h + g = r + P h, and 0 at a state of the bottom component.
+
+    None if the equations are singular in floating point.
+    """
     chain = _chain(part, policy)
     anchor = int(graph.bsccs(chain)[0][0])
     solve = _rational_bias if chain.exact else _floating_bias
@@ -250,11 +276,15 @@ def _bias(part: _Part, policy: Int64s) -> Numbers | None:
 
 
 def _rational_bias(chain: SparseMatrix, rewards: Numbers, anchor: int) -> Numbers:
-    """The average is the reward of a cycle through the anchor by the length of the cycle (renewal reward theorem)."""
+    """The bias in rational arithmetic.
+
+    The gain is the expected reward of a cycle through the anchor, divided by its expected length
+    (renewal reward theorem).
+    """
     n = chain.states
-    place = np.arange(n, dtype=np.int32)
-    place[anchor] = -1
-    cycle = chain.select(np.arange(n), place, n)
+    index = np.arange(n, dtype=np.int32)
+    index[anchor] = -1
+    cycle = chain.select(np.arange(n), index, n)
     reward, length = (solve_chain(cycle, v) for v in (rewards, full(n, 1, exact=True)))
     return np.asarray(reward - reward[anchor] / length[anchor] * length)
 
@@ -280,17 +310,28 @@ def _floating_bias(chain: SparseMatrix, rewards: Floats, anchor: int) -> Floats 
 
 
 @dataclass(frozen=True, eq=False)
-class Ending:
-    """Equations of where to end: each end component is one state (`place`, int32[n]), with a row more, which stays for its average."""
+class MecQuotient:
+    """The equations of the quotient by maximal end components.
+
+    Attributes:
+        problem: the equations; each component is one state with one more row, which stops and
+            yields its gain.
+        state: the state of the quotient of each state, int64[n].
+    """
 
     problem: LinearProblem
-    place: Int64s
+    state: Int64s
 
 
-def ending(matrix: SparseMatrix, gains: Gains, direction: Direction) -> Ending:
-    """X = opt over rows of (A x + b): at an end component, also its average. All strategies end, so that there is one solution.
+def mec_quotient(matrix: SparseMatrix, gains: Gains, direction: Direction) -> MecQuotient:
+    """The equations for the optimal expected gain of the end component in which a run stays.
 
-    The averages must not be negative.
+    Every strategy stops almost surely on the quotient, so the solution is unique.
+
+    Args:
+        matrix: the MDP.
+        gains: bounds on the gains, which must not be negative.
+        direction: maximise or minimise.
     """
     parts, n = gains.parts, matrix.states
     inside = parts.of >= 0
@@ -299,19 +340,19 @@ def ending(matrix: SparseMatrix, gains: Gains, direction: Direction) -> Ending:
     np.minimum.at(leader, parts.of[inside], np.flatnonzero(inside))
     first[inside] = leader[parts.of[inside]]
     leads: Bools = first == np.arange(n)
-    place = (np.cumsum(leads) - 1)[first]
+    state = (np.cumsum(leads) - 1)[first]
     count = int(leads.sum())
     owner = graph.Incidence(matrix).owner_of_rows
     rows = np.flatnonzero(~parts.rows)
-    kept = matrix.choose(rows).merge(place.astype(np.int32), count)
+    kept = matrix.choose(rows).merge(state.astype(np.int32), count)
     whole = replace(kept, indptr=np.concatenate((kept.indptr, np.full(parts.count, kept.entries))))
-    of = np.concatenate((place[owner[rows]], place[leader]))
+    of = np.concatenate((state[owner[rows]], state[leader]))
     order = np.argsort(of, kind="stable").astype(np.int64)
     groups = starts_of(np.bincount(of, minlength=count))
     none, one = full(len(rows), 0, exact=matrix.exact), full(parts.count, 1, exact=matrix.exact)
     low, high = (np.concatenate((none, g))[order] for g in (gains.lower, gains.upper))
     leave = np.concatenate((none, one))[order]
-    return Ending(
+    return MecQuotient(
         LinearProblem(low, whole.choose(order, groups), high, leave, direction, False),
-        place,
+        state,
     )

@@ -1,12 +1,15 @@
-"""Long-run behaviour of irreducible chains: stationary distributions and average rewards, with certified bounds.
+"""Long-run behaviour of irreducible chains: stationary distributions and average rewards, with
+certified bounds.
 
-A stationary distribution comes from elimination without subtraction, which keeps the relative accuracy of every entry
-(Grassmann, Taksar & Heyman 1985). Where that needs too much, average rewards remain certified: for *any* vector h,
+A stationary distribution is computed by elimination without subtraction, which preserves the
+relative accuracy of every entry (Grassmann, Taksar & Heyman 1985). Where that needs too many
+operations, average rewards are still certified: for *any* vector h,
 
     min over s of (r + Q h)(s)  <=  average of r  <=  max over s of (r + Q h)(s),
 
-as the stationary distribution annuls Q h. So h may come from any method (here: BiCGStab between the triangles of Q), and what
-it leaves is the error.
+as the mean of Q h under the stationary distribution is 0. So h may be any approximate solution of
+the Poisson equation (here, by BiCGStab preconditioned with the triangles of Q); its residual bounds
+the error.
 """
 
 from __future__ import annotations
@@ -58,9 +61,15 @@ class Average:
 def stationary_distribution(
     rates: SparseMatrix, settings: Settings, observer: Observer | None = None
 ) -> Stationary:
-    """Of an irreducible chain, given by its rates (or probabilities: loops do not matter for a CTMC; a DTMC's may stay in).
+    """Stationary distribution of an irreducible chain.
 
-    Bounds are certified where elimination is affordable, an estimate by Gauss-Seidel sweeps otherwise.
+    Args:
+        rates: the rates of a CTMC or the probabilities of a DTMC; self-loops have no effect.
+        settings: the accuracy of the sweeps.
+        observer: receives the progress.
+
+    Returns:
+        Certified bounds if elimination is affordable, otherwise an estimate by Gauss-Seidel sweeps.
     """
     n = rates.states
     if n == 1:
@@ -74,7 +83,7 @@ def stationary_distribution(
 
 
 def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
-    """By elimination, or None where that needs more than `limit` operations."""
+    """The distribution by elimination; None if that needs more than `limit` operations."""
     n = rates.states
     factors = GthElimination(rates.indptr, rates.indices, rates.data, np.zeros(n), limit)
     if not factors.complete:
@@ -89,7 +98,7 @@ def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
 def _estimate(
     rates: SparseMatrix, settings: Settings, observer: Observer | None
 ) -> tuple[Floats, int]:
-    """Gauss-Seidel sweeps on pi Q = 0 until they change little (relative to the greatest entry)."""
+    """Gauss-Seidel sweeps on pi Q = 0: the distribution and the number of sweeps."""
     columns = sparse.transpose_values(rates.indptr, rates.indices, rates.data, rates.columns)
     leave = gauss_seidel.exit_rates(rates.indptr, rates.indices, rates.data)
     pi = np.full(rates.states, 1.0 / rates.states)
@@ -107,11 +116,17 @@ def _estimate(
 def long_run_average(
     rates: SparseMatrix, rewards: Floats, settings: Settings, observer: Observer | None = None
 ) -> Average:
-    """Long-run average of a reward (float64[n]) of an irreducible chain: per unit of time, given its rates; per step, given
-    its probabilities.
+    """Long-run average of a reward in an irreducible chain.
 
-    For rewards of transitions, give their rate-(probability-)weighted sum per state. The bounds are certified, and equal
-    where the rates are rationals.
+    Args:
+        rates: the rates (the average is per unit of time) or probabilities (per step).
+        rewards: the reward of each state, float64[n]; transition rewards are weighted with their
+            rates or probabilities and summed per state.
+        settings: the accuracy.
+        observer: receives the progress.
+
+    Returns:
+        Certified bounds, which are equal if the rates are rationals.
     """
     if rates.exact:
         average = (rational.stationary_distribution(rates) * rewards).sum()
@@ -137,7 +152,7 @@ def long_run_average(
 
 
 def _weighted(known: Stationary, rewards: Floats) -> Average:
-    """Sum of bounds times rewards, rounded outwards."""
+    """The average reward under bounds on the distribution, rounded outwards."""
     plus, minus = np.maximum(rewards, 0.0), np.maximum(-rewards, 0.0)
     low = float(known.lower @ plus - known.upper @ minus)
     high = float(known.upper @ plus - known.lower @ minus)
@@ -148,15 +163,15 @@ def _weighted(known: Stationary, rewards: Floats) -> Average:
 
 
 def _bordered(rates: SparseMatrix, leave: Floats) -> SplitMatrix:
-    """The Poisson equation g - (Q h)(s) = r(s), divided by the rates of leaving, with g = row·h.
+    """The Poisson equation g - (Q h)(s) = r(s), divided by the exit rates, with g = row·h.
 
-    As constants do not matter to Q h, the row may be any that does not annul them. About the stationary distribution, as far as
-    some sweeps tell, it moves the eigenvalue 0 to among the others.
+    Q annihilates constant vectors, so the row may be any that does not. An approximation of the
+    stationary distribution by a few sweeps shifts the eigenvalue 0 into the range of the others.
     """
     mass, time = np.full(rates.states, 1.0 / rates.states), np.zeros(rates.states)
     for sweep in range(tuning.OCCUPATION_SWEEPS):
         if sweep == tuning.OCCUPATION_SWEEPS // 2:
-            time[:] = 0.0  # what came before tells of the start
+            time[:] = 0.0  # discard the part that depends on the start
         gauss_seidel.occupation_sweep(rates.indptr, rates.indices, rates.data, leave, mass, time)
     time *= (
         tuning.EIGENVALUE_SHIFT * float(np.einsum("i,i->", time, leave)) / float(time.sum()) ** 2
@@ -172,7 +187,7 @@ def _poisson_equation(
     settings: Settings,
     observer: Observer | None,
 ) -> Average:
-    """Improve h until the least and the greatest r + Q h are near enough."""
+    """Improve h until the least and the greatest entry of r + Q h are close enough."""
     split = _bordered(rates, leave)
     longest = int(np.max(np.diff(rates.indptr), initial=0))
     largest = float(np.max(np.abs(rewards), initial=0.0))
@@ -186,35 +201,33 @@ def _poisson_equation(
         return float(out.min()) - rounding_error, float(out.max()) + rounding_error
 
     best = compute_bounds(np.zeros(rates.states))
-    made, since, least = 0, 0, np.inf
-    seen, ratio = (
-        np.inf,
-        0.0,
-    )  # what was left at the last look, and how far apart the bounds were, in terms of it
-    for x, rest in split.solve(rewards / leave):
+    made, improved, least = 0, 0, np.inf
+    # The residual when bounds were last computed, and their width divided by it.
+    checked, ratio = np.inf, 0.0
+    for x, residual in split.solve(rewards / leave):
         made += 1
-        if rest < 0.5 * least:
-            since, least = made, rest
-        ahead = ratio * rest <= settings.epsilon * (
+        if residual < 0.5 * least:
+            improved, least = made, residual
+        promising = ratio * residual <= settings.epsilon * (
             max(abs(best[0]), abs(best[1])) if settings.relative else 1.0
         )
-        if (ahead and rest <= tuning.POISSON_RESIDUAL_DROP * seen) or (
-            made - since
+        if (promising and residual <= tuning.POISSON_RESIDUAL_DROP * checked) or (
+            made - improved
         ) % tuning.POISSON_PATIENCE == tuning.POISSON_PATIENCE - 1:
             low, high = compute_bounds(split.solve_upper(x))
-            seen, ratio = rest, (high - low) / rest if rest > 0.0 else 0.0
+            checked, ratio = residual, (high - low) / residual if residual > 0.0 else 0.0
             if math.isfinite(high - low):
                 best = max(low, best[0]), min(high, best[1])
         if observer is not None:
             observer(Progress("bicgstab", made, best[1] - best[0], rates.states))
         if (
             _close_enough(best, settings)
-            or made - since >= tuning.POISSON_STALL_STEPS
+            or made - improved >= tuning.POISSON_STALL_STEPS
             or made >= settings.max_iterations
-            or rest == 0.0
+            or residual == 0.0
         ):
             break
-    note = f"{rates.states} states: BiCGStab between the triangles of the Poisson equation, {made} steps"
+    note = f"{rates.states} states: preconditioned BiCGStab on the Poisson equation, {made} steps"
     return Average(
         *best,
         True,

@@ -8,8 +8,8 @@ objective is maximised: costs are negative rewards. Programs over doubles are so
 programs over rationals are solved exactly.
 
 Sources: Etessami, Kwiatkowska, Vardi & Yannakakis (2007), 'Multi-objective model checking of Markov
-decision processes'; Forejt, Kwiatkowska, Norman, Parker & Qu (2011), 'Quantitative multi-objective verification for
-probabilistic systems'.
+decision processes'; Forejt, Kwiatkowska, Norman, Parker & Qu (2011), 'Quantitative multi-objective
+verification for probabilistic systems'.
 """
 
 from __future__ import annotations

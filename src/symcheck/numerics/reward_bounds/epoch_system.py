@@ -109,8 +109,8 @@ class _Entries:
     """The entries of the rows of representatives.
 
     row: the row of each entry, counted among those of the representatives. index: the entry of the
-    matrix. target: the representative of the successor, -1 for none. edge: whether the entry leads to
-    another representative in the same epoch. loop: whether it is a self-loop.
+    matrix. target: the representative of the successor, -1 for none. edge: whether the entry leads
+    to another representative in the same epoch. loop: whether it is a self-loop.
     """
 
     row: Int64s
@@ -145,7 +145,7 @@ def _ordered(
     entries: _Entries,
     blocks: graph.Components,
 ) -> EpochSystem:
-    """The equations in the order of the blocks, with the entries to the own block last in each row."""
+    """The equations in block order, with the entries within the block last in each row."""
     m, row, target = problem.matrix, entries.row, entries.target
     rank = np.empty(lead.count, np.int64)
     rank[blocks.order] = np.arange(lead.count)
@@ -184,7 +184,7 @@ def _ordered(
 
 
 def _with_inverses(system: EpochSystem) -> EpochSystem:
-    """Add the inverses of slowly left blocks without choices, where sweeps would converge slowly."""
+    """Add the inverses of blocks without choices on which sweeps would converge slowly."""
     found: list[Floats] = []
     at, total = system.inverse_at.copy(), 0
     place = np.full(int(system.state.max()) + 1, -1, np.int64)

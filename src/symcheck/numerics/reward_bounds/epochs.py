@@ -1,13 +1,14 @@
-"""Reward-bounded reachability: probabilities of `left U right` with an accumulated reward in bounds.
+"""Reward-bounded reachability: probabilities of `left U right` with an accumulated reward in
+bounds.
 
 Rewards are whole numbers. The values for a budget depend on those for smaller budgets, by rows with
-a reward, and on each other, by rows without. So the budgets (epochs) are solved one after the other,
-each by reachability along the rows without reward. The structure of these equations is the same in
-each epoch and is analysed once.
+a reward, and on each other, by rows without. So the budgets (epochs) are solved one after the
+other, each by reachability along the rows without reward. The structure of these equations is the
+same in each epoch and is analysed once.
 
-End components without reward have value 0 if a minimising strategy may stay ('min', and chains), and
-are single states for 'max'. All other states leave their cycles almost surely, so the equations of an
-epoch have a unique solution.
+End components without reward have value 0 if a minimising strategy may stay ('min', and chains),
+and are single states for 'max'. All other states leave their cycles almost surely, so the equations
+of an epoch have a unique solution.
 
 Source: Hartmanns, Junges, Katoen & Quatmann (2018), Multi-cost bounded reachability in MDP.
 """
@@ -38,8 +39,8 @@ __all__ = ["EpochValues", "solve_epochs", "unfold_reward_dimension"]
 
 @dataclass(frozen=True, eq=False)
 class EpochValues:
-    """Bounds on the probabilities, float64[n] each, the number of epochs solved, of sweeps over cycles,
-    and the number of states of the largest cycle.
+    """Bounds on the probabilities, float64[n] each, the number of epochs solved, of sweeps over
+    cycles, and the number of states of the largest cycle.
     """
 
     lower: Numbers
@@ -74,7 +75,8 @@ def solve_epochs(
         return _upper_only(problem, problem.upper, slots, settings, observer)
     if slots * n * 16 > tuning.EPOCH_BYTES:
         raise MemoryLimitError(
-            f"rewards of up to {slots - 1} steps of the budget over {n:,} states need more than 4 GB of memory"
+            f"rewards of up to {slots - 1} steps of the budget over {n:,} states need more "
+            "than 4 GB of memory"
         )
     x = np.zeros((slots, n, 2))
     run = _EpochRun(problem, settings, observer, x)
@@ -102,29 +104,32 @@ def _upper_only(
     settings: Settings,
     observer: Observer | None,
 ) -> EpochValues:
-    """With an upper bound only, a ring buffer holds a value per place of the system, not per state."""
+    """Solve with an upper bound only: a ring buffer holds a value per equation, not per state."""
     system = epoch_system(problem, problem.left & ~problem.right)
     count = len(system.state)
     if slots * (count + 2) * 16 > tuning.EPOCH_BYTES:
         raise MemoryLimitError(
-            f"rewards of up to {slots - 1} steps of the budget over {count:,} states need more than 4 GB of memory"
+            f"rewards of up to {slots - 1} steps of the budget over {count:,} states need more "
+            "than 4 GB of memory"
         )
-    place = np.full(problem.matrix.states, count + 1, np.int32)  # value 0
-    place[problem.right] = count
-    place[system.members] = np.repeat(np.arange(count, dtype=np.int32), np.diff(system.member_ptr))
-    own = np.arange(count + 1, dtype=np.int64)
+    position = np.full(problem.matrix.states, count + 1, np.int32)  # value 0
+    position[problem.right] = count
+    position[system.members] = np.repeat(
+        np.arange(count, dtype=np.int32), np.diff(system.member_ptr)
+    )
+    identity = np.arange(count + 1, dtype=np.int64)
     compact = replace(
         system,
-        idx=place[system.idx],
-        state=own[:-1].astype(np.int32),
-        members=own[:-1].astype(np.int32),
-        member_ptr=own,
+        idx=position[system.idx],
+        state=identity[:-1].astype(np.int32),
+        members=identity[:-1].astype(np.int32),
+        member_ptr=identity,
     )
     x = np.zeros((slots, count + 2, 2))
     x[:, count, :] = 1.0
     run = _EpochRun(problem, settings, observer, x)
     last = run.phase(compact, np.zeros(0, np.bool_), 0, upper + 1)
-    return run.found(x[last % slots][place])
+    return run.found(x[last % slots][position])
 
 
 class _EpochRun:
@@ -246,7 +251,8 @@ def unfold_reward_dimension(
     m = problem.matrix
     if max(m.entries, m.states) * counts > tuning.UNFOLDED_ENTRIES:
         raise MemoryLimitError(
-            f"a second bound unfolds {m.states:,} states into {counts:,} copies each\n  hint: round the rewards"
+            f"a second bound unfolds {m.states:,} states into {counts:,} copies each\n"
+            "  hint: round the rewards"
         )
     c = np.arange(counts)
     groups = problem.groups

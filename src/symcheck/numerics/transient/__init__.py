@@ -1,1 +1,1 @@
-"""Transient analysis of CTMCs: uniformisation, Poisson weights, rational Krylov spaces, truncation."""
+"""Transient analysis of CTMCs: uniformisation, rational Krylov subspaces, truncation."""

@@ -22,7 +22,9 @@ __all__ = ["PoissonWeights", "WeightSequence", "poisson"]
 
 @dataclass(frozen=True, eq=False)
 class PoissonWeights:
-    """P(N = left + i) = values[i] for N ~ Poisson(rate); `missing` bounds the probability elsewhere."""
+    """P(N = left + i) = values[i] for N ~ Poisson(rate); `missing` bounds the probability
+    elsewhere.
+    """
 
     rate: float
     left: int
@@ -69,13 +71,13 @@ class WeightSequence:
     def _tail_sums(self) -> Floats:
         return np.append(np.cumsum(self.values[::-1])[::-1], 0.0)
 
-    def rest(self, begin: int) -> float:
+    def tail_sum(self, begin: int) -> float:
         """The sum of the weights from k = begin on."""
         flat = self.constant * max(0, self.left - begin)
         return flat + float(self._tail_sums[max(0, begin - self.left)])
 
     def powers(self, begin: int, ratio: float) -> float:
-        """The sum over k >= begin of weight_k * ratio^(k - begin), with relative error about 1e-10."""
+        """The sum over k >= begin of weight_k * ratio^(k - begin), relative error about 1e-10."""
         if ratio <= 0.0:
             return float(self.between(begin, begin + 1).sum())
         flat = max(0, self.left - begin)
@@ -105,7 +107,8 @@ def poisson(rate: float, epsilon: float = 1e-300) -> PoissonWeights:
     if rate == 0.0:
         return PoissonWeights(0.0, 0, np.ones(1), 0.0)
     mode = int(rate)
-    # ln P(mode + d) - ln P(mode) is below -d^2 / (2 (rate + d)): solve for the d at which it reaches ln(epsilon).
+    # ln P(mode + d) - ln P(mode) is below -d^2 / (2 (rate + d)): solve for the d at which it
+    # reaches ln(epsilon).
     drop = -np.log(epsilon)
     reach = int(drop + np.sqrt(drop * drop + 2.0 * drop * (rate + 1.0))) + 2
     with np.errstate(under="ignore"):

@@ -1,14 +1,14 @@
 """Transient values of stiff chains in a rational Krylov subspace, with a proved bound on the error.
 
-x(t) solves x' = Q x + gain from x(0) = start. The space V of (I - γ Q)^-1 and its powers, applied to
-Q start + gain, approximates slow and fast components alike, however large the rates are. For any V,
-H and any function p(t) with p(0) = 0, the error of u = start + V p is at most the integral of its
-defect (maximum norm):
+x(t) solves x' = Q x + reward_rate from x(0) = start. The space V of (I - γ Q)^-1 and its powers,
+applied to Q start + reward_rate, approximates slow and fast components alike, however large the
+rates are. For any V, H and any function p(t) with p(0) = 0, the error of u = start + V p is at most
+the integral of its defect (maximum norm):
 
-    |x(t) - u(t)| <= integral of |V (p' - H p - b) + (V H - Q V) p + (V b - Q start - gain)|,
+    |x(t) - u(t)| <= integral of |V (p' - H p - b) + (V H - Q V) p + (V b - Q start - reward_rate)|,
 
-since exp(Q t) does not enlarge the largest entry. p is a polynomial on each interval of time, so that
-every term can be bounded.
+since exp(Q t) does not enlarge the largest entry. p is a polynomial on each interval of time, so
+that every term can be bounded.
 
 Sources: Moret & Novati (2004); van den Eshof & Hochbruck (2006).
 """
@@ -50,21 +50,22 @@ def krylov_values(
     rates: SparseMatrix,
     exit_rates: Floats,
     start: Floats,
-    gain: Floats | None,
+    reward_rate: Floats | None,
     time: float,
     interest: Int64s,
     settings: Settings,
     observer: Observer | None = None,
     poles: tuple[float, ...] = tuning.POLES,
 ) -> KrylovValues | None:
-    """x(time) of x' = Q x + gain, x(0) = start, as accurate as requested at the states of interest.
+    """x(time) of x' = Q x + reward_rate, x(0) = start, as accurate as requested at the states of
+    interest.
 
     Memory: two vectors per vector of the subspace.
 
     Args:
         rates, exit_rates: as in `transient_values`, but rows may sum to a little more than their
             exit rates (if values were divided by weights).
-        start, gain: float64[n].
+        start, reward_rate: float64[n].
         time: the horizon.
         interest: at least one state.
         settings: the accuracy.
@@ -77,7 +78,7 @@ def krylov_values(
     system = _System.of(
         rates, exit_rates, tuple(time / p for p in poles), time / tuning.ELIMINATION_POLE
     )
-    speed = system.generator(start) + (0.0 if gain is None else gain)
+    speed = system.generator(start) + (0.0 if reward_rate is None else reward_rate)
     rounding_error = (system.longest + 6) * tuning.UNIT_ROUNDOFF * 2.0 * system.fastest * time
     # Rounding of `speed` acts all the time; rows of Q may sum to a little more than 0.
     fixed = rounding_error * float(
@@ -121,12 +122,13 @@ def krylov_values(
 
 
 def importance(
-    rates: SparseMatrix, exit_rates: Floats, gain: Floats, time: float, guess: Floats
+    rates: SparseMatrix, exit_rates: Floats, reward_rate: Floats, time: float, guess: Floats
 ) -> Floats | None:
-    """The weights (a/T - Q)^-1 gain, relative to which values differ less; None if not found.
+    """The weights (a/T - Q)^-1 reward_rate, relative to which values differ less; None if not
+    found.
 
-    Divided by them, rows of Q sum to at most about a/T, so exp(Q t) enlarges the largest entry by at
-    most exp(a). guess: the weights to within some orders of magnitude, positive.
+    Divided by them, rows of Q sum to at most about a/T, so exp(Q t) enlarges the largest entry by
+    at most exp(a). guess: the weights to within some orders of magnitude, positive.
     """
     rest = tuning.IMPORTANCE_SHIFT / time
     scale = 1.0 / (exit_rates + rest)
@@ -140,13 +142,13 @@ def importance(
             leaves * scale,
             tuning.WEIGHT_ELIMINATION_OPERATIONS * rates.entries,
         )
-        found = factors.solve(gain * scale) if factors.complete else None
+        found = factors.solve(reward_rate * scale) if factors.complete else None
         if found is not None:
             return found if bool(np.all(found > 0.0)) else None
     scale = 1.0 / (
         exit_rates + rest - ssor_eisenstat.diagonal(rates.indptr, rates.indices, rates.data)
     )
-    return relative_solution(rates, scale, gain, guess, tuning.IMPORTANCE_RESIDUAL)
+    return relative_solution(rates, scale, reward_rate, guess, tuning.IMPORTANCE_RESIDUAL)
 
 
 def excess(rates: SparseMatrix, exit_rates: Floats) -> float:
@@ -300,7 +302,9 @@ class _Space:
         return None
 
     def projected(self, size: int) -> tuple[Floats, Floats, Floats]:
-        """V (a row per vector), H (an approximation of Q in the basis) and b (the initial direction)."""
+        """V (a row per vector), H (an approximation of Q in the basis) and b (the initial
+        direction).
+        """
         inverse = np.linalg.inv(self.inverse[:size, :size])
         first = np.zeros(size)
         first[0] = self.length
@@ -314,7 +318,9 @@ class _Space:
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """p as polynomials: the length of each interval, and the values at its nodes, float64[nodes, size]."""
+    """p as polynomials: the length of each interval, and the values at its nodes, float64[nodes,
+    size].
+    """
 
     lengths: list[float]
     nodes: list[Floats]
@@ -326,7 +332,8 @@ class _Path:
 
 
 def _path(matrix: Floats, first: Floats, time: float, greatest: Floats, tolerance: float) -> _Path:
-    """P' = H p + b from 0, by collocation at Chebyshev points, on intervals that grow with the time.
+    """P' = H p + b from 0, by collocation at Chebyshev points, on intervals that grow with the
+    time.
 
     Intervals are halved until the defect, weighted by `greatest`, is at most `tolerance` or due to
     rounding.

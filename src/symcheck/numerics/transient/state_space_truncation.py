@@ -1,11 +1,11 @@
 """State-space truncation for transient values at a few states, with a proved bound on the error.
 
-Both bounds come from the resolvent, since 1 <= exp(a - a s/T) for s <= T with a Laplace shift a. The
-value of a state at any time up to T is at most V = e^a (a/T - Q)^-1 gain. The expected time spent in
-a state up to T is at most N = e^a start (a/T - Q)^-1. Removing a set D of states loses at most the
-sum of N(s) rate(s, d) V(d) over the transitions into D. Both are linear systems with positive
-solutions, of which rough upper bounds suffice. The bounds must be relative: for rare events, N falls
-and V rises by hundreds of orders of magnitude.
+Both bounds come from the resolvent, since 1 <= exp(a - a s/T) for s <= T with a Laplace shift a.
+The value of a state at any time up to T is at most V = e^a (a/T - Q)^-1 reward_rate. The expected
+time spent in a state up to T is at most N = e^a start (a/T - Q)^-1. Removing a set D of states
+loses at most the sum of N(s) rate(s, d) V(d) over the transitions into D. Both are linear systems
+with positive solutions, of which rough upper bounds suffice. The bounds must be relative: for rare
+events, N falls and V rises by hundreds of orders of magnitude.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def truncate(
     rates: SparseMatrix,
     exit_rates: Floats,
     time: float,
-    gain: Floats,
+    reward_rate: Floats,
     interest: Int64s,
     epsilon: float,
     laplace_shift: float,
@@ -55,7 +55,7 @@ def truncate(
     Args:
         rates, exit_rates: as in `transient_values`.
         time: the horizon T.
-        gain: rates of entering the target or of earning rewards, float64[n], non-negative.
+        reward_rate: rates of entering the target or of earning rewards, float64[n], non-negative.
         interest: the states whose values are wanted.
         epsilon: the error, relative to the least value of interest.
         laplace_shift: a; 1 keeps the fewest states, larger shifts are solved faster.
@@ -69,11 +69,11 @@ def truncate(
     start[interest] = 1.0
     with ThreadPoolExecutor(1) as pool:  # sweeps release the lock of the interpreter
         other = pool.submit(_resolvent, rates, exit_rates, time, start, laplace_shift, True)
-        value = _resolvent(rates, exit_rates, time, gain, laplace_shift, False)
+        value = _resolvent(rates, exit_rates, time, reward_rate, laplace_shift, False)
         occupation = other.result()
     if value is None or occupation is None:
         return None
-    # A lower bound on the least value: the gain within T/a is part of that within T.
+    # A lower bound on the least value: the reward within T/a is part of that within T.
     least = float(value[interest].min())
     target = least * math.exp(-laplace_shift) / (4.0 * laplace_shift)
     owner = np.repeat(np.arange(rates.states), np.diff(rates.indptr))
@@ -100,7 +100,7 @@ def _resolvent(
     laplace_shift: float,
     transposed: bool,
 ) -> Floats | None:
-    """Upper bounds on e^a (a/time - Q)^-1 right (or its transpose), within a factor of about two."""
+    """Upper bounds on e^a (a/time - Q)^-1 right (or its transpose), within about a factor of 2."""
     scale = 1.0 / (exit_rates + laplace_shift / time)
     arrays: tuple[Int64s, Int32s, Floats] = (rates.indptr, rates.indices, rates.data)
     back = sparse.transpose_values(*arrays, rates.columns)

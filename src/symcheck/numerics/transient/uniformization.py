@@ -1,13 +1,15 @@
 """Transient values and distributions of a CTMC by uniformisation, with a bound on the error.
 
-x(t) solves x' = Q x + gain, x(0) = terminal, with Q = rates - diag(exit rates) on the unknown states.
-For bounded until, gain is the rate into the target; for instantaneous rewards, terminal is the
-reward; for cumulative rewards, gain is the reward rate. With P = I + Q/q and y_k = P^k y_0 the
-solution is a sum of weight_k * y_k with non-negative terms (Jensen 1953; Grassmann 1977).
+x(t) solves x' = Q x + reward_rate, x(0) = terminal, with Q = rates - diag(exit rates) on the
+unknown states. For bounded until, reward_rate is the rate into the target; for instantaneous
+rewards, terminal is the reward; for cumulative rewards, reward_rate is the reward rate. With P = I
++ Q/q and y_k = P^k y_0 the solution is a sum of weight_k * y_k with non-negative terms (Jensen
+1953; Grassmann 1977).
 
 Long horizons end early, with a proof: if a y_k <= P y_k <= b y_k then a^m y_k <= P^m y_k <= b^m y_k
-for all m (Collatz & Wielandt). The ratio bounds converge as the chain forgets its start, to a steady
-state (a = b = 1) or to a quasi-stationary decay or growth, and the rest of the sum is then known.
+for all m (Collatz & Wielandt). The ratio bounds converge as the chain forgets its start, to a
+steady state (a = b = 1) or to a quasi-stationary decay or growth, and the rest of the sum is then
+known.
 """
 
 from __future__ import annotations
@@ -53,7 +55,7 @@ class Transient:
         return 0.5 * (self.lower + self.upper)
 
     def widened(self, room: float) -> Transient:
-        """The bounds, wider by an absolute error: relative error bounds do not hold near underflow."""
+        """The bounds, widened by an absolute error: relative ones do not hold near underflow."""
         return replace(self, lower=np.maximum(self.lower - room, 0.0), upper=self.upper + room)
 
     def plus(self, other: Transient) -> Transient:
@@ -78,7 +80,7 @@ def transient_values(
     settings: Settings,
     *,
     terminal: Floats | None = None,
-    gain: Floats | None = None,
+    reward_rate: Floats | None = None,
     interest: Int64s | None = None,
     observer: Observer | None = None,
 ) -> Transient:
@@ -89,12 +91,12 @@ def transient_values(
         exit_rates: the total rate of leaving each state, including to states outside.
         time: the horizon.
         settings: accuracy and limits.
-        terminal, gain: the initial values and the source (see the module).
+        terminal, reward_rate: the initial values and the source (see the module).
         interest: states whose values need the accuracy; None: all.
         observer: receives the progress.
 
     Returns:
-        Bounds. Values below the smallest double, such as those of states that gain nothing, have an
+        Bounds. Values below the smallest double, such as those of states that earn nothing, have an
         upper bound of 1e-300.
 
     Raises:
@@ -103,7 +105,7 @@ def transient_values(
     n = len(exit_rates)
     found: Transient | None = None
     chain = uniformize(rates, exit_rates)
-    for start, source in ((terminal, False), (gain, True)):
+    for start, source in ((terminal, False), (reward_rate, True)):
         if start is None or not np.any(start):
             continue
         if start.min() < 0.0:
@@ -113,7 +115,7 @@ def transient_values(
     return (
         found.widened(tuning.UNDERFLOW_BOUND)
         if found
-        else Transient(np.zeros(n), np.zeros(n), 0, "nothing to gain: 0")
+        else Transient(np.zeros(n), np.zeros(n), 0, "no reward is earned: 0")
     )
 
 
@@ -128,11 +130,11 @@ def _part(
     interest: Int64s | None,
     observer: Observer | None,
 ) -> Transient:
-    """The part of the terminal values or of the gain, by the most promising algorithm first."""
+    """The part of the terminal values or the reward rate, by the first algorithm that applies."""
     y = start / chain.q if source else start
     if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
         entries = chain.q * time * chain.entries
-        # If few states have a gain, few states are likely to matter.
+        # If few states have a reward rate, few states are likely to matter.
         rare = (
             source
             and entries > tuning.TRUNCATION_ENTRIES
@@ -207,9 +209,17 @@ def _by_rational_krylov(
     )
     assert first is not None
     smoothing_error = later_growth * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
-    gain = start if source else None
+    reward_rate = start if source else None
     found = krylov_values(
-        rates, exit_rates, first.middle, gain, time - smoothing, interest, settings, observer, poles
+        rates,
+        exit_rates,
+        first.middle,
+        reward_rate,
+        time - smoothing,
+        interest,
+        settings,
+        observer,
+        poles,
     )
     if found is None:
         return None
@@ -218,7 +228,10 @@ def _by_rational_krylov(
     lower, upper = np.maximum(values - error, 0.0), values + error
     if not _close_enough(lower[interest], upper[interest], settings):
         return None
-    note = f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of {found.vectors} vectors, {found.steps} steps of BiCGStab"
+    note = (
+        f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of "
+        f"{found.vectors} vectors, {found.steps} steps of BiCGStab"
+    )
     made = first.iterations + found.steps
     return Transient(
         lower,
@@ -248,7 +261,9 @@ def transient_distribution(
     settings: Settings,
     observer: Observer | None = None,
 ) -> Transient:
-    """Bounds on the probability of each state at `time`, from the distribution `initial` (float64[n])."""
+    """Bounds on the probability of each state at `time`, from the distribution `initial`
+    (float64[n]).
+    """
     chain = uniformize(rates, exit_rates, transposed=True)
     found = _sum_series(chain, initial, time, False, settings, None, observer, mass=True)
     assert found is not None
@@ -273,7 +288,7 @@ def _sum_series(
     """The sum of weight_k * P^k start over the Poisson window, or less if a proof ends it early.
 
     source: the weights are P(N > k), else P(N = k).
-    mass: start is a distribution, whose sum does not grow; else values, whose maximum does not grow.
+    mass: start is a distribution, whose sum does not grow; else values, whose maximum does not.
     budget: None is returned if more entries would be visited.
     occupation: bounds that may end the sum early at the states of interest.
     tail: weights below this part of the largest are omitted and counted as an error.
@@ -302,7 +317,7 @@ def _sum_series(
         k += check_interval
         error = (k + 4) * rounding_error + 1e-10
         below = total * (1.0 - error)
-        ahead = weights.rest(k) + window.missing
+        ahead = weights.tail_sum(k) + window.missing
         size = float(y.sum()) if mass else most * growth
         above = total * (1.0 + error) + ahead * size * (1.0 + error)
         if observer is not None:
@@ -330,7 +345,7 @@ def _sum_series(
                     f", then a steady ratio of {0.5 * (low + high):.12g} per step",
                 )
         if occupation is not None and interest is not None and k >= tuning.OCCUPATION_MIN_STEPS:
-            rest = weights.rest(k)
+            rest = weights.tail_sum(k)
             level = occupation.level(y, interest, chain.q, rest), ", then a level rate"
             ratio, off = occupation.settled(y, z, chain, rest)
             estimate = weights.powers(k, ratio) * y[interest]
@@ -360,18 +375,26 @@ def _on_truncated_space(
     exit_rates: Floats,
     time: float,
     settings: Settings,
-    gain: Floats,
+    reward_rate: Floats,
     interest: Int64s,
     observer: Observer | None,
 ) -> Transient | None:
-    """As `transient_values` for a gain, on a truncated space; trivial bounds for other states."""
+    """As `transient_values` for a reward rate, on a truncated space; trivial bounds for other
+    states.
+    """
     kept, loss, matrix = np.arange(rates.states, dtype=np.int64), 0.0, rates
     for laplace_shift in tuning.TRUNCATION_SHIFTS:
         place = np.full(rates.states, -1, dtype=np.int32)
         place[kept] = np.arange(len(kept))
         at = place[interest].astype(np.int64)
         cut = truncate(
-            matrix, exit_rates[kept], time, gain[kept], at, 0.1 * settings.epsilon, laplace_shift
+            matrix,
+            exit_rates[kept],
+            time,
+            reward_rate[kept],
+            at,
+            0.1 * settings.epsilon,
+            laplace_shift,
         )
         if cut is None:
             return None
@@ -386,16 +409,25 @@ def _on_truncated_space(
     at = place[interest].astype(np.int64)
     assert cut is not None
     chain = uniformize(matrix, exit_rates[kept])
-    weights = importance(matrix, exit_rates[kept], gain[kept], time, cut.values)
+    weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
     found = None
     if weights is not None:
         found = _by_rational_krylov(
-            chain, matrix, exit_rates[kept], gain[kept], time, True, settings, at, observer, weights
+            chain,
+            matrix,
+            exit_rates[kept],
+            reward_rate[kept],
+            time,
+            True,
+            settings,
+            at,
+            observer,
+            weights,
         )
     if found is None:
         found = _sum_series(
             chain,
-            gain[kept] / chain.q,
+            reward_rate[kept] / chain.q,
             time,
             True,
             settings,
@@ -406,7 +438,7 @@ def _on_truncated_space(
     assert found is not None
     lower, upper = (
         np.zeros(rates.states),
-        np.full(rates.states, time * float(gain.max()) * (1.0 + 1e-9)),
+        np.full(rates.states, time * float(reward_rate.max()) * (1.0 + 1e-9)),
     )
     lower[interest] = found.lower[at]
     upper[interest] = found.upper[at] + loss

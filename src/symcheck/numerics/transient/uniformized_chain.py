@@ -1,4 +1,4 @@
-"""The uniformised chain of a CTMC, and bounds on the rest of a transient sum once it has settled."""
+"""The uniformised chain of a CTMC, and bounds on the remaining terms of a transient sum."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ class UniformizedChain:
 class OccupationBounds:
     """Bounds on the rest of a transient sum from occupation times.
 
-    time: bounds on the expected time spent in each state, from the start to the horizon, float64[n].
-    leak: the probability that P loses on the way.
+    time: bounds on the expected time spent in each state, from the start to the horizon,
+    float64[n]. leak: the probability that P loses on the way.
 
     Where y differs from a level c matters only as much as the state is occupied. If
     y = c + above - below, the rest of the sum, with weights that fall from at most 1, lies between

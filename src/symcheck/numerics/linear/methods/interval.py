@@ -1,8 +1,8 @@
 """Interval iteration for probabilities, with products only.
 
 Lower bounds start at 0 and upper bounds at 1. If rows are given, end components are collapsed first
-(for maximal probabilities). Without rows the bounds are correct, but they need not converge if there
-are end components; the method 'optimistic' does.
+(for maximal probabilities). Without rows the bounds are correct, but they need not converge if
+there are end components; the method 'optimistic' does.
 
 Source: Haddad & Monmege (2018), Interval iteration algorithm for MDPs and IMDPs.
 """

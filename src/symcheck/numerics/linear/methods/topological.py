@@ -3,8 +3,8 @@
 Each component is solved by the cheapest means that prove the requested accuracy. A single state
 takes one pass over its rows. A component without choices is eliminated without subtraction if that
 costs no more than some sweeps, or solved by BiCGStab. Other components are solved by extrapolated
-sweeps or swept from both sides (interval iteration for probabilities, optimistic value iteration for
-rewards), and where this converges slowly by a longer elimination or by policy iteration.
+sweeps or swept from both sides (interval iteration for probabilities, optimistic value iteration
+for rewards), and where this converges slowly by a longer elimination or by policy iteration.
 
 Sources: Dai, Mausam, Weld & Goldsmith (2011) for the order; Baier, Klein, Leuschner, Parker &
 Wunderlich (2017) for interval iteration within it.
@@ -159,7 +159,7 @@ def _solve_components(
 
 
 def _solve_in_order(run: TopologicalRun, order: Int32s, start: Int64s, depths: Int32s) -> None:
-    """Solve all components (see graph.Components); the kernel returns those that are hard for it."""
+    """Solve all components (see graph.Components); the kernel returns those too hard for it."""
     np.maximum(depths, 1, out=depths)
     share = run.settings.epsilon * 0.9 / int(depths.max(initial=1))
     component = 0
@@ -328,7 +328,7 @@ def _try_krylov(run: TopologicalRun, block: Block, goal: float) -> bool:
 
 
 def _iterate_policies(run: TopologicalRun, block: Block, goal: float) -> bool:
-    """Policy iteration of a block with choices, if the chains of the policies are solved quickly."""
+    """Policy iteration of a block with choices, if the chains of policies are solved quickly."""
     if block.mode == 0:
         return False
     try:
@@ -346,7 +346,9 @@ def _solve_quickly(problem: LinearProblem, settings: Settings) -> Solution:
 
 
 def _accept(run: TopologicalRun, block: Block, goal: float, bounds: Bounds, name: str) -> bool:
-    """Store proved bounds (for probabilities, where they are closer); whether they are close enough."""
+    """Store proved bounds (for probabilities, where they are closer); whether they are close
+    enough.
+    """
     x = block.x
     if run.probability:
         x[:, 0] = np.maximum(x[:, 0], bounds.lower)
