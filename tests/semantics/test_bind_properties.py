@@ -205,7 +205,7 @@ def test_bind_expression() -> None:
     )
     assert (expression, kind) == (parse_expression("s>2 & s>2 & s=2 & s<3 & s>3"), Type.BOOL)
     assert bind_expression(parse_expression("N/2+s"), model)[1] is Type.DOUBLE
-    with pytest.raises(InputError, match="property only"):
+    with pytest.raises(InputError, match="properties only"):
         bind_expression(parse_expression("P>0.5 [ F late ]"), model)
     with pytest.raises(NameFault, match="unknown name"):
         bind_expression(parse_expression("t=0"), model)

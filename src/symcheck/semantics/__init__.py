@@ -1,1 +1,1 @@
-"""From a text's tree to a bound model: names, types, constants, composition."""
+"""Binding of syntax trees to models: names, types, constants, composition, reductions."""

@@ -1,4 +1,4 @@
-"""Collect what is wrong with a text, and raise it all at once in the order of the text."""
+"""Collection of diagnostics, which are raised together in the order of the text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ _CLASSES: dict[str, type[InputError]] = {"name": NameFault, "type": TypeFault, "
 
 
 class Report:
-    """Diagnostics found so far. The same message at the same place counts once (a formula may be used many times)."""
+    """Collects diagnostics.
+
+    The same message at the same place counts once, because a formula may be used many times.
+    """
 
     def __init__(self) -> None:
         self._found: dict[Diagnostic, Kind] = {}
@@ -24,27 +27,27 @@ class Report:
 
     @property
     def codes(self) -> frozenset[str]:
-        """The kinds of what was found."""
+        """The codes of the collected diagnostics."""
         return frozenset(d.code for d in self._found)
 
     def add(self, kind: Kind, code: str, message: str, span: Span, hint: str | None = None) -> None:
-        """Note one thing that is wrong."""
+        """Add a diagnostic."""
         self._found.setdefault(Diagnostic(message, span, code, hint), kind)
 
     def name(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
-        """Note an unknown, repeated or undefined name."""
+        """Add a diagnostic about an unknown, duplicate or undefined name."""
         self.add("name", code, message, span, hint)
 
     def type(self, message: str, span: Span, hint: str | None = None, code: str = "type") -> None:
-        """Note an expression of the wrong type."""
+        """Add a diagnostic about an expression of the wrong type."""
         self.add("type", code, message, span, hint)
 
     def input(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
-        """Note anything else."""
+        """Add a diagnostic about anything else."""
         self.add("input", code, message, span, hint)
 
     def absorb(self, fault: InputError) -> None:
-        """Note the diagnostics of a fault that was raised."""
+        """Add the diagnostics of an error that was raised."""
         kind: Kind = (
             "name"
             if isinstance(fault, NameFault)
@@ -56,7 +59,10 @@ class Report:
             self._found.setdefault(diagnostic, kind)
 
     def fault(self) -> InputError | None:
-        """All that was found as one error, None if nothing was: NameFault or TypeFault where all are of that kind."""
+        """One error with all diagnostics; None if there are none.
+
+        It is a NameFault or TypeFault if all diagnostics are of that kind, otherwise an InputError.
+        """
         if not self._found:
             return None
         kinds = set(self._found.values())
@@ -64,13 +70,13 @@ class Report:
         return (_CLASSES[kinds.pop()] if len(kinds) == 1 else InputError)(*found)
 
     def raise_found(self) -> None:
-        """Raise what was found, if anything was."""
+        """Raise all diagnostics as one error, if there are any."""
         if fault := self.fault():
             raise fault
 
 
 def suggest(name: str, known: Iterable[str]) -> str | None:
-    """The hint 'did you mean …?' where a known name is close to `name`."""
+    """The hint 'did you mean …?' if a known name is similar to `name`, otherwise None."""
     import difflib
 
     names = sorted(set(known))

@@ -1,8 +1,8 @@
-"""Initial states and transitions, one state at a time: the semantics of models, as plainly as it can be written.
+"""The interpreter: initial states and transitions, computed one state at a time.
 
-It is the oracle of the builders, and serves simulation and exact checking of small models. In a DTMC, overlapping
-choices are equally likely; in a CTMC they race, so their rates add up; in an MDP each is a choice. Probabilities
-(rates) of commands that happen together multiply.
+It defines the semantics of models, and is the oracle for the state-space builders. In a DTMC
+overlapping choices are equally likely; in a CTMC they race, so their rates add up; in an MDP each
+is a choice. Probabilities (rates) of synchronised commands multiply.
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ State = tuple[bool | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Commands that can happen together in a state.
+    """A combination of synchronised commands that is enabled in a state.
 
-    branches: probability (rate) and next state, for each combination of updates that is possible; states may repeat.
-    rewards: per reward structure, what each of the branches earns on the way.
+    Attributes:
+        branches: probability (rate) and next state of each combination of updates with a positive
+            probability; states may repeat.
+        rewards: the transition reward of each branch, per reward structure.
     """
 
     action: str | None
@@ -51,10 +53,12 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of the transition matrix: what a DTMC or CTMC does in a state, or one choice of an MDP.
+    """A row of the transition matrix: a state of a DTMC or CTMC, or a choice of an MDP.
 
-    branches: probability (rate) and next state, no state twice. `action` is None where choices of several were merged.
-    rewards: per reward structure, the transition rewards weighted with the probabilities (rates).
+    Attributes:
+        action: the action; None if choices with several actions were merged.
+        branches: probability (rate) and next state; no state occurs twice.
+        rewards: transition rewards weighted by the probabilities (rates), per reward structure.
     """
 
     action: str | None
@@ -68,7 +72,11 @@ def valuation(model: BoundModel, state: State) -> dict[str, Value]:
 
 
 def initial_states(model: BoundModel) -> tuple[State, ...]:
-    """The initial states in lexicographic order. For init … endinit, all valuations are tried: for small models only."""
+    """The initial states in lexicographic order.
+
+    For init … endinit all valuations are enumerated, so this is for small models only. Raises
+    ModelFault if there is no initial state.
+    """
     if model.initial is None:
         return (tuple(cast("bool | int", v.initial) for v in model.variables),)
     domains: list[tuple[bool | int, ...]] = []
@@ -83,7 +91,14 @@ def initial_states(model: BoundModel) -> tuple[State, ...]:
 
 
 def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tuple[Choice, ...]:
-    """All choices in a state, unlabelled ones first. Raises ModelFault where the model breaks a rule in this state."""
+    """The enabled choices in a state, unlabelled ones first.
+
+    Args:
+        check_sums: check that the probabilities of updates sum to 1.
+
+    Raises:
+        ModelFault: the model has a fault in this state.
+    """
     here = _Here(model, state)
     found = []
     for event in model.events:
@@ -98,9 +113,13 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
 
 
 def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> tuple[Row, ...]:
-    """The rows of the transition matrix for a state: at most one for a DTMC or CTMC; none in a deadlock.
+    """The rows of the transition matrix of a state.
 
-    Raises ModelFault where the model breaks a rule in this state.
+    Returns:
+        At most one row for a DTMC or CTMC; no row in a deadlock.
+
+    Raises:
+        ModelFault: the model has a fault in this state.
     """
     found = choices(model, state, check_sums=check_sums)
     if not found:
@@ -111,12 +130,12 @@ def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> 
 
 
 def state_rewards(model: BoundModel, state: State) -> tuple[Value, ...]:
-    """Per reward structure, the state reward. Raises ModelFault where one is not finite."""
+    """The state reward per reward structure. Raises ModelFault if one is not finite."""
     return _Here(model, state).rewards(True, None)
 
 
 def _row(merged: tuple[Choice, ...], divisor: int) -> Row:
-    """Several choices as one, their probabilities divided by `divisor`."""
+    """Merge choices into one row, with their probabilities divided by `divisor`."""
     branches: dict[State, Value] = {}
     rewards: list[Value] = [0] * len(merged[0].rewards)
     for choice in merged:
@@ -136,7 +155,7 @@ def _row(merged: tuple[Choice, ...], divisor: int) -> Row:
 
 
 class _Here:
-    """A state of a model, and what can be said there."""
+    """Evaluates expressions, commands and rewards of a model at one state."""
 
     def __init__(self, model: BoundModel, state: State) -> None:
         self.model = model
@@ -192,7 +211,7 @@ class _Here:
         return value
 
     def after(self, updates: list[tuple[BoundCommand, BoundUpdate]]) -> State:
-        """The state after updates, all of whose expressions are evaluated in this state."""
+        """The successor state of updates, whose expressions are evaluated in this state."""
         state = list(self.state)
         for command, update in updates:
             for i, expression in update.assignments:
@@ -208,7 +227,7 @@ class _Here:
         return tuple(state)
 
     def rewards(self, on_states: bool, action: str | None) -> tuple[Value, ...]:
-        """Per reward structure, the sum of the items that apply."""
+        """The sum of the items that apply, per reward structure."""
         totals = []
         for structure in self.model.rewards:
             total: Fraction | float = 0

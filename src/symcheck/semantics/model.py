@@ -1,6 +1,6 @@
 """`BoundModel`: a program with its constants evaluated, names resolved and types checked.
 
-In the expressions of a bound model, every `Name` is a variable of the model; constants are literals, formulas and
+In the expressions of a bound model every `Name` is a variable; constants are literals, formulas and
 renamings are expanded, and `LabelReference` does not occur.
 """
 
@@ -32,9 +32,12 @@ Value = bool | int | float | Fraction
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A state variable. `low`/`high` None: an unbounded int; a bool has bounds 0 and 1. `module` None: global.
+    """A state variable.
 
-    `initial` is None where the model has `init … endinit`.
+    Attributes:
+        low, high: bounds of an int, None if it is unbounded; 0 and 1 for a bool.
+        initial: the initial value; None if the model has `init … endinit`.
+        module: the module that declares the variable; None: global.
     """
 
     name: str
@@ -48,7 +51,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class BoundUpdate:
-    """`probability` (a rate in a CTMC) and the new values, by variable index."""
+    """An update: its probability (a rate in a CTMC), and assignments by variable index."""
 
     probability: Expression
     assignments: tuple[tuple[int, Expression], ...]
@@ -68,7 +71,7 @@ class BoundCommand:
 
 @dataclass(frozen=True, slots=True)
 class BoundModule:
-    """A module after renaming. `variables`: indices of its local variables."""
+    """A module after renaming; `variables` are the indices of its local variables."""
 
     name: str
     variables: tuple[int, ...]
@@ -77,7 +80,7 @@ class BoundModule:
 
 @dataclass(frozen=True, slots=True)
 class BoundReward:
-    """A reward on states (`on_states`), or on the transitions of `action` (None: unlabelled ones)."""
+    """A reward of states (`on_states`), or of the transitions of `action` (None: unlabelled)."""
 
     on_states: bool
     action: str | None
@@ -88,7 +91,7 @@ class BoundReward:
 
 @dataclass(frozen=True, slots=True)
 class BoundRewards:
-    """A reward structure; `name` is None where none is given."""
+    """A reward structure; `name` is None if it has none."""
 
     name: str | None
     items: tuple[BoundReward, ...]
@@ -96,11 +99,11 @@ class BoundRewards:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Commands that happen together: one of each participant's `commands`, all at once.
+    """Commands that synchronise: one of each participant's `commands` is executed at once.
 
-    The guard of a joint choice is the conjunction of the chosen guards, its updates are all combinations, and the
-    probabilities (rates) multiply. `action` None is the unlabelled (or hidden) action. An unlabelled command is an
-    event of its own, with one participant that has one command.
+    The guard of a joint choice is the conjunction of the chosen guards, its updates are all
+    combinations, and probabilities (rates) multiply. `action` None is the unlabelled (or hidden)
+    action. An unlabelled command is an event with one participant and one command.
     """
 
     action: str | None
@@ -109,10 +112,14 @@ class Event:
 
 @dataclass(frozen=True, repr=False)
 class BoundModel:
-    """A model ready to be built. `events` is its composition, flattened (see `symcheck.semantics.binding.composition`).
+    """A model whose state space can be built.
 
-    `exact` says that double values in literals are to be used as the fractions that they are. `derivation` (of a model that is not
-    what its text says, but made from that, such as a reduced one) makes the like from another bound model of the text.
+    Attributes:
+        events: the flattened composition (see `symcheck.semantics.binding.composition`).
+        initial: the condition between init and endinit; None: the variables' initial values.
+        exact: doubles in literals are used as the fractions that they are.
+        derivation: of a transformed model (such as a reduced one), the function that transforms
+            another bound model of the same text in the same way.
     """
 
     program: Program = field(repr=False)
@@ -131,12 +138,15 @@ class BoundModel:
     )
 
     def __repr__(self) -> str:
-        """One line: the whole is in the fields, and would fill pages."""
+        """A summary on one line."""
         names = " ".join(v.name for v in self.variables[:_SHOWN]) + (
             " …" if len(self.variables) > _SHOWN else ""
         )
         commands = sum(len(m.commands) for m in self.modules)
-        return f"<BoundModel: {self.type.value}, {len(self.modules)} modules, {commands} commands, variables {names}>"
+        return (
+            f"<BoundModel: {self.type.value}, {len(self.modules)} modules, {commands} commands, "
+            f"variables {names}>"
+        )
 
     @property
     def actions(self) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
-"""Path formulas in normal form: state formulas, negation, logical operators, next and until, each with its bound.
+"""The normal form of path formulas: state formulas, negation, logical operators, next and until.
 
-Checking, automata and simulation read this form. The dualities are applied here and nowhere else:
-F a = true U a, G a = !(true U !a), a R b = !(!a U !b), a W b = !((a & !b) U (!a & !b)), each with its bound.
+Checking, automata and simulation read this form. The dualities are applied only here: F a = true U
+a, G a = !(true U !a), a R b = !(!a U !b), a W b = !((a & !b) U (!a & !b)), each with its bound.
 Source: Baier & Katoen (2008), 5.1.
 """
 
@@ -49,7 +49,7 @@ __all__ = [
 ]
 
 Extent = Window | tuple[Count, ...]
-"""The times at which a path must get somewhere, or the rewards that it may gather until then."""
+"""The times at which a target must be reached, or the rewards that may accumulate until then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class Connected:
 
 @dataclass(frozen=True, slots=True)
 class NextState:
-    """The path from the second state on satisfies `operand`, and the step is within the extent."""
+    """The suffix from the second state satisfies `operand`, and the step is within the extent."""
 
     operand: NormalForm
     extent: Extent
@@ -85,7 +85,7 @@ class NextState:
 
 @dataclass(frozen=True, slots=True)
 class UntilReached:
-    """`right` holds at a moment within the extent, and `left` at all moments before."""
+    """`right` holds at a time within the extent, and `left` at all times before."""
 
     left: NormalForm
     right: NormalForm
@@ -98,7 +98,10 @@ NormalForm = StateFormula | Negated | Connected | NextState | UntilReached
 def normal_form(path: PathFormula, model: BoundModel) -> NormalForm:
     """The normal form of a bound path formula.
 
-    Raises InputError where a bound is negative or cannot be met.
+    Raises:
+        InputError: a bound is negative or cannot be satisfied.
+
+    Source: Baier & Katoen (2008), 5.1.
     """
 
     def inner(part: PathFormula) -> NormalForm:
@@ -119,7 +122,7 @@ def normal_form(path: PathFormula, model: BoundModel) -> NormalForm:
         case WeakUntil(left, right, bound):
             extent, a, not_b = _extent(bound, model), inner(left), _negation(inner(right))
             neither = _connection(Operator.AND, _negation(a), not_b)
-            # Without a lower bound, !b U (!a & !b) says the same, and its automaton is smaller.
+            # Without a lower bound, !b U (!a & !b) is equivalent, and its automaton is smaller.
             at_once = isinstance(extent, Window) and extent.at_once
             before = not_b if at_once else _connection(Operator.AND, a, not_b)
             return Negated(UntilReached(before, neither, extent))
@@ -159,12 +162,12 @@ def state_formulas(form: NormalForm) -> Iterator[Expression]:
 
 
 def only_window(extent: Extent) -> Window:
-    """An extent that must be of time. Raises UnsupportedError for a bound on a reward."""
+    """The extent as a time interval. Raises UnsupportedError for a bound on a reward."""
     if isinstance(extent, Window):
         return extent
     raise UnsupportedError(
         "a bound on a reward is supported for X, F, G, U, W and R over state formulas, checked "
-        "numerically; not within formulas with several temporal operators, in A and E, or by simulation"
+        "numerically; not in formulas with several temporal operators, in A and E, or by simulation"
     )
 
 

@@ -1,4 +1,4 @@
-"""What a reward operator or a bound on a reward counts: the rewards of a structure, steps, or time."""
+"""The rewards that operators and bounds refer to: a reward structure, steps, or time."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ _ONE = Literal(Fraction(1), Type.DOUBLE)
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """The rewards of reward structure number `index` of the model, from 0."""
+    """The reward structure with index `index` (from 0) of the model."""
 
     index: int
 
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """One for each transition."""
+    """A reward of 1 for each transition."""
 
 
 @dataclass(frozen=True, slots=True)
 class Time:
-    """One for each unit of time: in discrete time a transition takes one."""
+    """A reward of 1 for each unit of time; in discrete time a transition takes one unit."""
 
 
 Reward = Structure | Steps | Time
 
 
 def operator_reward(formula: RewardOperator, model: BoundModel) -> Reward:
-    """The reward that `R` asks for: of the named or numbered structure, or of the first one."""
+    """The reward of an R operator: its named or numbered structure, by default the first one."""
     return Structure(0) if formula.structure is None else _structure(formula.structure, model)
 
 
 def bounded_reward(bound: RewardBound, model: BoundModel) -> Reward:
-    """The reward that a bound within a path formula limits: of a structure, or steps where none is given."""
+    """The reward of a bound within a path formula: its structure, by default steps."""
     return Steps() if bound.structure is None else _structure(bound.structure, model)
 
 
 def reward_items(reward: Reward, model: BoundModel) -> tuple[BoundReward, ...]:
-    """A reward as the items of a reward structure."""
+    """The items of a reward structure that describe a reward."""
     match reward:
         case Structure(index):
             return model.rewards[index].items
@@ -69,7 +69,7 @@ def reward_items(reward: Reward, model: BoundModel) -> tuple[BoundReward, ...]:
 
 
 def _structure(structure: str | Expression, model: BoundModel) -> Structure:
-    """The structure with a name or a number (from 1); binding has checked that it exists."""
+    """The structure with a name or a number (from 1), which binding has checked to exist."""
     if isinstance(structure, str):
         return Structure([r.name for r in model.rewards].index(structure))
     return Structure(cast(int, evaluate(structure, {})) - 1)

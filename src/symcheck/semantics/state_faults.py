@@ -1,6 +1,7 @@
-"""What can go wrong at a state, in the same words whichever way the states were found.
+"""Diagnostics about states: faults of a model that occur at a reachable state.
 
-Every function makes one diagnostic with an example state; raise it as `ModelFault(diagnostic, …)`.
+All engines use them, so that the messages do not depend on the engine. Each function returns a
+diagnostic with an example state, to be raised as `ModelFault(diagnostic, …)`.
 """
 
 from __future__ import annotations
@@ -29,25 +30,27 @@ __all__ = [
 ]
 
 SUM_TOLERANCE = 1e-5
+"""Largest difference from 1 of a sum of probabilities in floating point."""
+
 _SHOWN = 3
-_VARIABLES = 10  # of an example state, at most
+_MAX_VARIABLES = 10  # shown of an example state
 
 
 def sums_to_one(total: Value) -> bool:
-    """Whether probabilities with this sum are a distribution: exactly for a Fraction, else up to SUM_TOLERANCE."""
+    """Whether a sum of probabilities is 1 (a Fraction exactly, a float up to SUM_TOLERANCE)."""
     return total == 1 if isinstance(total, Fraction) else abs(total - 1) <= SUM_TOLERANCE
 
 
 def describe_state(variables: Sequence[Variable], values: Sequence[Value]) -> str:
-    """A state as it is shown: `(s=0,b=true)`. Values of bools may be 0 and 1.
+    """The text of a state: `(s=0,b=true)`. Values of bools may be 0 and 1.
 
-    Of many variables the first that are not at 0 or false are shown, which is what tells an example from the others.
+    If there are many variables, only the first ones that are not 0 or false are shown.
     """
     pairs = list(zip(variables, values, strict=True))
     kept = (
         pairs
-        if len(pairs) <= _VARIABLES
-        else [(v, x) for v, x in pairs if x][:_VARIABLES] or pairs[:_VARIABLES]
+        if len(pairs) <= _MAX_VARIABLES
+        else [(v, x) for v, x in pairs if x][:_MAX_VARIABLES] or pairs[:_MAX_VARIABLES]
     )
     shown = [f"{v.name}={format_value(bool(x) if v.type.value == 'bool' else x)}" for v, x in kept]
     left = [f"… {len(pairs) - len(kept)} more"] if len(kept) < len(pairs) else []
@@ -55,7 +58,7 @@ def describe_state(variables: Sequence[Variable], values: Sequence[Value]) -> st
 
 
 def update_sum(command: BoundCommand, total: Value, state: str) -> Diagnostic:
-    """The probabilities of a command's updates do not sum to 1."""
+    """The probabilities of the updates of a command do not sum to 1."""
     span = _updates_span(command)
     message = f"probabilities sum to {_short(total)}, not 1, for example in state {state}"
     if isinstance(total, float) and not math.isfinite(total):
@@ -95,8 +98,9 @@ def update_range(
     command: BoundCommand, update: BoundUpdate, variable: Variable, value: Value, state: str
 ) -> Diagnostic:
     """An update gives a variable a value outside of its range."""
-    message = f"{variable.name} would become {format_value(value)}, outside of [{variable.low}..{variable.high}], "
-    hint = f"rule these states out in the guard, or widen the range of {variable.name}"
+    range_ = f"[{variable.low}..{variable.high}]"
+    message = f"{variable.name} would become {format_value(value)}, outside of {range_}, "
+    hint = f"exclude these states in the guard, or widen the range of {variable.name}"
     return Diagnostic(
         message + f"for example in state {state}",
         _span(update.span, command.span),
@@ -115,7 +119,7 @@ def reward_not_finite(item: BoundReward, value: Value, state: str) -> Diagnostic
 
 
 def deadlocks(states: Iterable[str], count: int) -> Diagnostic:
-    """States without a transition; `states` are some of the `count` that there are."""
+    """States without a transition; `states` are examples of the `count` deadlocks."""
     shown = list(states)[:_SHOWN]
     noun = "1 state has" if count == 1 else f"{count} states have"
     message = f"{noun} no transition (a deadlock), for example {' and '.join(shown)}"
@@ -123,14 +127,14 @@ def deadlocks(states: Iterable[str], count: int) -> Diagnostic:
 
 
 def no_initial_state(span: Span = NO_SPAN) -> Diagnostic:
-    """No state satisfies what stands between init and endinit."""
+    """No state satisfies the condition between init and endinit."""
     return Diagnostic(
-        "no state satisfies what stands between init and endinit", span, "no-initial-state"
+        "no state satisfies the condition between init and endinit", span, "no-initial-state"
     )
 
 
 def at_state(fault: InputError, state: str) -> ModelFault:
-    """A fault of evaluation, with the state where it happened."""
+    """An evaluation fault with the state at which it occurs."""
     found = (
         Diagnostic(f"{d.message}, for example in state {state}", d.span, d.code, d.hint, d.severity)
         for d in fault.diagnostics
@@ -143,7 +147,7 @@ def _what(kind: ModelType) -> str:
 
 
 def _span(*spans: Span) -> Span:
-    """The first that stands in a text."""
+    """The first span that has a text."""
     return next((s for s in spans if s.source.text), NO_SPAN)
 
 
@@ -155,7 +159,7 @@ def _updates_span(command: BoundCommand) -> Span:
 
 
 def _short(value: Value) -> str:
-    """A number without the noise of rounding."""
+    """A number with ten significant digits, which hides rounding errors."""
     if isinstance(value, Fraction) or not math.isfinite(value):
         return format_value(value)
     return f"{value:.10g}" if abs(value) > 1e-3 else f"{value:.6g}"

@@ -1,4 +1,4 @@
-"""Bounds on steps and time, evaluated: how the `<=k`, `[a,b]`, `>k`, `=k` of a property are read."""
+"""Evaluation of bounds on steps, time and rewards in properties (`<=k`, `[a,b]`, `>k`, `=k`)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Count", "Steps", "Window", "bound_value", "counts", "window"]
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Times from `lower` to `upper` (None: no end), as the text says; `strict` bounds leave their end out."""
+    """The interval from `lower` to `upper` (None: unbounded); a strict bound excludes its end."""
 
     lower: Fraction = Fraction(0)
     upper: Fraction | None = None
@@ -27,11 +27,11 @@ class Window:
 
     @property
     def trivial(self) -> bool:
-        """Whether all times are allowed."""
+        """Whether the interval contains all times."""
         return self.lower == 0 and self.upper is None and not self.lower_strict
 
     def steps(self) -> Steps:
-        """The window in steps. Raises InputError where a bound is not whole or the window is empty."""
+        """The interval in steps. Raises InputError if a bound is not an integer or it is empty."""
         lower = _whole(self.lower, self.span) + self.lower_strict
         upper = None if self.upper is None else _whole(self.upper, self.span) - self.upper_strict
         if upper is not None and upper < lower:
@@ -40,17 +40,20 @@ class Window:
 
     @property
     def at_once(self) -> bool:
-        """Whether time 0 is in the window."""
+        """Whether time 0 is in the interval."""
         return self.lower == 0 and not self.lower_strict
 
     def times(self) -> tuple[float, float | None]:
-        """The window in continuous time, where a single instant has probability 0, so that strictness does not matter."""
+        """The interval in continuous time.
+
+        Strictness does not matter, because a single instant has probability 0.
+        """
         return float(self.lower), None if self.upper is None else float(self.upper)
 
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Step numbers from `lower` to `upper` (None: no end), both included."""
+    """Step numbers from `lower` to `upper` (None: unbounded), both included."""
 
     lower: int
     upper: int | None
@@ -58,14 +61,14 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How much of a reward there may be."""
+    """The interval in which an accumulated reward must be."""
 
     reward: Reward
     window: Window
 
 
 def bound_value(expression: Expression) -> Fraction:
-    """The value of a bound, exactly. Raises InputError where it is negative or not a finite number."""
+    """The exact value of a bound. Raises InputError if it is negative or not finite."""
     value = evaluate(expression, {}, exact=True)
     if not isfinite(value) or value < 0:
         raise InputError(
@@ -77,12 +80,12 @@ def bound_value(expression: Expression) -> Fraction:
 
 
 def window(bound: TimeBound | None) -> Window:
-    """The times that a bound allows. Raises InputError where it is negative or no time is left."""
+    """The times that a bound allows. Raises InputError if it is negative or allows no time."""
     return Window() if bound is None else _extent(bound)
 
 
 def counts(bound: RewardBound | RewardBounds, model: BoundModel) -> tuple[Count, ...]:
-    """The rewards that a bound allows. Raises InputError where one is negative or none is left."""
+    """The rewards that a bound allows. Raises InputError if it is negative or allows no reward."""
     parts = bound.parts if isinstance(bound, RewardBounds) else (bound,)
     return tuple(Count(bounded_reward(p, model), _extent(p)) for p in parts)
 
@@ -110,9 +113,11 @@ def _empty(span: Span) -> Diagnostic:
 
 def _whole(value: Fraction, span: Span) -> int:
     if value.denominator != 1:
-        hint = f"{floor(value)} or {ceil(value)} would do; fractions of a step exist in a ctmc only"
+        hint = f"use {floor(value)} or {ceil(value)}; only a ctmc has real-valued time"
         raise InputError(
-            Diagnostic(f"a number of steps must be whole, not {_show(value)}", span, "bound", hint)
+            Diagnostic(
+                f"a number of steps must be an integer, not {_show(value)}", span, "bound", hint
+            )
         )
     return int(value)
 

@@ -1,1 +1,1 @@
-"""From a program to a bound model, and from properties to formulas of that model."""
+"""Binding of programs to models, and of properties to formulas over a bound model."""

@@ -1,4 +1,4 @@
-"""Binding: programs to models, and properties to a model."""
+"""The public functions of binding: programs to models, and properties to a model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a program to a bound model."""
+"""Binding of programs: a program and values of its constants give a bound model."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _ONE = Literal(Fraction(1), Type.DOUBLE)
 
 
 def undefined_constants(program: Program) -> tuple[Constant, ...]:
-    """The constants of a program that must be given."""
+    """The constants of a program that are defined without a value."""
     return tuple(c for c in program.constants if c.value is None)
 
 
@@ -49,12 +49,20 @@ def bind(
     model_type: ModelType | None = None,
     exact: bool = False,
 ) -> BoundModel:
-    """A program with its constants evaluated, formulas and copies expanded, names resolved and types checked.
+    """Evaluate the constants of a program, expand its formulas, and check names and types.
 
-    constants: values of the constants that the program leaves open, as Python values or texts (`"1/3"`, `"2*N"`).
-    model_type: what to read the program as, whatever its keyword says; an MDP where there is neither.
-    exact: doubles stay the fractions that they are.
-    Raises NameFault, TypeFault or InputError with everything that is wrong, in the order of the text.
+    Args:
+        constants: values of the constants that the program leaves undefined, as Python values or
+            texts (`"1/3"`, `"2*N"`).
+        model_type: the model type, which overrides the keyword of the program; an MDP if neither
+            is given.
+        exact: keep decimal constants as fractions.
+
+    Raises:
+        NameFault, TypeFault, InputError: all faults of the program, in the order of the text.
+
+    Example:
+        >>> model = bind(parse_model(text), {"N": 3})
     """
     return deeply(lambda: _bind(program, constants or {}, model_type, exact))
 
@@ -72,7 +80,7 @@ def _bind(
 
 
 class _Builder:
-    """Makes the bound model of a checked program; what has no value is noted, and raised between the steps."""
+    """Builds the bound model of a checked program; collects evaluation faults and raises them."""
 
     def __init__(self, checked: CheckedProgram) -> None:
         self.program = checked.program
@@ -112,7 +120,7 @@ class _Builder:
             system=self.program.system,
         )
 
-    # -------------------------------------------------------------------------------------------- values
+    # --------------------------------------------------------------------------------------- values
 
     def _value(self, constant: Constant) -> Value | None:
         try:
@@ -128,7 +136,7 @@ class _Builder:
             self.report.absorb(fault)
             return None
 
-    # -------------------------------------------------------------------------------------------- variables
+    # ------------------------------------------------------------------------------------ variables
 
     def _variable(self, name: str, owner: Owner) -> Variable:
         d = owner.declaration
@@ -164,19 +172,22 @@ class _Builder:
         if value is not None and (
             (low is not None and value < low) or (high is not None and value > high)
         ):
-            message = f"variable {name} starts with {format_value(value)}, which is not within [{low}..{high}]"
-            self.report.input("init-range", message, given.span)
+            message = f"the initial value {format_value(value)} of variable {name} is not within "
+            self.report.input("init-range", message + f"[{low}..{high}]", given.span)
         return value
 
     def _check_enumerable(self, variables: tuple[Variable, ...]) -> None:
         for v in variables:
             if v.low is None or v.high is None:
-                message = f"variable {v.name} has no bounds, so the states between init and endinit cannot be listed"
+                message = (
+                    f"variable {v.name} has no bounds, so the states that satisfy the condition "
+                    "between init and endinit cannot be enumerated"
+                )
                 self.report.input(
                     "init-unbounded", message, v.span, f"declare {v.name} : [low..high]"
                 )
 
-    # -------------------------------------------------------------------------------------------- modules and rewards
+    # -------------------------------------------------------------------------- modules and rewards
 
     def _module(self, number: int, copy: Copy, names: Names) -> BoundModule:
         own = tuple(

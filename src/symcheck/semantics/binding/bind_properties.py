@@ -1,6 +1,6 @@
-"""From a properties file to properties of a bound model.
+"""Binding of a properties file to a bound model.
 
-Each property is bound by itself: what is wrong with one, or missing for it, is kept with it and does not stop the others.
+Each property is bound separately: its fault or its missing constants do not affect the others.
 """
 
 from __future__ import annotations
@@ -34,13 +34,18 @@ __all__ = [
 
 @dataclass(frozen=True)
 class BoundProperty:
-    """A property of a bound model, or (fault) the reason why it cannot be asked.
+    """A property of a bound model, or the fault that prevents it from being checked.
 
-    name, span, comments: as in the text; comments are those above it, RESULT lines among them.
-    type: of its value; None where it has a fault of names or types.
-    constants: the values of all constants of the model and the properties that are known.
-    undefined: the constants without value in the texts on which it depends: all of the model's, and its own.
-    missing: those of them that were not given.
+    Attributes:
+        name, span: as in the text.
+        type: type of its value; None if it has a fault of names or types.
+        constants: the known values of the constants of the model and the properties.
+        undefined: constants without a value in the text: all of the model, and those of the
+            properties that the property depends on.
+        missing: constants in `undefined` that were not given.
+        fault: why the property cannot be checked; None if it can.
+        comments: the comments above the property, including RESULT lines.
+        bound: the bound formula; None if there is a fault.
     """
 
     name: str | None
@@ -55,7 +60,11 @@ class BoundProperty:
 
     @property
     def formula(self) -> Expression:
-        """The formula over variables, literals and labels; other properties are inlined. Raises the fault if there is one."""
+        """The formula over variables, literals and labels, with other properties inlined.
+
+        Raises:
+            InputError: the property has a fault.
+        """
         if self.bound is None:
             assert self.fault is not None
             raise self.fault
@@ -64,7 +73,7 @@ class BoundProperty:
 
 @dataclass(frozen=True)
 class BoundProperties:
-    """The properties of a file, in its order, and the labels that they may use: the model's and the file's own."""
+    """The properties of a file in its order, and the labels of the model and the file."""
 
     model: BoundModel = field(repr=False)
     properties: tuple[BoundProperty, ...]
@@ -72,7 +81,7 @@ class BoundProperties:
     constants: Mapping[str, Value]
 
     def find(self, which: str | int) -> BoundProperty:
-        """A property by its name, or by its number from 1 (also as text). Raises NameFault."""
+        """The property with a name or a number (from 1, also as text). Raises NameFault."""
         if isinstance(which, str):
             for p in self.properties:
                 if p.name == which:
@@ -82,7 +91,7 @@ class BoundProperties:
         hint = suggest(str(which), (p.name for p in self.properties if p.name is not None))
         raise NameFault(
             Diagnostic(
-                f"there is no property {which} among the {len(self.properties)}",
+                f"there is no property {which} among the {len(self.properties)} properties",
                 NO_SPAN,
                 "unknown-property",
                 hint,
@@ -90,7 +99,7 @@ class BoundProperties:
         )
 
     def raise_faults(self) -> None:
-        """Raise all faults of all properties at once, other than missing constants, if there are any."""
+        """Raise all faults of all properties as one error, except missing constants."""
         report = Report()
         for p in self.properties:
             if p.fault is not None and not p.missing:
@@ -99,7 +108,12 @@ class BoundProperties:
 
 
 def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str, ...], ...]:
-    """For each property, the constants that must be given: all open ones of the model, then those that it depends on."""
+    """The constants that must be given for each property.
+
+    Returns:
+        For each property, all undefined constants of the model, then the undefined constants of
+        the properties that it depends on.
+    """
     report = Report()
     table = Table(report, exact=False)
     table.add(program.constants, program.formulas)
@@ -109,7 +123,7 @@ def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str,
 
 
 class SplitConstants(NamedTuple):
-    """Given constants: those of the model, those of the properties, and a warning for each that neither has."""
+    """Given constants of the model and of the properties, and a warning for each unknown one."""
 
     of_model: dict[str, Given]
     of_properties: dict[str, Given]
@@ -119,9 +133,10 @@ class SplitConstants(NamedTuple):
 def split_constants(
     program: Program, file: PropertiesFile | None, given: Mapping[str, Given]
 ) -> SplitConstants:
-    """Share out given constants, as `bind` and `bind_properties` want only their own.
+    """Split given constants into those for `bind` and those for `bind_properties`.
 
-    A misspelt name leaves the right one undefined, which is an error, so that a warning is enough for unknown names.
+    An unknown name is only a warning: if it is a misspelt one, the correct constant is undefined,
+    which is an error.
     """
     of_model = {c.name for c in program.constants}
     of_file = {c.name for c in file.constants} if file is not None else set()
@@ -137,7 +152,9 @@ def split_constants(
 
 
 def _unknown(name: str, known: Iterable[str]) -> Diagnostic:
-    message = f"constant {name} is given a value, but there is no such constant in the model and its properties"
+    message = (
+        f"constant {name} is given a value, but neither the model nor the properties declare it"
+    )
     return Diagnostic(message, NO_SPAN, "unknown-constant", suggest(name, known), "warning")
 
 
@@ -146,9 +163,16 @@ def bind_properties(
 ) -> BoundProperties:
     """Bind properties to a model.
 
-    constants: values of constants that the file leaves open; names of the model's constants are passed over.
-    Raises InputError where the constants, formulas or labels of the file are faulty, or its names are not unique;
-    what concerns one property alone is its `fault`.
+    Args:
+        constants: values of the constants that the file leaves undefined; constants of the model
+            are ignored.
+
+    Raises:
+        InputError: constants, formulas or labels of the file are faulty, or its names are not
+            unique. The fault of a single property is its attribute `fault`.
+
+    Example:
+        >>> bind_properties(parse_properties('P=? [ F "done" ]'), model).properties[0].formula
     """
     return deeply(lambda: _Properties(file, model, constants or {}).bind())
 
@@ -161,10 +185,17 @@ def bind_expression(
     constants: Mapping[str, Value] | None = None,
     formulas: Mapping[str, Expression] | None = None,
 ) -> tuple[Expression, Type]:
-    """A state expression without operators such as P, over variables and literals, folded; and its type.
+    """Bind a state expression without operators such as P.
 
-    Names may be variables, constants and formulas of the model, and further `constants` and `formulas`; label references
-    are replaced by what they stand for, in `labels` or the model. Raises NameFault, TypeFault or InputError.
+    Args:
+        expression: may refer to variables, constants, formulas and labels of the model.
+        labels, constants, formulas: further definitions.
+
+    Returns:
+        The simplified expression over variables and literals, and its type.
+
+    Raises:
+        NameFault, TypeFault, InputError: all faults of the expression.
     """
     return deeply(
         lambda: _bind_expression(expression, model, labels or {}, constants or {}, formulas or {})
@@ -203,7 +234,7 @@ def _bind_expression(
 
 
 def _table(model: BoundModel, report: Report) -> Table:
-    """What the model's names mean to a property."""
+    """The symbols of a model, as properties refer to them."""
     table = Table(report, model.exact)
     for constant in model.program.constants:
         table.know(constant, model.constants[constant.name])
@@ -213,7 +244,7 @@ def _table(model: BoundModel, report: Report) -> Table:
 
 
 class _Properties:
-    """One run of `bind_properties`."""
+    """Binds the properties of one file."""
 
     def __init__(
         self, file: PropertiesFile, model: BoundModel, constants: Mapping[str, Given]
@@ -240,7 +271,7 @@ class _Properties:
         return BoundProperties(self.model, properties, labels, constants)
 
     def _check(self) -> None:
-        """Note what is wrong with the file as a whole."""
+        """Check the definitions of the file."""
         report = self.table.report
         self.table.check_cycles()
         if "cycle" in report.codes:
@@ -260,7 +291,7 @@ class _Properties:
             try:
                 values[constant.name] = self.table.value(constant.name)
             except InputError:
-                continue  # a property that needs it reports it
+                continue  # reported as the fault of each property that depends on it
         return values
 
     def _labels(self) -> dict[str, Expression]:
@@ -298,9 +329,9 @@ class _Properties:
         )
 
     def _typed(self, formula: Expression) -> tuple[Expression, Type]:
-        """The formula with other properties inlined, and its type. Raises NameFault or TypeFault."""
+        """The formula with properties inlined, and its type. Raises NameFault or TypeFault."""
         self.table.report = Report()
-        # Fresh names, so that a fault in a formula is noted for every property that uses it.
+        # A new scope reports a fault in a formula for every property that uses it.
         typer = Names(self.table).typer(self._label_type)
         whole = self.texts.inlined(formula)
         found = typer.state(whole)

@@ -1,4 +1,4 @@
-"""What the bounds in a formula must fulfil once they are numbers."""
+"""Checks of the thresholds, bounds and reward structures of a formula once constants are known."""
 
 from __future__ import annotations
 
@@ -34,10 +34,13 @@ __all__ = ["check_conditions"]
 
 
 def check_conditions(formula: Expression, model: BoundModel) -> None:
-    """Check thresholds, bounds and reward structures of an expanded formula. Raises InputError with all that is wrong.
+    """Check the thresholds, bounds and reward structures of an expanded formula.
 
-    Thresholds and bounds must be constant, those of P and S probabilities; steps (of a DTMC or MDP) are counted in ints; an
-    MDP is asked for a minimum or maximum.
+    Thresholds and bounds must be constant, and those of P and S must be probabilities. Step bounds
+    of a DTMC or MDP must be ints. A query about an MDP must ask for a minimum or maximum.
+
+    Raises:
+        InputError: all faults of the formula.
     """
     check = _Conditions(model)
     for node in nodes(formula):
@@ -90,10 +93,10 @@ class _Conditions:
 
     def _direction(self, node: Measure) -> None:
         if self.model.type is ModelType.MDP and node.direction is None and node.bound is None:
-            hint = f"ask {node.letter}min=? or {node.letter}max=?"
+            hint = f"write {node.letter}min=? or {node.letter}max=?"
             self.report.input(
                 "direction",
-                f"{node.letter}=? has no single answer in an MDP: it depends on the choices",
+                f"{node.letter}=? has no unique value in an MDP: it depends on the strategy",
                 node.span,
                 hint,
             )
@@ -122,7 +125,10 @@ class _Conditions:
         elif structure is not None:
             number = self._constant(structure, "the number of a reward structure")
             if number is not None and not 1 <= number <= len(rewards):
-                message = f"there is no reward structure {format_value(number)}: they are numbered from 1 to {len(rewards)}"
+                message = (
+                    f"there is no reward structure {format_value(number)}: they are numbered from "
+                    f"1 to {len(rewards)}"
+                )
                 self.report.name("unknown-rewards", message, structure.span)
 
     def _time(self, bound: TimeBound) -> None:
@@ -132,21 +138,24 @@ class _Conditions:
             return
         least = 0 if lower is None else lower
         if least > upper or (least == upper and (bound.lower_strict or bound.upper_strict)):
-            self.report.input("bound-empty", "no time is within these bounds", bound.span)
+            self.report.input("bound-empty", "no time satisfies these bounds", bound.span)
 
     def _moment(self, expression: Expression, what: str) -> Value | None:
-        """A number of steps, or a time in a CTMC."""
+        """The value of a number of steps, or of a time in a CTMC; None if it is faulty."""
         value = self._constant(expression, what)
         if value is None:
             return None
         if self.model.type is not ModelType.CTMC and type_of(expression, {}) is not Type.INT:
-            message = f"{what} counts steps in a {self.model.type.value.upper()}: it must be an int, not a double"
+            message = (
+                f"{what} counts steps in a {self.model.type.value.upper()}: it must be an int, "
+                "not a double"
+            )
             self.report.type(message, expression.span)
             return None
         if value < 0 or (isinstance(value, float) and not isfinite(value)):
             self.report.input(
                 "bound-negative",
-                f"{what} must be a finite number from 0, not {format_value(value)}",
+                f"{what} must be finite and non-negative, not {format_value(value)}",
                 expression.span,
             )
             return None

@@ -1,10 +1,11 @@
-"""Parallel composition, flattened: which commands of which modules happen together.
+"""Flattening of the parallel composition: the events in which commands of modules synchronise.
 
-A composition is a set of events and an alphabet. `A || B` synchronises on the actions in both alphabets, `A |[a]| B` on
-the listed ones, `A ||| B` on none. Where two sides synchronise on an action, every event of the one joins every event of
-the other, and an action that only one side has is blocked; otherwise the events of both sides stand side by side.
-Hiding makes events unlabelled, renaming may let two actions become one. An alphabet holds the actions written in the
-commands of its modules, whether they can happen or not.
+A composition has a set of events and an alphabet. `A || B` synchronises on the actions in both
+alphabets, `A |[a]| B` on the listed ones, `A ||| B` on none. On a synchronised action every event
+of one operand joins every event of the other, and an action that only one operand has is blocked.
+All other events of both operands are independent. Hiding makes events unlabelled; renaming may map
+two actions to one. The alphabet of a module consists of the actions of its commands, whether or not
+their guards are satisfiable.
 """
 
 from __future__ import annotations
@@ -29,16 +30,20 @@ __all__ = ["events"]
 
 @dataclass(frozen=True, slots=True)
 class _Process:
-    """Part of a composition. `alphabet` is ordered by first appearance."""
+    """The events and the alphabet (in order of first appearance) of a composition."""
 
     alphabet: dict[str, None]
     events: tuple[Event, ...]
 
 
 def events(modules: Sequence[BoundModule], system: Composition | None = None) -> tuple[Event, ...]:
-    """The events of a composition; by default all modules in parallel, synchronised on the actions that they share.
+    """The events of a composition.
 
-    Unlabelled events come first, in the order of the modules and their commands, then one action after the other.
+    Args:
+        system: the composition; None: all modules in parallel, synchronised on shared actions.
+
+    Returns:
+        The unlabelled events in the order of the modules and commands, then the events by action.
     """
     named = {m.name: m for m in modules}
     if system is None:
@@ -101,7 +106,7 @@ def _join(left: _Process, right: _Process, shared: frozenset[str]) -> _Process:
 
 
 def _relabel(part: _Process, new: Mapping[str, str | None]) -> _Process:
-    """Give actions other names, all at once; None hides."""
+    """Rename actions simultaneously; an action with the new name None is hidden."""
     alphabet = dict.fromkeys(b for b in (new.get(a, a) for a in part.alphabet) if b is not None)
     return _Process(
         alphabet,

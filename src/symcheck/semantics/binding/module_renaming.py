@@ -1,4 +1,4 @@
-"""Modules that are copies of others under new names."""
+"""Module renaming: modules that are copies of other modules with new names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Copy", "copies"]
 
 @dataclass(frozen=True, slots=True)
 class Copy:
-    """A module to be bound: the text that it is made of, and new names for what stands in it."""
+    """A module to be bound: the declaration of its base module, and the renaming of its names."""
 
     name: str
     text: Module
@@ -23,7 +23,10 @@ class Copy:
 
 
 def copies(program: Program, report: Report) -> tuple[Copy, ...]:
-    """All modules of a program, in order. A copy of a copy is renamed twice; faulty ones are noted and left out."""
+    """All modules of a program, in order; a faulty module is reported and omitted.
+
+    A copy of a copy is renamed by the composition of both renamings.
+    """
     named: dict[str, Module | RenamedModule] = {}
     for module in program.modules:
         if module.name in named:
@@ -39,7 +42,7 @@ def _copy(
     renaming: dict[str, str] = {}
     base, seen = module, [module.name]
     while isinstance(base, RenamedModule):
-        # What the base calls `old` is called `new` here; the names that came about before are `renaming`'s values.
+        # Compose the renaming of the base with the renamings that are applied after it.
         step = _step(base, report if base is module else Report())
         renaming = {old: renaming.get(new, new) for old, new in step.items()} | {
             o: n for o, n in renaming.items() if o not in step
@@ -83,7 +86,10 @@ def _complete(copy: Copy, report: Report) -> bool:
         else []
     )
     for name in missing:
-        message = f"module {copy.name} is a copy of {copy.text.name} but gives no new name to its variable {name}"
+        message = (
+            f"module {copy.name} is a copy of {copy.text.name} but does not rename its variable "
+            f"{name}"
+        )
         report.name(
             "missing-renaming", message, copy.span, f"add {name}={name}_{copy.name} to the renaming"
         )

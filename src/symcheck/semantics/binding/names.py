@@ -1,4 +1,4 @@
-"""What names mean: the constants, formulas and variables of a text, seen through the renaming of a module."""
+"""Name resolution: the constants, formulas and variables of a text, and the renaming of modules."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ Given = Value | str
 
 
 class Table:
-    """Constants, formulas and variables by name, and the values of constants, computed when first asked for.
+    """Constants, formulas and variables by name; values of constants are computed on demand.
 
-    given: values for constants that the text leaves open; repeated: for constants that it defines, with which they must agree.
+    Attributes:
+        given: values for constants that the text leaves undefined.
+        repeated: values for constants that the text defines; they must agree with the definition.
     """
 
     def __init__(self, report: Report, exact: bool) -> None:
@@ -37,10 +39,10 @@ class Table:
         self.repeated: dict[str, Given] = {}
         self._values: dict[str, Value | InputError] = {}
 
-    # -------------------------------------------------------------------------------------------- filling
+    # -------------------------------------------------------------------------------------- filling
 
     def declare(self, kind: str, name: str, span: Span) -> bool:
-        """Whether `name` is free for a new constant, formula or variable; notes a repeated name otherwise."""
+        """Whether `name` is free for a constant, formula or variable; reports a duplicate name."""
         old = "constant" if name in self.constants else "formula" if name in self.formulas else None
         old = old or ("variable" if name in self.variables else None)
         if old is not None:
@@ -59,20 +61,20 @@ class Table:
                 self.formulas[formula.name] = formula
 
     def know(self, constant: Constant, value: Value) -> None:
-        """Declare a constant whose value is known."""
+        """Define a constant with a known value."""
         self.constants[constant.name] = constant
         self._values[constant.name] = value
 
-    # -------------------------------------------------------------------------------------------- checking
+    # ------------------------------------------------------------------------------------- checking
 
     def definition(self, name: str) -> Expression | None:
-        """The expression that defines a constant or formula, if it has one in the text."""
+        """The expression that defines a constant or formula; None if there is none."""
         if name in self.formulas:
             return self.formulas[name].expression
         return self.constants[name].value if name in self.constants else None
 
     def check_cycles(self) -> None:
-        """Note constants and formulas that are defined through themselves."""
+        """Report constants and formulas whose definitions are circular."""
         done: set[str] = set()
         for start in (*self.constants, *self.formulas):
             self._visit(start, [], done)
@@ -84,7 +86,7 @@ class Table:
             kind = "formula" if name in self.formulas else "constant"
             self.report.name(
                 "cycle",
-                f"{kind} {name} is defined through itself: {' -> '.join([*cycle, name])}",
+                f"{kind} {name} is defined in terms of itself: {' -> '.join([*cycle, name])}",
                 node.span,
             )
         if name in done:
@@ -97,7 +99,7 @@ class Table:
             self._visit(used, [*path, name], done)
 
     def reach(self, expression: Expression) -> set[str]:
-        """The names of all constants that an expression depends on, through formulas and other constants."""
+        """The constants that an expression depends on, directly or through definitions."""
         found: set[str] = set()
         waiting = [expression]
         while waiting:
@@ -111,12 +113,17 @@ class Table:
                         waiting.append(definition)
         return found & self.constants.keys()
 
-    # -------------------------------------------------------------------------------------------- values
+    # --------------------------------------------------------------------------------------- values
 
     def value(self, name: str) -> Value:
-        """The value of a constant, of its declared type. Raises InputError where it has none; there must be no cycle."""
+        """The value of a constant, converted to its declared type.
+
+        The definitions must not be circular (see `check_cycles`). Raises InputError if the constant
+        has no value.
+        """
         if name not in self._values:
-            itself = f"constant {name} is given through itself"  # the texts have no cycles, but given values may
+            # Definitions are not circular here, but given values may be.
+            itself = f"the given value of constant {name} refers to {name} itself"
             self._values[name] = NameFault(Diagnostic(itself, self.constants[name].span, "cycle"))
             try:
                 self._values[name] = self._compute(self.constants[name])
@@ -128,12 +135,18 @@ class Table:
         return value
 
     def check_repeated(self) -> None:
-        """Note given values that differ from what the text defines. Raises InputError where a value is missing."""
+        """Report given values that differ from the definitions in the text.
+
+        Raises InputError if a constant has no value.
+        """
         for name, given in self.repeated.items():
             constant, value = self.constants[name], self.value(name)
             if self._read_given(constant, given) != value:
-                message = f"constant {name} is given the value {given}, but it is defined as {format_value(value)}"
-                hint = f"write `const {constant.type.value} {name};` to leave it open"
+                message = (
+                    f"constant {name} is given the value {given}, but it is defined as "
+                    f"{format_value(value)}"
+                )
+                hint = f"write `const {constant.type.value} {name};` to leave it undefined"
                 self.report.name("constant-defined", message, constant.span, hint)
 
     def _compute(self, constant: Constant) -> Value:
@@ -155,7 +168,7 @@ class Table:
             if node.name in self.formulas:
                 return self._without_variables(self.formulas[node.name].expression)
             raise NameFault(
-                unknown(node, self, "the value of a constant can depend on constants only")
+                unknown(node, self, "the value of a constant may depend on constants only")
             )
 
         return transform(expression, replace)
@@ -172,17 +185,27 @@ class Table:
         try:
             return convert(given, constant.type, self.exact)
         except TypeError:
-            message = f"constant {constant.name} is of type {constant.type.value}: it cannot be {format_value(given)}"
+            message = (
+                f"constant {constant.name} is of type {constant.type.value}: its value cannot be "
+                f"{format_value(given)}"
+            )
             raise TypeFault(Diagnostic(message, constant.span, "constant-type")) from None
 
 
 def names_in(tree: Tree) -> list[Name]:
-    """Every use of a name below a node."""
+    """All `Name` nodes of a tree."""
     return [n for n in nodes(tree) if isinstance(n, Name)]
 
 
 def read_value(text: str, name: str = "<expression>") -> Expression:
-    """The expression that a text such as `5`, `0.25`, `1/3` or `2*N` writes; `name` is what faults call it. Raises SyntaxFault."""
+    """Parse the value of a constant, such as `5`, `0.25`, `1/3` or `2*N`.
+
+    Args:
+        name: the name of the text in diagnostics.
+
+    Raises:
+        SyntaxFault: the text is not an expression.
+    """
     plain = text.strip()
     if plain.lower() in ("true", "false"):
         return Literal(plain.lower() == "true", Type.BOOL)
@@ -205,7 +228,7 @@ def read_value(text: str, name: str = "<expression>") -> Expression:
 
 
 def undefined(constant: Constant) -> Diagnostic:
-    """What to say of a constant without a value."""
+    """The diagnostic about a constant without a value."""
     hint = f"give it with -const {constant.name}=VALUE"
     return Diagnostic(
         f"constant {constant.name} is not defined", constant.span, "undefined-constant", hint
@@ -213,22 +236,22 @@ def undefined(constant: Constant) -> Diagnostic:
 
 
 def unknown(node: Name, table: Table, why: str | None = None) -> Diagnostic:
-    """What to say of a name that means nothing, or (why) nothing that may stand there."""
+    """The diagnostic about an unknown name, or about a variable that is not allowed (`why`)."""
     if node.name in table.variables:
         return Diagnostic(f"{node.name} is a variable: {why}", node.span, "not-constant")
     known = (*table.constants, *table.formulas, *table.variables)
     hint = (
         suggest(node.name, known)
-        or f"a constant is declared: const int {node.name}; or const double {node.name};"
+        or f"declare a constant: const int {node.name}; or const double {node.name};"
     )
     return Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
 
 
 class Names:
-    """The names of a table as seen by one module, which may be a copy with other names.
+    """The names of a symbol table as one module sees them, through the renaming of the module.
 
-    Formulas are expanded before names are replaced, so that a formula speaks of the copy's variables; but where the
-    renaming mentions a formula itself, the formula that it gives stands in its place.
+    Formulas are expanded before names are renamed, so that a formula refers to the variables of the
+    copy. A renaming of the formula itself replaces it by another formula.
     """
 
     def __init__(self, table: Table, renaming: Mapping[str, str] | None = None) -> None:
@@ -239,13 +262,13 @@ class Names:
         self._formulas: dict[str, Expression] = {}
 
     def renamed(self, name: str) -> str:
-        """The name that the module has for a variable, action or constant."""
+        """The new name of a variable, action or constant of the base module."""
         return self._renaming.get(name, name)
 
-    # -------------------------------------------------------------------------------------------- types
+    # ---------------------------------------------------------------------------------------- types
 
     def typer(self, label: Callable[[LabelReference], Type | None] | None = None) -> Typer:
-        """A type checker that knows these names. `label`: see Typer."""
+        """A type checker for expressions over these names; for `label` see `Typer`."""
         return Typer(self.table.report, self.type, label)
 
     def constant_typer(self) -> Typer:
@@ -267,18 +290,14 @@ class Names:
         return Typer(self.table.report, name, None)
 
     def type(self, node: Name) -> Type | None:
-        """The type of a name; notes an unknown one, and gives None then."""
+        """The type of a name; reports an unknown name and returns None."""
         name, table = self.renamed(node.name), self.table
         if name in table.variables:
             return table.variables[name]
         if name in table.constants:
             return table.constants[name].type
         if name not in table.formulas:
-            given_for = (
-                ""
-                if name == node.name
-                else f", which the renaming of the module gives for {node.name}"
-            )
+            given_for = "" if name == node.name else f", to which the module renames {node.name}"
             diagnostic = unknown(Name(name, span=node.span), table)
             table.report.name(
                 diagnostic.code, diagnostic.message + given_for, diagnostic.span, diagnostic.hint
@@ -291,14 +310,17 @@ class Names:
             )
         return view._types[name]
 
-    # -------------------------------------------------------------------------------------------- expansion
+    # ------------------------------------------------------------------------------------ expansion
 
     def expand(self, expression: Expression) -> Expression:
-        """The expression over variables and literals, folded. It must be well typed. Raises InputError."""
+        """The simplified expression over variables and literals; it must be well typed.
+
+        Raises InputError if a constant has no value.
+        """
         return transform(expression, self._replace)
 
     def constant(self, expression: Expression, kind: Type) -> Value:
-        """The value of an expression over constants. Raises InputError."""
+        """The value of an expression over constants. Raises InputError if it has none."""
         return convert(
             evaluate(self.expand(expression), {}, exact=self.table.exact), kind, self.table.exact
         )

@@ -1,4 +1,4 @@
-"""The labels and properties of a file as they refer to each other."""
+"""References between the labels and properties of a file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ __all__ = ["PropertyTexts"]
 
 
 class PropertyTexts:
-    """The properties by name, and the labels of the file and its model. A label comes before a property of the same name."""
+    """The properties by name, and the labels of the file and the model.
+
+    A label takes precedence over a property of the same name.
+    """
 
     def __init__(
         self, table: Table, file: PropertiesFile, of_model: Mapping[str, Expression]
@@ -27,22 +30,22 @@ class PropertyTexts:
         self._inlined: dict[str, Expression] = {}
 
     def is_label(self, name: str) -> bool:
-        """Whether a reference is to a label, not to a property."""
+        """Whether a name refers to a label rather than a property."""
         return name in RESERVED_LABELS or name in self._own or name in self._of_model
 
     def known(self) -> tuple[str, ...]:
-        """All labels and properties."""
+        """The names of all labels and properties."""
         return (*RESERVED_LABELS, *self._own, *self._of_model, *self._properties)
 
     def check_names(self) -> None:
-        """Note property names that are not unique, and labels and properties that refer to themselves."""
+        """Report duplicate property names, and labels and properties with circular references."""
         report = self._table.report
         seen: set[str] = set()
         for p in self._file.properties:
             if p.name is not None and p.name in seen:
                 report.name("duplicate-property", f'there is a property "{p.name}" already', p.span)
             seen.add(p.name or "")
-        # A property that is called as a label is cannot be referred to, so that it is part of no cycle.
+        # A label hides a property of the same name, so that property is not part of a cycle.
         properties = {name: x for name, x in self._properties.items() if not self.is_label(name)}
         for name, expression in (*self._own.items(), *properties.items()):
             cycle = self._cycle(name, expression)
@@ -52,7 +55,7 @@ class PropertyTexts:
                 )
 
     def _cycle(self, name: str, expression: Expression) -> list[str] | None:
-        """A way from a label or property back to itself."""
+        """A cycle of references from a label or property to itself; None if there is none."""
         waiting: list[tuple[Expression, list[str]]] = [(expression, [name])]
         seen: set[str] = set()
         while waiting:
@@ -67,17 +70,17 @@ class PropertyTexts:
         return None
 
     def _target(self, name: str) -> Expression | None:
-        """The text that a reference stands for; None for reserved, the model's and unknown labels."""
+        """The expression of a label or property of the file; None for other names."""
         if name in RESERVED_LABELS:
             return None
         if name in self._own:
             return self._own[name]
         return None if name in self._of_model else self._properties.get(name)
 
-    # -------------------------------------------------------------------------------------------- expansion
+    # ------------------------------------------------------------------------------------ expansion
 
     def inlined(self, formula: Expression) -> Expression:
-        """The formula with other properties in the place of references to them; references to labels stay."""
+        """The formula with references to properties replaced; references to labels are kept."""
 
         def put(node: Tree) -> Tree:
             if (
@@ -93,7 +96,7 @@ class PropertyTexts:
         return transform(formula, put)
 
     def label(self, expression: Expression) -> Expression:
-        """The text of a label with other labels in the place of references to them, where they are not reserved."""
+        """The expression of a label with references to labels replaced, except reserved ones."""
 
         def put(node: Tree) -> Tree:
             if not isinstance(node, LabelReference):
@@ -105,13 +108,20 @@ class PropertyTexts:
         return transform(expression, put)
 
     def used_labels(self, formula: Expression) -> Iterator[Expression]:
-        """The texts of the file's own labels to which a formula refers."""
+        """The expressions of the labels of the file to which a formula refers."""
         return (self._own[name] for name in _references(formula) if name in self._own)
 
-    # -------------------------------------------------------------------------------------------- constants
+    # ------------------------------------------------------------------------------------ constants
 
     def undefined(self, formula: Expression, of_model: Iterable[Constant]) -> tuple[str, ...]:
-        """The constants without value in the texts: all of the model's, and those on which the formula depends."""
+        """The undefined constants of a formula.
+
+        Args:
+            of_model: the constants of the model.
+
+        Returns:
+            All undefined constants of the model, then those of the file that the formula reads.
+        """
         waiting, seen = [formula], set[str]()
         used: set[str] = set()
         while waiting:

@@ -1,4 +1,7 @@
-"""What can be wrong with a program whatever the values of its constants: names, types, who writes what."""
+"""Static checks of a program, which do not depend on the values of constants.
+
+They check names, types, and which modules and commands write which variables.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,7 @@ RESERVED_LABELS = frozenset({"init", "deadlock"})
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """A declared variable: its module (None: global), and the names in its declaration."""
+    """A declared variable, its module (None: global), and the scope of its declaration."""
 
     module: str | None
     declaration: VariableDeclaration
@@ -54,7 +57,14 @@ class Owner:
 
 @dataclass(frozen=True, slots=True)
 class CheckedProgram:
-    """A program in which all names and types are right. `views`: the names as each of the `copies` sees them."""
+    """A program and its resolved names.
+
+    Attributes:
+        root: the scope outside of modules.
+        copies: the modules after renaming.
+        views: the scope of each module.
+        owners: the declared variables, in order.
+    """
 
     program: Program
     table: Table
@@ -65,14 +75,15 @@ class CheckedProgram:
 
     @property
     def modules(self) -> Iterator[tuple[Copy, Names]]:
-        """The modules, each with its names."""
+        """The modules, each with its scope."""
         return zip(self.copies, self.views, strict=True)
 
 
 def check_program(program: Program, table: Table) -> CheckedProgram:
-    """Fill the table from a program and note everything that is wrong in the table's report.
+    """Add the declarations of a program to the table, and report its faults to the table's report.
 
-    Raises InputError at once where definitions are circular, as nothing can be said of what depends on them.
+    Raises:
+        InputError: definitions are circular, so that expressions that use them cannot be checked.
     """
     table.add(program.constants, program.formulas)
     found = copies(program, table.report)
@@ -107,7 +118,7 @@ def _check(checked: CheckedProgram) -> None:
         report.input("no-module", "a model needs at least one module", program.span)
     check_constants(checked.root, program.constants)
     for formula in program.formulas:
-        # The type of a formula that nothing uses does not matter.
+        # The type of an unused formula is not checked.
         for node in names_in(formula.expression):
             checked.root.type(node)
     for owner in checked.owners.values():
@@ -119,18 +130,18 @@ def _check(checked: CheckedProgram) -> None:
     for label in program.labels:
         typer.boolean(label.expression, f'label "{label.name}"')
     if program.initial is not None:
-        typer.boolean(program.initial, "what stands between init and endinit")
+        typer.boolean(program.initial, "the condition between init and endinit")
     _check_system(checked)
     _check_rewards(checked)
 
 
-# ------------------------------------------------------------------------------------------------ constants and labels
+# ----------------------------------------------------------------------------- constants and labels
 
 
 def give(
     table: Table, declared: Iterable[Constant], given: Mapping[str, Given], where: str = "model"
 ) -> None:
-    """Take over given constants; note those that are unknown."""
+    """Add given values of constants to the table; report unknown constants."""
     known = {c.name: c for c in declared}
     for name, value in given.items():
         if name not in known:
@@ -157,14 +168,17 @@ def check_constants(names: Names, constants: Iterable[Constant]) -> None:
 
 
 def require(table: Table, constants: Iterable[Constant]) -> None:
-    """Note the constants that have no value."""
+    """Report the constants that have no value."""
     for constant in constants:
         if constant.value is None and constant.name not in table.given:
             table.report.absorb(NameFault(undefined(constant)))
 
 
 def assign(table: Table, what: str, wanted: Type, found: Type | None, span: Span) -> None:
-    """Check that a value of type `found` may be given to something of type `wanted`: only an int may become a double."""
+    """Check that a value of type `found` can be assigned to type `wanted`.
+
+    The only implicit conversion is from int to double.
+    """
     if found is None or found is wanted or (found is Type.INT and wanted is Type.DOUBLE):
         return
     table.report.type(
@@ -175,13 +189,13 @@ def assign(table: Table, what: str, wanted: Type, found: Type | None, span: Span
 
 
 def check_labels(names: Names, labels: Iterable[Label], taken: Iterable[str] = ()) -> None:
-    """Check that label names are free and not reserved."""
+    """Check that label names are unique and not reserved."""
     seen = set(taken)
     for label in labels:
         if label.name in RESERVED_LABELS:
             names.table.report.name(
                 "reserved-label",
-                f'label "{label.name}" has a fixed meaning and cannot be defined',
+                f'label "{label.name}" is predefined and cannot be redefined',
                 label.span,
             )
         elif label.name in seen:
@@ -191,7 +205,7 @@ def check_labels(names: Names, labels: Iterable[Label], taken: Iterable[str] = (
         seen.add(label.name)
 
 
-# ------------------------------------------------------------------------------------------------ modules
+# ------------------------------------------------------------------------------------------ modules
 
 
 def _check_variable(checked: CheckedProgram, owner: Owner) -> None:
@@ -213,7 +227,7 @@ def _check_variable(checked: CheckedProgram, owner: Owner) -> None:
         message = (
             f"variable {declaration.name} has an initial value, but the model has init … endinit"
         )
-        table.report.input("init-twice", message, declaration.span, "leave out one of the two")
+        table.report.input("init-twice", message, declaration.span, "omit one of them")
 
 
 def _check_command(checked: CheckedProgram, copy: Copy, names: Names, command: Command) -> None:
@@ -260,31 +274,34 @@ def _check_assignment(
         checked.table, f"variable {name}", owner.declaration.type, found, assignment.expression.span
     )
     if owner.module is None and command.action is not None:
-        message = f"a command with an action cannot write the global variable {name}, for two such commands may happen at once"
+        message = (
+            f"a command with an action cannot write the global variable {name}, because several "
+            "commands may synchronise and write it at once"
+        )
         report.name(
             "global-write",
             message,
             assignment.span,
             "write it in a command with [] or make it local to a module",
         )
-    own = {
-        names.renamed(v.name) for v in copy.text.variables
-    }  # not the owner's where the name is taken twice
-    if owner.module not in (None, copy.name) and name not in own:
+    # A duplicate name is reported elsewhere, so a local declaration counts even if another module
+    # declared the name first.
+    local = {names.renamed(v.name) for v in copy.text.variables}
+    if owner.module not in (None, copy.name) and name not in local:
         message = f"module {copy.name} cannot write {name}, a variable of module {owner.module}"
         report.name(
             "foreign-write",
             message,
             assignment.span,
-            f"let {owner.module} write it in a command with the same action",
+            f"write it in {owner.module}, in a command with the same action",
         )
 
 
-# ------------------------------------------------------------------------------------------------ rewards and composition
+# -------------------------------------------------------------------------- rewards and composition
 
 
 def _actions(checked: CheckedProgram) -> dict[str, None]:
-    """The actions of all modules, and those that renaming in `system` makes."""
+    """The actions of all modules, and the new actions of renamings in `system … endsystem`."""
     own = {
         names.renamed(c.action): None
         for copy, names in checked.modules
@@ -359,16 +376,16 @@ def _check_system(checked: CheckedProgram) -> None:
             elif part.name in used:
                 report.name(
                     "module-twice",
-                    f"module {part.name} stands in the composition already",
+                    f"module {part.name} occurs twice in the composition",
                     part.span,
                 )
             used.add(part.name)
     for name in known.keys() - used:
         report.name(
             "module-missing",
-            f"module {name} does not stand in the composition",
+            f"module {name} does not occur in the composition",
             system.span,
-            f"add it, such as … || {name}",
+            f"add it, for example … || {name}",
         )
     actions = _actions(checked)
     for part in parts:

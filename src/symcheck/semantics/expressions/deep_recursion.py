@@ -13,9 +13,9 @@ _LIMIT = 400_000
 
 
 def deeply(f: Callable[[], T]) -> T:
-    """The result of f(); where Python's recursion limit is too low for it, f is called again with a much higher one.
+    """The result of f(), which is called again with a higher limit if it raises RecursionError.
 
-    Since Python 3.11, calls from Python to Python do not use the C stack, so that this is safe for plain recursion.
+    This is safe for recursion in plain Python, which does not use the C stack since Python 3.11.
     """
     try:
         return f()

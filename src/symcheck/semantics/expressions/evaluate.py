@@ -1,18 +1,21 @@
-"""The value of an expression at one state, in floating point or exactly: what all faster evaluations are tested against.
+"""Evaluation of an expression at one state, in floating point or exactly.
 
-Semantics, where it is not obvious:
+It defines the semantics of expressions, and is the oracle for the faster evaluators:
 
-- `+ - * min max pow ^` of ints give an int (64 bits; beyond is an error, PRISM's limit is 32), otherwise a double;
-  `/` always gives a double; `floor ceil round` give an int; `c ? a : b` is a double if either branch is one.
-- Doubles follow IEEE 754: `1/0` is infinite, `0/0` is NaN, and the smaller of anything and NaN is NaN.
-  In exact arithmetic they are Fractions, only infinities and NaN stay floats; zero has no sign there.
-- `round(x)` is floor(x + 0.5). `floor ceil round` of NaN, an infinity or a number beyond 64 bits are errors.
-- `pow` of ints with a negative exponent is an error, for its type would not be int. In exact arithmetic, an exponent
-  that is not integral is an error (such powers are irrational in general), and so is a logarithm that is not rational.
-- `mod(i, j)` is the non-negative remainder for j > 0; for j < 0 the remainder of the division that rounds towards zero,
-  plus j where that is negative (as PRISM computes it). j = 0 is an error.
-- `log(x, b)` is ln x / ln b, and NaN where the base is not a positive number other than 1.
-- `& | => ?:` do not evaluate what cannot matter, going from left to right.
+- `+ - * min max pow ^` of ints give an int (beyond 64 bits is an error, PRISM's limit is 32),
+  otherwise a double; `/` always gives a double; `floor ceil round` give an int; `c ? a : b` is a
+  double if either branch is one.
+- Doubles follow IEEE 754: `1/0` is infinite, `0/0` is NaN, and `min` and `max` of anything and NaN
+  are NaN. In exact arithmetic they are Fractions, except infinities and NaN; zero has no sign.
+- `round(x)` is floor(x + 0.5). `floor ceil round` of NaN, an infinity or a number beyond 64 bits
+  are errors.
+- `pow` of ints with a negative exponent is an error, because its type would not be int. In exact
+  arithmetic, an exponent that is not integral is an error (such powers are irrational in general),
+  and so is a logarithm that is not rational.
+- `mod(i, j)` is the non-negative remainder for j > 0; for j < 0 it is the remainder of the division
+  that rounds towards zero, plus j if that is negative (as in PRISM). j = 0 is an error.
+- `log(x, b)` is ln x / ln b, and NaN if the base is not a positive number other than 1.
+- `& | => ?:` are evaluated from left to right, and do not evaluate operands that do not matter.
 """
 
 from __future__ import annotations
@@ -49,7 +52,7 @@ INT_MIN, INT_MAX = -(2**63), 2**63 - 1
 _EXPONENT_LIMIT = 1 << 20
 
 Meaning = Callable[[Value, Value, bool, Node], Value]
-"""An operator: two values, whether arithmetic is exact, and the node, for error messages."""
+"""The function of an operator: two values, whether arithmetic is exact, and the node for errors."""
 
 FunctionMeaning = Callable[[Sequence[Value], bool, Node], Value]
 
@@ -57,9 +60,19 @@ FunctionMeaning = Callable[[Sequence[Value], bool, Node], Value]
 def evaluate(
     expression: Expression, valuation: Mapping[str, Value], *, exact: bool = False
 ) -> Value:
-    """The value of an expression (well typed, without temporal operators and labels), where names have the values given.
+    """The value of an expression under a valuation of its names.
 
-    Gives bool, int, and float or (exact) Fraction. Raises ModelFault where there is no value (see the module's text).
+    Args:
+        expression: a well-typed expression without labels and temporal operators.
+        valuation: values by name.
+        exact: compute with fractions.
+
+    Returns:
+        A bool, an int, a float, or (exact) a Fraction.
+
+    Raises:
+        ModelFault: the expression has no value (see the module's docstring).
+        NameFault: a name has no value.
     """
     return deeply(lambda: _evaluate(expression, valuation, exact))
 
@@ -95,7 +108,8 @@ def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: boo
             return FUNCTIONS[function](values, exact, expression)
         case LabelReference() | StateOperator():
             raise UnsupportedError(
-                f"{_describe(expression)} has no value at a single state by itself: check it on the model"
+                f"{_describe(expression)} cannot be evaluated at a single state: check it on the "
+                "model"
             )
         case _:
             assert_never(expression)
@@ -113,7 +127,7 @@ def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact:
         else (expression.otherwise, expression.then)
     )
     value = _evaluate(chosen, valuation, exact)
-    # An int is made a double if the branch that is not taken is one: the type of an expression is known beforehand.
+    # The type of an expression is static: an int becomes a double if the other branch is a double.
     if (
         isinstance(value, int)
         and not isinstance(value, bool)
@@ -143,7 +157,7 @@ def _arithmetic(operation: Callable[[Value, Value], Value]) -> Meaning:
         a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
         if isinstance(a, Fraction) and isinstance(b, Fraction):
             return operation(a, b)
-        # In exact arithmetic one of them is infinite or NaN: the other counts by its sign only.
+        # In exact arithmetic one operand is infinite or NaN here: only the other's sign matters.
         return operation(_sign_if_exact(a), _sign_if_exact(b))
 
     return apply
@@ -187,7 +201,7 @@ def _fault(node: Node, code: str, message: str, hint: str | None = None) -> Inpu
     return ModelFault(Diagnostic(message, node.span, code, hint))
 
 
-# ------------------------------------------------------------------------------------------------ powers and logarithms
+# ---------------------------------------------------------------------------- powers and logarithms
 
 
 def _power(a: Value, b: Value, exact: bool, node: Node) -> Value:
@@ -235,7 +249,7 @@ def _exact_power(a: Fraction, b: Fraction, node: Node) -> Value:
 
 
 def _float_power(a: float, b: float) -> float:
-    """C's pow: overflow is infinite, a root of a negative number NaN, a negative power of zero infinite."""
+    """C's pow: overflow and negative powers of 0 are infinite, roots of negative numbers NaN."""
     try:
         return math.pow(a, b)
     except OverflowError:
@@ -278,11 +292,11 @@ def _ln(x: Fraction) -> float:
     return math.log(x.numerator) - math.log(x.denominator)  # works beyond the range of doubles
 
 
-# ------------------------------------------------------------------------------------------------ functions
+# ---------------------------------------------------------------------------------------- functions
 
 
 def _extreme(better: Callable[[Value, Value], bool]) -> FunctionMeaning:
-    """The least or greatest of the values; NaN is kept, because nothing compares with it."""
+    """The least or greatest of the values; NaN if a value is NaN."""
 
     def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:  # noqa: ARG001
         if not all(isinstance(v, int) for v in values):
@@ -342,7 +356,7 @@ BINARY: Mapping[Operator, Meaning] = {
     Operator.DIVIDE: _divide,
     Operator.POWER: _power,
 }
-"""The meaning of each operator that is not logical."""
+"""The function of each operator that is not logical."""
 
 FUNCTIONS: Mapping[Function, FunctionMeaning] = {
     Function.MIN: _extreme(op.lt),
@@ -354,4 +368,4 @@ FUNCTIONS: Mapping[Function, FunctionMeaning] = {
     Function.MOD: _of_two(_modulo),
     Function.LOG: _of_two(_logarithm),
 }
-"""The meaning of each function."""
+"""The Python function of each function of the language."""

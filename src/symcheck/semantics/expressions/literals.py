@@ -1,4 +1,4 @@
-"""Values as expressions, and the conversion of values between types."""
+"""Conversion of values between types, to literals, and to text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["as_expression", "convert", "format_state", "format_value", "to_float
 
 
 def to_float(value: Value) -> float:
-    """The nearest double; beyond the doubles an infinity, as IEEE rounding gives."""
+    """The nearest double; an infinity beyond the range of doubles (IEEE 754)."""
     try:
         return float(value)
     except OverflowError:
@@ -23,7 +23,7 @@ def to_float(value: Value) -> float:
 
 
 def type_of_value(value: Value) -> Type:
-    """The type that a Python value stands for: bool, int, and double for float and Fraction."""
+    """The type of a Python value: bool, int, or double for float and Fraction."""
     return (
         Type.BOOL
         if isinstance(value, bool)
@@ -34,9 +34,10 @@ def type_of_value(value: Value) -> Type:
 
 
 def convert(value: Value, wanted: Type, exact: bool) -> Value:
-    """`value` as one of type `wanted`: an int may become a double, a double becomes a Fraction (exact) or a float.
+    """Convert a value to type `wanted`.
 
-    Infinities and NaN stay floats in exact arithmetic. Raises TypeError for any other conversion.
+    An int may become a double. A double is a Fraction in exact arithmetic, except infinities and
+    NaN, and a float otherwise. Raises TypeError for any other conversion.
     """
     found = type_of_value(value)
     if wanted is Type.DOUBLE and found is not Type.BOOL:
@@ -49,9 +50,9 @@ def convert(value: Value, wanted: Type, exact: bool) -> Value:
 
 
 def as_expression(value: Value, kind: Type, span: Span = NO_SPAN) -> Expression:
-    """An expression of type `kind` that evaluates to `value`, bit for bit.
+    """An expression of type `kind` that evaluates to exactly `value`.
 
-    Literals hold fractions, so infinities and NaN are written as divisions by zero, and -0.0 as a negation.
+    Literals hold fractions, so infinities and NaN become divisions by zero, and -0.0 a negation.
     """
     if kind is not Type.DOUBLE:
         assert not isinstance(value, float)
@@ -63,14 +64,14 @@ def as_expression(value: Value, kind: Type, span: Span = NO_SPAN) -> Expression:
             return Binary(Operator.DIVIDE, Literal(Fraction(top), kind, span=span), zero, span=span)
         if value == 0 and math.copysign(1.0, value) < 0:
             return Unary(UnaryOperator.MINUS, zero, span=span)
-    # The shortest decimal that reads as this float prints better than its binary digits, and is the same float.
+    # The shortest decimal that rounds to this float is easier to read than its exact binary value.
     return Literal(
         Fraction(repr(value)) if isinstance(value, float) else Fraction(value), kind, span=span
     )
 
 
 def format_value(value: Value) -> str:
-    """A value as users write it: `true`, `3`, `0.1`, `1/3`; and `Infinity` and `NaN`, which they cannot write."""
+    """The text of a value: `true`, `3`, `0.1`, `1/3`, `Infinity`, `NaN`."""
     if isinstance(value, float) and not math.isfinite(value):
         return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
     if isinstance(value, bool):
@@ -81,5 +82,5 @@ def format_value(value: Value) -> str:
 
 
 def format_state(values: Iterable[Value]) -> str:
-    """The values of a state's variables: `(0,true)`."""
+    """The text of a state: `(0,true)`."""
     return f"({','.join(map(format_value, values))})"

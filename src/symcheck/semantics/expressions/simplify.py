@@ -1,4 +1,4 @@
-"""Simplification that changes no value: constant parts become literals, trivial boolean parts disappear."""
+"""Simplification of expressions: constant folding, and logical operators with constant operands."""
 
 from __future__ import annotations
 
@@ -21,16 +21,20 @@ __all__ = ["fold", "fold_node"]
 def fold(
     expression: Expression, *, exact: bool = False, types: Mapping[str, Type] | None = None
 ) -> Expression:
-    """An expression of the same type and with the same value at every state where the given one has a value.
+    """Simplify an expression.
 
-    With `types` of the names, `?:` with a constant condition is resolved in more cases. Values that no literal can hold
-    (infinities, NaN, -0.0) and parts without a value (`mod(1, 0)`) are left as they are.
+    The result has the same type, and the same value at every state where the expression has one.
+    Values that no literal can hold (infinities, NaN, -0.0) and undefined subexpressions
+    (`mod(1, 0)`) are unchanged.
+
+    Args:
+        types: types of names; they allow more simplification of `?:` with a constant condition.
     """
     return deeply(lambda: transform(expression, lambda node: fold_node(node, exact, types or {})))
 
 
 def fold_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
-    """Simplify one node whose operands are simplified already."""
+    """Simplify a node with simplified operands."""
     match node:
         case Unary() | Binary() | Call() | Conditional() if all(
             isinstance(x, Literal) for x in _operands(node)
@@ -52,7 +56,7 @@ def fold_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
 def _with_one_operand(
     node: Binary, operand: Expression, when_false: bool, when_true: bool
 ) -> Expression:
-    """A logical operation one operand of which is constant, given its values for the other operand."""
+    """A logical operation with one constant operand, given its values for the other operand."""
     if when_false is when_true:
         return Literal(when_true, Type.BOOL, span=node.span)
     return operand if when_true else Unary(UnaryOperator.NOT, operand, span=node.span)
@@ -74,7 +78,7 @@ def _constant(node: Unary | Binary | Call | Conditional, exact: bool) -> Express
     try:
         value = evaluate(node, {}, exact=exact)
     except (InputError, UnsupportedError):
-        return node  # it may be that it is never evaluated
+        return node  # it may never be evaluated
     if isinstance(value, float) and (
         not math.isfinite(value) or (value == 0 and math.copysign(1.0, value) < 0)
     ):
@@ -90,7 +94,7 @@ def _constant(node: Unary | Binary | Call | Conditional, exact: bool) -> Express
 
 
 def _same_type(chosen: Expression, other: Expression, types: Mapping[str, Type]) -> bool:
-    """Whether taking `chosen` alone surely gives the type that the choice of the two has."""
+    """Whether `chosen` has the type of the choice between `chosen` and `other`."""
 
     def name(node: Name) -> Type | None:
         return types.get(node.name)

@@ -1,4 +1,4 @@
-"""Types of expressions: bool, int and double, and which formulas are about states and which about paths."""
+"""Type checking: the types bool, int and double, and the distinction of state and path formulas."""
 
 from __future__ import annotations
 
@@ -67,8 +67,13 @@ def type_of(
 ) -> Type:
     """The type of a state expression.
 
-    `lookup`: the types of names; `labels`: those of label and property references. None allows no such reference and
-    no operator such as P. Raises TypeFault or NameFault, with everything that is wrong.
+    Args:
+        lookup: types of names.
+        labels: types of labels and properties; None: no references and no operators such as P are
+            allowed.
+
+    Raises:
+        TypeFault, NameFault: all faults of the expression.
     """
     report = Report()
 
@@ -89,7 +94,7 @@ def type_of(
 
 
 def type_from_values(expression: Expression, valuation: Mapping[str, Value]) -> Type:
-    """The type of a well-typed expression without labels, where names have the types of the values given."""
+    """The type of a well-typed expression without labels, with names typed by their values."""
 
     def name(node: Name) -> Type:
         value = valuation[node.name]
@@ -107,10 +112,13 @@ def type_from_values(expression: Expression, valuation: Mapping[str, Value]) -> 
 
 
 class Typer:
-    """Finds types and notes what is wrong in a report. A result of None means: wrong, and noted.
+    """Computes types and reports type faults. The type None means that a fault was reported.
 
-    `name` and `label` give the types of names and of label references and note unknown ones themselves. `label` None
-    means that neither labels nor operators such as P may stand there.
+    Args:
+        report: collects the faults.
+        name: the type of a name; reports an unknown name itself.
+        label: the type of a label reference; reports an unknown label itself. None: neither labels
+            nor operators such as P are allowed.
     """
 
     def __init__(
@@ -123,10 +131,10 @@ class Typer:
         self._name = name
         self._label = label
 
-    # -------------------------------------------------------------------------------------------- expectations
+    # --------------------------------------------------------------------------------- expectations
 
     def boolean(self, expression: Expression, what: str) -> bool:
-        """Check that a state expression is a bool. `what` names its place: 'the guard'."""
+        """Check that a state expression is a bool; messages call it `what`, such as 'the guard'."""
         return self._expect(
             self.state(expression), (Type.BOOL,), expression.span, f"{what} must be a bool"
         )
@@ -155,7 +163,7 @@ class Typer:
             )
         return found in wanted
 
-    # -------------------------------------------------------------------------------------------- state expressions
+    # ---------------------------------------------------------------------------- state expressions
 
     def state(self, expression: PathFormula) -> Type | None:
         """The type of a state expression."""
@@ -165,7 +173,7 @@ class Typer:
             case Name():
                 return self._name(expression)
             case Unary(UnaryOperator.NOT, operand):
-                self.boolean(operand, "what ! negates")
+                self.boolean(operand, "the operand of !")
                 return Type.BOOL
             case Unary(_, operand):
                 found = self.state(operand)
@@ -175,7 +183,7 @@ class Typer:
                         found,
                         (Type.INT, Type.DOUBLE),
                         operand.span,
-                        "what - negates must be a number",
+                        "the operand of - must be a number",
                     )
                     else None
                 )
@@ -197,7 +205,7 @@ class Typer:
                 if self._label is not None:
                     return self._operator(expression)
                 self._report.type(
-                    "such an operator can stand in a property only",
+                    "this operator is allowed in properties only",
                     expression.span,
                     code="operator",
                 )
@@ -211,7 +219,7 @@ class Typer:
                     WeakUntil: "W",
                     Release: "R",
                 }[type(expression)]
-                message = f"{symbol} speaks of paths and cannot stand alone"
+                message = f"{symbol} is a path formula, and a state formula is expected here"
                 self._report.type(
                     message,
                     expression.span,
@@ -226,16 +234,15 @@ class Typer:
         operator, left, right = node.operator, node.left, node.right
         match operator.signature:
             case Signature.LOGICAL:
-                # Both sides are looked at even where the first is wrong.
-                self.boolean(left, f"what stands left of {operator}")
-                self.boolean(right, f"what stands right of {operator}")
+                self.boolean(left, f"the left operand of {operator}")
+                self.boolean(right, f"the right operand of {operator}")
                 return Type.BOOL
             case Signature.EQUALITY:
                 self._common(node.span, self.state(left), self.state(right))
                 return Type.BOOL
             case Signature.ORDER:
-                self.numeric(left, f"what stands left of {operator}")
-                self.numeric(right, f"what stands right of {operator}")
+                self.numeric(left, f"the left operand of {operator}")
+                self.numeric(right, f"the right operand of {operator}")
                 return Type.BOOL
             case Signature.ARITHMETIC:
                 return self._arithmetic(operator, (left, right))
@@ -258,13 +265,13 @@ class Typer:
         return Type.INT if all(fine) else None
 
     def _common(self, span: Span, left: Type | None, right: Type | None) -> Type | None:
-        """The type of two things that are compared or chosen from."""
+        """The common type of two expressions that are compared or are branches of `?:`."""
         if left is None or right is None:
             return None
         if left is right:
             return left
         if Type.BOOL in (left, right):
-            self._report.type(f"{article(left)} and {article(right)} do not go together", span)
+            self._report.type(f"{article(left)} and {article(right)} have no common type", span)
             return None
         return Type.DOUBLE
 
@@ -273,7 +280,8 @@ class Typer:
         count = function.arity
         if (count is not None and len(arguments) != count) or not arguments:
             self._report.type(
-                f"{function} takes {count or 'at least 1'} argument{'' if count in (1, None) else 's'}",
+                f"{function} takes {count or 'at least 1'} "
+                f"argument{'' if count in (1, None) else 's'}",
                 node.span,
             )
             return None
@@ -293,7 +301,7 @@ class Typer:
             case _:
                 assert_never(function)
 
-    # -------------------------------------------------------------------------------------------- operators
+    # ------------------------------------------------------------------------------------ operators
 
     def _operator(
         self,
@@ -314,7 +322,7 @@ class Typer:
                 self._query(query)
                 return self._bounded(bound)
             case SteadyState(_, bound, formula):
-                self.boolean(formula, "what S is asked about")
+                self.boolean(formula, "the formula of S")
                 return self._bounded(bound)
             case PathQuantifier(_, path):
                 self.path(path)
@@ -345,21 +353,21 @@ class Typer:
                 found,
                 (Type.INT, Type.DOUBLE),
                 node.formula.span,
-                f"what filter({node.operator}, …) takes must be a number",
+                f"the formula of filter({node.operator}, …) must be a number",
             )
         elif node.operator in _BOOLEAN_FILTERS:
             self._expect(
                 found,
                 (Type.BOOL,),
                 node.formula.span,
-                f"what filter({node.operator}, …) takes must be a bool",
+                f"the formula of filter({node.operator}, …) must be a bool",
             )
         return _FILTER_TYPES.get(node.operator, found)
 
-    # -------------------------------------------------------------------------------------------- paths
+    # ---------------------------------------------------------------------------------------- paths
 
     def path(self, formula: PathFormula) -> None:
-        """Check a path formula: temporal operators, and boolean ones between them, over boolean state formulas."""
+        """Check a path formula: temporal and logical operators over boolean state formulas."""
         match formula:
             case Next(operand, bound) | Eventually(operand, bound) | Globally(operand, bound):
                 self.path(operand)
@@ -419,14 +427,12 @@ class Typer:
 
 
 def article(kind: Type) -> str:
-    """A type as it stands in a sentence: 'an int'."""
+    """A type with its indefinite article: 'an int'."""
     return f"an {kind.value}" if kind is Type.INT else f"a {kind.value}"
 
 
 def rounding_hint(found: Type, wanted: tuple[Type, ...]) -> str | None:
-    """How to get from the type found to one wanted."""
+    """The hint how to convert type `found` to one of `wanted`; None if there is no conversion."""
     if found is Type.DOUBLE and Type.INT in wanted:
-        return (
-            "floor(…), ceil(…) or round(…) makes an int of a double (and / always gives a double)"
-        )
+        return "floor(…), ceil(…) or round(…) converts a double to an int (/ always gives a double)"
     return None

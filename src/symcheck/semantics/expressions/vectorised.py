@@ -1,12 +1,13 @@
 """Evaluation of an expression on many states at once, with numpy.
 
-Columns may have any shapes that broadcast together. On an open mesh (one axis per variable) each subexpression is
-evaluated only over the domain of its own variables, so that a table over 2**20 valuations costs few full-size operations.
+Columns may have any shapes that broadcast together. On an open mesh (one axis per variable) each
+subexpression is evaluated only over the domain of its own variables, so that a table of 2**20
+valuations takes few operations of full size.
 
-The scalar evaluator raises an error where an expression has no value (a remainder by zero, a negative exponent of an
-integer power, an integer beyond 64 bits). This evaluator marks these lanes as faults instead, because a table holds
-valuations that no state may ever take. The caller reports a fault where a reachable state meets it. NaN is not a fault:
-it is the value of 0/0.
+The scalar evaluator raises an error if an expression has no value (a remainder by zero, a negative
+exponent of an integer power, an integer beyond 64 bits). This evaluator marks such lanes as faults
+instead, because a table contains valuations that no state has. The caller reports a fault if a
+reachable state has it. NaN is not a fault: it is the value of 0/0.
 """
 
 from __future__ import annotations
@@ -44,10 +45,12 @@ _BITS = 63
 
 
 class Lanes(NamedTuple):
-    """The values of an expression, and the lanes where it has none (`faults` None: it has a value in every lane).
+    """The values of an expression in each lane.
 
-    `values` is bool, int64 or float64 by the type of the expression and may hold anything in a lane of `faults`.
-    Both broadcast to the shape of the columns.
+    Attributes:
+        values: bool, int64 or float64 by the type of the expression; arbitrary in faulty lanes.
+        faults: bool, lanes in which the expression has no value; None: there are none.
+            Both arrays broadcast to the shape of the columns.
     """
 
     values: Column
@@ -75,7 +78,7 @@ def evaluate_columns(expression: Expression, columns: Mapping[str, Column]) -> L
         columns: a bool or int64 array for each variable that occurs.
 
     Returns:
-        Lanes of the shape that the columns of the variables that occur broadcast to (0-dimensional for a constant).
+        Lanes in the common shape of the columns that occur (0-dimensional for a constant).
 
     Raises:
         KeyError: a variable has no column.
@@ -123,19 +126,19 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
 
 
 def _apply(operation: Callable[..., Lanes], *operands: Lanes) -> Lanes:
-    """The operation on values; its faults and those of the operands."""
+    """Apply an operation to values; a lane is faulty if the operation or an operand is."""
     values, faults = operation(*(o.values for o in operands))
     return Lanes(values, _union(faults, *(o.faults for o in operands)))
 
 
 def _union(*faults: Bools | None) -> Bools | None:
-    """Lanes that are a fault in one of the arrays; None if there is no such lane."""
+    """The lanes that are faulty in one of the arrays; None if there are none."""
     present = [f for f in faults if f is not None and f.any()]
     return reduce(op.or_, present) if present else None
 
 
 def _logical(operator: Operator, left: Lanes, right: Lanes) -> Lanes:
-    """The right operand is not evaluated where the left one decides."""
+    """Apply a logical operator; faults of the right operand do not count where the left decides."""
     values = np.asarray(connect(operator, left.values, right.values))
     faults = right.faults
     if faults is not None and operator.decided(True) is not None:
@@ -160,7 +163,7 @@ def _checked(values: Column) -> Lanes:
 
 
 def _arithmetic(operation: Callable[[Any, Any], Any]) -> Callable[[Column, Column], Lanes]:
-    """`+`, `-` or `*`: the extremes of the operands tell whether an integer result may leave 64 bits."""
+    """`+`, `-` or `*`: the extreme operands show whether an int result may exceed 64 bits."""
 
     def apply(x: Column, y: Column) -> Lanes:
         if not _are_integers(x, y):
@@ -219,7 +222,7 @@ def _rounding(function: Callable[[Column], Column]) -> Callable[[Column], Lanes]
 
 
 def _total(operation: Callable[..., Any]) -> Callable[..., Lanes]:
-    """An operation that has a value everywhere; more than two operands are combined from the left."""
+    """A total operation; more than two operands are combined from the left."""
     return lambda *operands: Lanes(np.asarray(reduce(operation, operands)))
 
 
