@@ -74,7 +74,7 @@ def test_an_mdp_that_diagrams_compress_is_written_out(monkeypatch):
         SMALL_MODEL_STATES=1,
         SPARSE_MODEL_STATES=1,
         MAX_NODES_PER_STATE=100.0,
-        _WRITTEN=0,
+        MATERIALIZED_STATES=0,
     )
     assert isinstance(engine, SparseEngine)
 
@@ -85,8 +85,8 @@ def test_rows_that_do_not_fit_stay_blocks(monkeypatch):
         monkeypatch,
         SMALL_MODEL_STATES=100,
         SPARSE_MODEL_STATES=100,
-        _ROWS_SHARE=0.0,
-        _WRITTEN=0,
+        ROWS_MEMORY_SHARE=0.0,
+        MATERIALIZED_STATES=0,
     )
     assert engine.name == choice.engine == "hybrid"
 

@@ -164,7 +164,7 @@ def _try_diagrams(
     model: BoundModel, options: Options, lookups: int
 ) -> StateSpace | _DiagramFailure:
     """The states as a diagram that compresses them, or the reason why there is none."""
-    unfinished = f"diagrams did not finish within {lookups / 1e6:g} million stop_if_dense-ups"
+    unfinished = f"diagrams did not finish within {lookups / 1e6:g} million look-ups"
     try:
         space = _explore_symbolically(model, options, lookups)
     except UnsupportedError as error:

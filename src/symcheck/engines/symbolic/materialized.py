@@ -42,9 +42,9 @@ class MaterializedEngine(ExplicitEngine):
         """The engine as what offers `kind`, or the diagrams that it was materialized from; None
         where neither does.
         """
-        capable = super().capability(kind)
+        offered = super().capability(kind)
         return (
-            capable if capable is not None or self.source is None else self.source.capability(kind)
+            offered if offered is not None or self.source is None else self.source.capability(kind)
         )
 
     @property
