@@ -57,12 +57,6 @@ def reward_values(
             )
         case SteadyStateReward():
             return long_run_measures(context).steady_reward(context, reward, direction)
-        case Eventually():
-            target = resolve(query, states_of, context.engine)
-            if isinstance(target, UntilPath) and target.window.trivial:
-                _refuse_fairness(context)
-                return reach_reward(context, reward, target.right, direction)
-            return _until_shown(context, reward, query, states_of, direction)
         case _:
             return _until_shown(context, reward, query, states_of, direction)
 
@@ -75,9 +69,13 @@ def _until_shown(
     direction: Direction | None,
 ) -> Values:
     """The expected reward until a run shows that it satisfies a path formula."""
+    _refuse_fairness(context)
+    if isinstance(path, Eventually):
+        target = resolve(path, states_of, context.engine)
+        if isinstance(target, UntilPath) and target.window.trivial:
+            return reach_reward(context, reward, target.right, direction)
     from symcheck.check.omega_regular.ltl import co_safe_reward
 
-    _refuse_fairness(context)
     return co_safe_reward(
         context, reward, temporal(path, states_of, context.engine.model), direction
     )

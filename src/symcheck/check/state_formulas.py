@@ -4,6 +4,7 @@ state.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
 from typing import assert_never
@@ -22,6 +23,7 @@ from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.syntax.ast import (
+    AnyMeasure,
     Binary,
     Bound,
     Call,
@@ -88,12 +90,8 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
             return (chosen & here(then)) | (here(otherwise) - chosen)
         case LabelReference():
             return _reference(context, formula, matter)
-        case ProbabilityOperator(_, Bound(), _):
-            return _bounded_probability(context, formula, matter)
-        case RewardOperator(_, Bound()):
-            return _bounded_reward(context, formula, matter)
-        case SteadyState(_, Bound()):
-            return _bounded_steady(context, formula, matter)
+        case Measure(_, Bound() as bound):
+            return _bounded(context, formula, bound, matter)
         case PathQuantifier(quantifier, path):
             read = resolve(path, states_of(context), context.engine)
             return ctl.forall(context, read) if quantifier == "A" else ctl.exists(context, read)
@@ -122,21 +120,9 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
             return here(then).choose(satisfying(context, condition, matter), here(otherwise))
         case LabelReference():
             return numbers(context.inside(formula), context.referred(formula), matter)
-        case ProbabilityOperator(_, _, path):
-            read = resolve(path, states_of(context), context.engine)
-            return _clipped(context, probability(context, read, _direction(context, formula, None)))
-        case RewardOperator():
-            reward = reward_of(context, formula)
-            return reward_values(
-                context,
-                formula,
-                reward,
-                states_of(context),
-                _direction(context, formula, None),
-            )
-        case SteadyState(_, _, inner):
-            chosen = _direction(context, formula, None)
-            return _clipped(context, steady_values(context, states_of(context)(inner), chosen))
+        case Measure():
+            values = _measured(context, formula, _direction(context, formula, None))(context)
+            return _clipped(context, values) if formula.is_probability else values
         case Filter() | StateFilter():
             return filter_result(context, formula, matter).per_state  # type: ignore[return-value]
         case MultiObjective():
@@ -220,56 +206,39 @@ def _comparison(context: Context, formula: Binary, matter: StateSet) -> StateSet
     )
 
 
-def _bounded_probability(
-    context: Context, formula: ProbabilityOperator, matter: StateSet
-) -> StateSet:
-    assert formula.bound is not None
-    operator, threshold = formula.bound.operator.value, _threshold(formula.bound)
+def _bounded(context: Context, formula: AnyMeasure, bound: Bound, matter: StateSet) -> StateSet:
+    """The states that satisfy a measure with a bound, by graph analysis where it decides."""
+    operator, threshold = bound.operator.value, _threshold(bound)
     direction = _direction(context, formula, operator)
-    path = resolve(formula.path, states_of(context), context.engine)
-    context = context.relevant_at(matter)
-    by_graph = qualitative(context, path, operator, threshold, direction)
-    if by_graph is not None:
-        return by_graph
-    return decide(
-        context,
-        lambda c: probability(c, path, direction),
-        operator,
-        threshold,
-        matter,
-        partial(_exactly, context, formula),
-    )
+    compute: Callable[[Context], Values]
+    if isinstance(formula, ProbabilityOperator):
+        path = resolve(formula.path, states_of(context), context.engine)
+        by_graph = qualitative(context.relevant_at(matter), path, operator, threshold, direction)
+        if by_graph is not None:
+            return by_graph
+        compute = partial(probability, path=path, direction=direction)
+    else:
+        compute = _measured(context, formula, direction)
+    exactly = partial(_exactly, context, formula)
+    return decide(context.relevant_at(matter), compute, operator, threshold, matter, exactly)
 
 
-def _bounded_reward(context: Context, formula: RewardOperator, matter: StateSet) -> StateSet:
-    assert formula.bound is not None
-    operator, threshold = formula.bound.operator.value, _threshold(formula.bound)
-    direction = _direction(context, formula, operator)
-    reward = reward_of(context, formula)
-    context = context.relevant_at(matter)
-
-    def compute(c: Context) -> Values:
-        return reward_values(c, formula, reward, states_of(c), direction)
-
-    return decide(
-        context, compute, operator, threshold, matter, partial(_exactly, context, formula)
-    )
-
-
-def _bounded_steady(context: Context, formula: SteadyState, matter: StateSet) -> StateSet:
-    assert formula.bound is not None
-    states = states_of(context)(formula.formula)
-    context = context.relevant_at(matter)
-    threshold, operator = _threshold(formula.bound), formula.bound.operator.value
-    direction = _direction(context, formula, operator)
-    return decide(
-        context,
-        lambda c: steady_values(c, states, direction),
-        operator,
-        threshold,
-        matter,
-        partial(_exactly, context, formula),
-    )
+def _measured(
+    context: Context, formula: AnyMeasure, direction: Direction | None
+) -> Callable[[Context], Values]:
+    """How to compute the values of a measure, with the accuracy of a context."""
+    match formula:
+        case ProbabilityOperator(_, _, path):
+            read = resolve(path, states_of(context), context.engine)
+            return lambda c: probability(c, read, direction)
+        case RewardOperator():
+            reward = reward_of(context, formula)
+            return lambda c: reward_values(c, formula, reward, states_of(c), direction)
+        case SteadyState(_, _, inner):
+            states = states_of(context)(inner)
+            return lambda c: steady_values(c, states, direction)
+        case _:
+            assert_never(formula)
 
 
 def _exactly(context: Context, formula: Expression) -> StateSet:

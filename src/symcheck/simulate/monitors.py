@@ -326,6 +326,7 @@ def reward_monitor(query: RewardQuery, model: BoundModel) -> Monitor:
             )
         case _:
             raise UnsupportedError(
-                "-sim estimates R [ C<=k ], R [ I=k ] and R [ F states ]; without -sim, rewards "
-                "until a path formula is satisfied are computed numerically"
+                "-sim estimates expectations with C<=k, with I=k and until states are reached "
+                "(F states); without -sim, those until a path formula is satisfied are computed "
+                "numerically"
             )

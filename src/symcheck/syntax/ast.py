@@ -18,6 +18,7 @@ from symcheck.errors import NO_SPAN, Span
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
 __all__ = [
+    "AnyMeasure",
     "Binary",
     "Bound",
     "Call",
@@ -38,6 +39,7 @@ __all__ = [
     "Node",
     "PathBound",
     "PathFormula",
+    "PathMeasure",
     "PathQuantifier",
     "ProbabilityOperator",
     "Release",
@@ -168,24 +170,32 @@ class StateOperator(Node):
 class Measure(StateOperator):
     """Base of the operators that measure something: a value with a direction (of an MDP), or a bound on it.
 
-    letter: how the operator is written. bound None: a query, `=?`.
+    letter: how the operator is written. is_probability: whether its values are from 0 to 1.
+    bound None: a query, `=?`.
     """
 
     letter: ClassVar[str]
+    is_probability: ClassVar[bool] = False
 
     direction: str | None
     bound: Bound | None
 
 
 @dataclass(frozen=True, slots=True)
-class ProbabilityOperator(Measure):
+class PathMeasure(Measure):
+    """Base of the measures of one path formula: `letter bound [ path ]`."""
+
+    path: PathFormula
+
+
+@dataclass(frozen=True, slots=True)
+class ProbabilityOperator(PathMeasure):
     """`P bound [ path ]` or `P=? [ path ]`."""
 
     letter = "P"
+    is_probability = True
     counts_steps = False
     reads_rewards = False
-
-    path: PathFormula
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +219,7 @@ class SteadyState(Measure):
     """
 
     letter = "S"
+    is_probability = True
     reads_rewards = False
 
     formula: Expression
@@ -375,6 +386,7 @@ class SteadyStateReward(Node):
     """`S`."""
 
 
+AnyMeasure = ProbabilityOperator | RewardOperator | SteadyState
 Expression = (
     Literal
     | Name
@@ -383,9 +395,7 @@ Expression = (
     | Conditional
     | Call
     | LabelReference
-    | ProbabilityOperator
-    | RewardOperator
-    | SteadyState
+    | AnyMeasure
     | PathQuantifier
     | Filter
     | StateFilter

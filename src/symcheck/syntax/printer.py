@@ -112,7 +112,7 @@ def _text(node: Tree) -> tuple[str, int]:
                 _ATOM,
             )
         case (
-            ast.ProbabilityOperator()
+            ast.PathMeasure()
             | ast.RewardOperator()
             | ast.SteadyState()
             | ast.PathQuantifier()
@@ -288,20 +288,14 @@ def _query(query: ast.RewardQuery) -> str:
             return _tree(query, _PATH)
 
 
-_Operator = (
-    ast.ProbabilityOperator
-    | ast.RewardOperator
-    | ast.SteadyState
-    | ast.PathQuantifier
-    | ast.StateFilter
-)
+_Operator = ast.AnyMeasure | ast.PathQuantifier | ast.StateFilter
 
 
 def _operator(node: _Operator, tail: str) -> str:
     """A state operator such as `P=? [ … ]`; `tail` is an old filter before the closing bracket."""
     match node:
-        case ast.ProbabilityOperator(direction=direction, bound=bound, path=path):
-            return f"P{direction or ''}{_asked(bound)} [ {_tree(path, _PATH)}{tail} ]"
+        case ast.PathMeasure(direction=direction, bound=bound, path=path):
+            return f"{node.letter}{direction or ''}{_asked(bound)} [ {_tree(path, _PATH)}{tail} ]"
         case ast.RewardOperator(structure=structure, direction=direction, bound=bound, query=query):
             head = f"R{_structure(structure)}{direction or ''}{_asked(bound)}"
             return f"{head} [ {_query(query)}{tail} ]"
@@ -316,7 +310,7 @@ def _operator(node: _Operator, tail: str) -> str:
             return f"{quantifier} [ {_tree(path, _PATH)} ]"
         case ast.StateFilter(operators=operators, formula=formula, states=states):
             old = f" {{{_tree(states, _CONDITIONAL)}}}" + "".join(f"{{{o}}}" for o in operators)
-            if isinstance(formula, ast.ProbabilityOperator | ast.RewardOperator | ast.SteadyState):
+            if isinstance(formula, ast.Measure):
                 return _operator(formula, old)
             return _tree(formula, _ATOM)
         case _:

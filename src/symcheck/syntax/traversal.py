@@ -24,8 +24,8 @@ from symcheck.syntax.ast import (
     Next,
     PathBound,
     PathFormula,
+    PathMeasure,
     PathQuantifier,
-    ProbabilityOperator,
     Release,
     RewardBound,
     RewardBounds,
@@ -60,7 +60,7 @@ def children(node: Tree) -> tuple[Tree, ...]:
             return condition, then, otherwise
         case Call(arguments=parts) | MultiObjective(objectives=parts):
             return parts
-        case ProbabilityOperator(bound=bound, path=path):
+        case PathMeasure(bound=bound, path=path):
             return _present(bound, path)
         case RewardOperator(structure=structure, bound=bound, query=query):
             return _present(None if isinstance(structure, str) else structure, bound, query)
@@ -122,7 +122,7 @@ def with_children(node: Tree, parts: tuple[Tree, ...]) -> Tree:
             return Call(function, tuple(new), span=node.span)
         case MultiObjective():
             return MultiObjective(tuple(new), span=node.span)
-        case ProbabilityOperator(bound=bound):
+        case PathMeasure(bound=bound):
             return replace(node, bound=some(bound), path=next(new))
         case RewardOperator(structure=structure, bound=bound):
             which = structure if isinstance(structure, str) else some(structure)

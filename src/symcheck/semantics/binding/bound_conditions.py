@@ -12,7 +12,6 @@ from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import (
     Binary,
-    Bound,
     Call,
     Conditional,
     Expression,
@@ -20,10 +19,8 @@ from symcheck.syntax.ast import (
     Literal,
     Measure,
     ModelType,
-    ProbabilityOperator,
     RewardBound,
     RewardOperator,
-    SteadyState,
     TimeBound,
     Type,
     Unary,
@@ -57,14 +54,11 @@ class _Conditions:
 
     def node(self, node: Tree) -> None:
         match node:
-            case ProbabilityOperator() | SteadyState():
+            case Measure():
                 self._direction(node)
-                self._probability(node.letter, node.bound)
-            case RewardOperator(_, bound, structure, _):
-                self._direction(node)
-                self._structure(structure, node)
-                if bound is not None:
-                    self._constant(bound.threshold, "a threshold")
+                self._threshold(node)
+                if isinstance(node, RewardOperator):
+                    self._structure(node.structure, node)
             case TimeBound():
                 self._time(node)
             case InstantaneousReward(time):
@@ -101,13 +95,16 @@ class _Conditions:
                 hint,
             )
 
-    def _probability(self, operator: str, bound: Bound | None) -> None:
-        value = None if bound is None else self._constant(bound.threshold, "a threshold")
-        if bound is not None and value is not None and not 0 <= value <= 1:
+    def _threshold(self, node: Measure) -> None:
+        if node.bound is None:
+            return
+        threshold = node.bound.threshold
+        value = self._constant(threshold, "a threshold")
+        if node.is_probability and value is not None and not 0 <= value <= 1:
             message = (
-                f"{operator} is compared with {format_value(value)}, which is not a probability"
+                f"{node.letter} is compared with {format_value(value)}, which is not a probability"
             )
-            self.report.input("threshold", message, bound.threshold.span)
+            self.report.input("threshold", message, threshold.span)
 
     def _structure(self, structure: str | Expression | None, node: Tree) -> None:
         rewards = self.model.rewards

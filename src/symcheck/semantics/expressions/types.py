@@ -11,6 +11,7 @@ from symcheck.semantics.diagnostics import Report
 from symcheck.semantics.expressions.deep_recursion import deeply
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import (
+    AnyMeasure,
     Binary,
     Bound,
     Call,
@@ -28,8 +29,8 @@ from symcheck.syntax.ast import (
     Next,
     PathBound,
     PathFormula,
+    PathMeasure,
     PathQuantifier,
-    ProbabilityOperator,
     Release,
     RewardBound,
     RewardBounds,
@@ -305,16 +306,10 @@ class Typer:
 
     def _operator(
         self,
-        node: ProbabilityOperator
-        | RewardOperator
-        | SteadyState
-        | PathQuantifier
-        | Filter
-        | StateFilter
-        | MultiObjective,
+        node: AnyMeasure | PathQuantifier | Filter | StateFilter | MultiObjective,
     ) -> Type | None:
         match node:
-            case ProbabilityOperator(_, bound, path):
+            case PathMeasure(_, bound, path):
                 self.path(path)
                 return self._bounded(bound)
             case RewardOperator(_, bound, structure, query):
