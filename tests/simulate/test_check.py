@@ -180,8 +180,8 @@ def test_a_closed_class_without_the_target_ends_a_path() -> None:
         ("R=? [ C ]", "C<=k or I=k"),
         ("P=? [ G F x=0 ]", "X, F, G, U, W and R"),
         ("P=? [ F P>0.5 [ X x=0 ] ]", "without -sim"),
-        ("filter(max, P=? [ F x=0 ], x=1)", "a single P or R operator"),
-        ("1 - P=? [ F x=0 ]", "a single P or R operator"),
+        ("filter(max, P=? [ F x=0 ], x=1)", "a single P, R or T operator"),
+        ("1 - P=? [ F x=0 ]", "a single P, R or T operator"),
     ],
 )
 def test_what_is_unsupported_says_what_would_work(formula: str, advice: str) -> None:

@@ -10,7 +10,7 @@ from symcheck.check.path_formulas import StatesOf, UntilPath, resolve, temporal
 from symcheck.direction import Direction
 from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
-from symcheck.semantics.rewards import Reward, operator_reward
+from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import bound_value, window
 from symcheck.syntax.ast import (
     CumulativeReward,
@@ -22,7 +22,7 @@ from symcheck.syntax.ast import (
     TotalReward,
 )
 
-__all__ = ["reward_of", "reward_values"]
+__all__ = ["expected_time", "reward_of", "reward_values"]
 
 
 def reward_of(context: Context, formula: RewardOperator) -> Reward:
@@ -59,6 +59,13 @@ def reward_values(
             return long_run_measures(context).steady_reward(context, reward, direction)
         case _:
             return _until_shown(context, reward, query, states_of, direction)
+
+
+def expected_time(
+    context: Context, path: PathFormula, states_of: StatesOf, direction: Direction | None
+) -> Values:
+    """The expected time until a run shows that it satisfies a path formula, from each state."""
+    return _until_shown(context, Time(), path, states_of, direction)
 
 
 def _until_shown(

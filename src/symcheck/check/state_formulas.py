@@ -15,7 +15,7 @@ from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import StatesOf, resolve
 from symcheck.check.path_probabilities import probability, qualitative
 from symcheck.check.rebind_exact import exact_twin
-from symcheck.check.reward_queries import reward_of, reward_values
+from symcheck.check.reward_queries import expected_time, reward_of, reward_values
 from symcheck.check.steady_state import steady_values
 from symcheck.check.thresholds import decide
 from symcheck.direction import Direction
@@ -28,6 +28,7 @@ from symcheck.syntax.ast import (
     Bound,
     Call,
     Conditional,
+    ExpectedTime,
     Expression,
     Filter,
     LabelReference,
@@ -231,6 +232,8 @@ def _measured(
         case ProbabilityOperator(_, _, path):
             read = resolve(path, states_of(context), context.engine)
             return lambda c: probability(c, read, direction)
+        case ExpectedTime(_, _, path):
+            return lambda c: expected_time(c, path, states_of(c), direction)
         case RewardOperator():
             reward = reward_of(context, formula)
             return lambda c: reward_values(c, formula, reward, states_of(c), direction)

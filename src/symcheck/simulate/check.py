@@ -19,11 +19,18 @@ from symcheck.errors import NumericalError, UnsupportedError, converts_memory_er
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.rewards import Reward, operator_reward
+from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.sampling import Sampler
 from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
-from symcheck.syntax.ast import Bound, Expression, ModelType, ProbabilityOperator, RewardOperator
+from symcheck.syntax.ast import (
+    Bound,
+    ExpectedTime,
+    Expression,
+    ModelType,
+    ProbabilityOperator,
+    RewardOperator,
+)
 
 __all__ = ["check_by_sampling"]
 
@@ -111,9 +118,12 @@ def _read_operator(
             return path_monitor(path, model), None, bound
         case RewardOperator(_, bound, _, query):
             return reward_monitor(query, model), operator_reward(formula, model), bound
+        case ExpectedTime(_, bound, path):
+            return reward_monitor(path, model), Time(), bound
         case _:
             raise UnsupportedError(
-                f"-sim supports a single P or R operator, and this is a {type(formula).__name__}; "
+                f"-sim supports a single P, R or T operator, and this is a "
+                f"{type(formula).__name__}; "
                 "without -sim it is checked numerically"
             )
 

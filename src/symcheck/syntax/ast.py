@@ -25,6 +25,7 @@ __all__ = [
     "Conditional",
     "CumulativeReward",
     "Eventually",
+    "ExpectedTime",
     "Expression",
     "Filter",
     "Globally",
@@ -195,6 +196,17 @@ class ProbabilityOperator(PathMeasure):
     letter = "P"
     is_probability = True
     counts_steps = False
+    reads_rewards = False
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedTime(PathMeasure):
+    """`T bound [ path ]` or `T=? [ path ]`: the expected time until a path satisfies it.
+
+    Time of a CTMC; a step of a DTMC or MDP takes one.
+    """
+
+    letter = "T"
     reads_rewards = False
 
 
@@ -386,7 +398,7 @@ class SteadyStateReward(Node):
     """`S`."""
 
 
-AnyMeasure = ProbabilityOperator | RewardOperator | SteadyState
+AnyMeasure = ProbabilityOperator | ExpectedTime | RewardOperator | SteadyState
 Expression = (
     Literal
     | Name

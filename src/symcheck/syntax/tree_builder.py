@@ -590,6 +590,11 @@ class PropertiesBuilder(Builder):
         span = self._words(values)
         return _filtered(ast.RewardOperator(direction, bound, structure, query, span=span), old)
 
+    def time(self, values: Values) -> Expression:
+        word, bound, _, path, old, _ = values
+        direction, span = word.value[1:] or None, self._words(values)
+        return _filtered(ast.ExpectedTime(direction, bound, path, span=span), old)
+
     def steady(self, values: Values) -> Expression:
         _, direction, bound, _, formula, old, _ = values
         span = self._words(values)
