@@ -1,9 +1,7 @@
-"""What an engine offers to the checker: a built model as sets of states, values on states, graph
-questions, and numerical systems over chosen states.
+"""The protocols of an engine: sets of states, values, graph questions and numerical systems.
 
-The checker, and every measure, is written against these protocols only; an engine is one file
-beside this one. A set never holds a state that is not reachable: `~s` is the complement within the
-reachable states.
+Measures use these protocols only; an engine is a folder beside this file. A set contains reachable
+states only: `~s` is the complement within the reachable states.
 """
 
 from __future__ import annotations
@@ -55,7 +53,7 @@ def bracket(threshold: float | Fraction) -> tuple[float, float]:
 CapabilityT = TypeVar("CapabilityT")
 
 OwnSet = Any
-"""A set of the same engine (an engine takes no other engine's sets, which a protocol cannot say)."""
+"""A set of the same engine: sets of different engines are never mixed."""
 OwnValues = Any
 """Values of the same engine."""
 
@@ -93,8 +91,9 @@ class Values(Protocol):
         ...
 
     def rounded(self, states: OwnSet) -> bool:
-        """Whether some value over the set was computed in floating point (so that equal bounds do
-        not make it exact).
+        """Whether some value over the set was computed in floating point.
+
+        Equal bounds of such a value are exact up to rounding only.
         """
         ...
 
@@ -124,8 +123,9 @@ class Values(Protocol):
         ...
 
     def map(self, operator: str, *others: OwnValues | float) -> Values:
-        """Interval arithmetic: `operator` is an operator or function of the expression language
-        ('-' with no other: negate).
+        """Interval arithmetic with an operator or function of the expression language.
+
+        '-' without other operands negates.
         """
         ...
 
@@ -207,7 +207,7 @@ class System(Protocol):
         ...
 
     def step_rewards(self, reward: Reward) -> Numbers:
-        """Per row: the expected reward of a step (a CTMC gains its state rewards per unit of time)."""
+        """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
         ...
 
     def reachability(self, target: OwnSet) -> Equations:
@@ -251,8 +251,13 @@ class System(Protocol):
         rest: Sequence[tuple[OwnSet, float]] = (),
         exact: bool = False,
     ) -> Values:
-        """Values on all reachable states: these on `states`, constants on the sets in `rest`, 0
-        elsewhere.
+        """Values on all reachable states.
+
+        Args:
+            lower: values on `states`.
+            upper: their upper bounds; None if equal to `lower`.
+            rest: constants on other sets, 0 elsewhere.
+            exact: whether the values carry rounding errors only.
         """
         ...
 
@@ -335,8 +340,11 @@ class Graph(Protocol):
     def accepting_end_components(
         self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]
     ) -> StateSet:
-        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets
-        every set in `visits`.
+        """States in an accepting end component.
+
+        Args:
+            pairs: (avoid, visits); an end component is accepting if, for some pair, it avoids
+                `avoid` and meets every set in `visits`.
         """
         ...
 
@@ -362,8 +370,9 @@ class Engine(Protocol):
 
     @property
     def has_rows(self) -> bool:
-        """Whether `System.matrix` is what the engine works with; else it is made only where
-        `System.operator` is not enough.
+        """Whether the engine works with `System.matrix`.
+
+        If not, the matrix is built only where `System.operator` does not suffice.
         """
         ...
 
@@ -441,7 +450,7 @@ class Engine(Protocol):
         ...
 
     def system(self, states: OwnSet, direction: Direction | None = None) -> System:
-        """The equations over some states; `direction`: minimise or maximise over strategies (MDP)."""
+        """The equations over some states; `direction`: of the strategies of an MDP."""
         ...
 
     def finite_reward(

@@ -1,10 +1,8 @@
-"""What some engines offer beyond `symcheck.engines.base.Engine`: optional protocols, and the one
-way to ask for them.
+"""Capabilities: optional protocols of engines, and the function that asks for them.
 
-An engine declares a capability by inheriting from its protocol. Other rooms ask with
-`engine.capability(HasMatrix)`, which gives the engine under that protocol, or None; nobody else
-asks what an engine is. Capabilities that speak of diagrams are beside these: `HasDiagrams` in
-engines/symbolic/diagrams.py.
+An engine declares a capability by inheriting from its protocol. Other packages ask with
+`engine.capability(HasMatrix)`, which returns the engine under that protocol, or None. The
+capability of engines with diagrams is `HasDiagrams` in engines/symbolic/diagrams.py.
 """
 
 from __future__ import annotations
@@ -34,8 +32,10 @@ class Capable:
     """The capabilities of an engine: the protocols that its class inherits from."""
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
-        """The engine as what offers `kind` (a protocol, or the class of an engine); None where it
-        does not.
+        """The engine under the protocol `kind`, or None.
+
+        Args:
+            kind: a protocol of this file, or the class of an engine.
 
         Example:
             >>> rows = engine.capability(HasMatrix)
@@ -45,7 +45,7 @@ class Capable:
 
 
 class HasMatrix(Protocol):
-    """The rows of all states are at hand."""
+    """The rows of all states are available."""
 
     @property
     def matrix(self) -> SparseMatrix:
@@ -69,10 +69,14 @@ class HasActions(Protocol):
 
 
 class HasRationalTwin(Protocol):
-    """The model has no text to bind again, and says itself what it is in rational arithmetic."""
+    """The model was built without a text, and converts itself to rational arithmetic."""
 
     def rational(self) -> Engine:
-        """The same model in rational arithmetic. Raises UnsupportedError where there is none."""
+        """The same model in rational arithmetic.
+
+        Raises:
+            UnsupportedError: there is none.
+        """
         ...
 
 

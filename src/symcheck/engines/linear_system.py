@@ -196,7 +196,7 @@ class LinearSystem:
         return rows if self.exit_rates is None else rows / self.exit_rates
 
     def step_rewards(self, reward: Reward) -> Numbers:
-        """Per row: the expected reward of a step (a CTMC gains its state rewards per unit of time)."""
+        """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
         states, rows = self.rewards(reward)
         return self.embedded(per_row(self.groups, states) + rows)
 
@@ -241,8 +241,9 @@ class LinearSystem:
         raise AssertionError("an engine with rows is asked for its matrix")
 
     def _end_components_matter(self, probability: bool) -> bool:
-        """Whether upper bounds would not decrease in an end component, which can be removed from
-        rows only.
+        """Whether end components prevent the convergence of upper bounds.
+
+        They can be removed from rows only.
         """
         if self.direction is None or probability != (self.direction is Direction.MAX):
             return False
@@ -264,8 +265,8 @@ class LinearEquations:
     Args:
         constant: float64 per row; `upper`: its upper bound where it is not known exactly.
         probability: whether the solution consists of probabilities; else of expected rewards.
-        allow_stay: a strategy may stay for ever where that costs and earns nothing, with value 0 (greatest rewards); or it
-            must not (least probabilities of what is met outside).
+        allow_stay: whether a strategy may stay for ever at no reward, with value 0 (greatest
+            rewards); it must not for least probabilities.
     """
 
     system: LinearSystem
@@ -355,8 +356,9 @@ class ExpectedReward:
 
     @cached_property
     def usable_rows(self) -> Bools | None:
-        """Rows that minimise at all: a choice that may lead to an infinite reward is never best.
-        None: all rows.
+        """Rows that can be optimal; None: all.
+
+        A choice that may lead to an infinite reward never minimises.
         """
         if self.system.direction is not Direction.MIN:
             return None
@@ -397,7 +399,7 @@ class Preprocessing(Protocol):
         settings: Settings,
         observer: Observer | None,
     ) -> SolvedValues | None:
-        """The solution; None where the step turns out not to pay."""
+        """The solution; None if the step does not pay."""
         ...
 
 
@@ -419,7 +421,7 @@ def _solved(
 
 
 class Lifts(Protocol):
-    """A system, as far as solutions are lifted to all states."""
+    """The part of a system that lifts solutions to all states."""
 
     @property
     def n(self) -> int:

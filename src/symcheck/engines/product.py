@@ -1,6 +1,4 @@
-"""What comes out of a product with an automaton: an engine over pairs (state, automaton state), and
-the way back.
-"""
+"""The product with an automaton: an engine over pairs, and the projection to the model."""
 
 from __future__ import annotations
 
@@ -13,7 +11,7 @@ __all__ = ["Automaton", "Product"]
 
 
 class Automaton(Protocol):
-    """What a product needs of an automaton: numbered states and a table of successors.
+    """A deterministic automaton: numbered states and a table of successors.
 
     A letter is a number whose bit i says whether letter set number i holds.
     """

@@ -43,7 +43,7 @@ __all__ = [
     "SWEEP_STEPS",
 ]
 
-# --------------------------------------------------------------------------- choice of the engine
+# ----------------------------------------------------------------------------- choice of the engine
 
 SMALL_MODEL_STATES = 50_000
 """States of the first explicit exploration: it ends before the diagram library would be loaded."""
@@ -83,7 +83,7 @@ ROWS_MEMORY_SHARE = 0.2
 EXPLORATION_MEMORY_SHARE = 0.7
 """Share of the machine's memory that explicit exploration may take where diagrams do not help."""
 
-# ------------------------------------------------------------------- enumeration of rows, products
+# -------------------------------------------------------------------- enumeration of rows, products
 
 SMALL_DIAGRAM_NODES = 200_000
 """Nodes of the state set up to which rows are not enumerated: every form of the matrix is made
@@ -95,7 +95,7 @@ ENUMERATED_STATES = 10_000_000
 PRODUCT_PAIRS = 2**33
 """Pairs (state, automaton state) that an explicit product may have to mark, one byte each."""
 
-# ----------------------------------------------------------------------------------- explicit engine
+# ---------------------------------------------------------------------------------- explicit engine
 
 STATES_PER_UNKNOWN = 3
 """Solve on the full matrix if it has at most this many times as many states as there are unknowns;
@@ -112,7 +112,7 @@ KEPT_TRANSPOSE_TRANSITIONS = 1_000_000
 """Transitions above which the transposed matrix is freed while equations over most of the states
 are solved: below, it takes at most a few megabytes."""
 
-# --------------------------------------------------------------------- graph questions on diagrams
+# ---------------------------------------------------------------------- graph questions on diagrams
 
 GRAPH_LOOKUPS = 500_000
 """Look-ups in CUDD's cache (a quarter of a second) that a graph question may take on diagrams
@@ -137,7 +137,7 @@ CACHED_ANSWERS = 4
 CACHED_BACKWARD_SEARCHES = 4
 """Results of backward searches that are kept: prob0 and prob1 of one formula share them."""
 
-# -------------------------------------------------------------------- deterministic-state elimination
+# ------------------------------------------------------------------ deterministic-state elimination
 
 ELIMINATION_STATES = 5_000_000
 """States from which on deterministic states may be eliminated: below, the rows of all states are
@@ -162,7 +162,7 @@ of that, and the solution on arrays takes less than five times as long as using 
 ACYCLIC_NODE_SHARE = 0.02
 """Nodes per unknown of a single vector above which its diagram does not compress the values."""
 
-# ----------------------------------------------------------------------- values and sweeps on diagrams
+# -------------------------------------------------------------------- values and sweeps on diagrams
 
 FEW_LEAVES = 256
 """Different values up to which a function is stored as constants on sets of states."""

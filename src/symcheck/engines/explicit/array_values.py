@@ -60,10 +60,10 @@ class ArraySet:
 class ArrayValues:
     """Values between `lower` and `upper`, float64[states] each (the same array where exact).
 
-    `computed` (bool[states], None: nowhere) says which values a floating-point computation made, so
-    that they are known up to rounding only even where lower and upper are equal: within ROUNDING
-    relatively, and `slack` absolutely (a difference has the rounding of its operands, which is
-    large relative to a small value).
+    `computed` (bool[states], None: nowhere) marks values that were computed in floating point. They
+    are known up to rounding even if lower and upper are equal: within ROUNDING relatively and
+    `slack` absolutely (a difference inherits the rounding of its operands, which is large relative
+    to a small value).
     """
 
     lower: Floats = field(repr=False)
@@ -112,14 +112,15 @@ class ArrayValues:
             high = np.where(
                 self.computed, self.upper + (ROUNDING * np.abs(self.upper) + self.slack), self.upper
             )
-        # An infinite value minus an infinite margin is no number.
+        # An infinite value minus an infinite margin is NaN.
         return np.where(np.isinf(self.lower), self.lower, low), np.where(
             np.isinf(self.upper), self.upper, high
         )
 
     def compare(self, operator: str, threshold: float | Fraction) -> tuple[ArraySet, ArraySet]:
-        """The states that surely satisfy the comparison, and those where it is undecided (never
-        where a value is NaN).
+        """The states that surely satisfy the comparison, and the undecided ones.
+
+        Comparisons with NaN are false.
         """
         below, above = bracket(threshold)
         low, high = self._margins()
@@ -196,8 +197,9 @@ _STEPS: dict[str, Callable[[Floats], Floats]] = {
 
 
 def _slack(operator: str, operands: list[ArrayValues]) -> float | None:
-    """The absolute error of an operator applied to values with rounding; None where interval
-    arithmetic must tell.
+    """The absolute error of an operator applied to rounded values.
+
+    None if interval arithmetic must compute it.
     """
     total = sum(o.slack for o in operands)
     if (
@@ -271,9 +273,7 @@ def _interval(operator: str, pairs: list[_Pair]) -> _Pair:
 
 
 def _outward(low: Floats, high: Floats) -> _Pair:
-    """One unit in the last place wider, for the rounding of the operation itself, where the value
-    is not a point.
-    """
+    """Wider by one unit in the last place, unless the value is a point."""
     wide = low != high
     return np.where(wide, np.nextafter(low, -np.inf), low), np.where(
         wide, np.nextafter(high, np.inf), high
@@ -281,9 +281,7 @@ def _outward(low: Floats, high: Floats) -> _Pair:
 
 
 def _corners(operator: str, x: _Pair, y: _Pair) -> _Pair:
-    """Extreme values at the corners: right for operators that are monotone in each argument,
-    whichever way.
-    """
+    """Extreme values at the corners, for operators that are monotone in each argument."""
     values = [_POINTS[operator](a, b) for a in x for b in y]
     return np.minimum.reduce(values), np.maximum.reduce(values)
 

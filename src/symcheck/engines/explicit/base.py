@@ -1,6 +1,4 @@
-"""What engines have in common whose states are listed one by one: a row of a matrix each, and sets
-that are arrays.
-"""
+"""The common part of explicit engines: one matrix row per choice, and sets as bool arrays."""
 
 from __future__ import annotations
 
@@ -16,7 +14,7 @@ __all__ = ["Enumerated"]
 
 
 class Enumerated(Capable, HasMatrix):
-    """Sizes and sets of an engine over the rows of `matrix` (see `symcheck.engines.base.Engine`)."""
+    """Sizes and sets of an engine over the rows of `matrix` (see `engines.base.Engine`)."""
 
     @property
     def matrix(self) -> SparseMatrix:

@@ -81,7 +81,7 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
 
     @cached_property
     def _sets(self) -> dict[Expression, ArraySet]:
-        """Sets that were asked for last: several properties speak of the same labels."""
+        """Recently used sets: several properties use the same labels."""
         return {}
 
     def where(self, expression: Expression) -> ArraySet:
@@ -118,7 +118,7 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         return self._known(numbers(states.members, exact=self.exact))
 
     def _known(self, array: Numbers) -> Numeric:
-        """Values that nothing has rounded."""
+        """Values without rounding."""
         return RationalValues(array) if self.exact else ArrayValues(array, array)
 
     def system(self, states: ArraySet, direction: Direction | None = None) -> ExplicitSystem:
@@ -169,9 +169,7 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         return self.explored.states.valuations(np.flatnonzero(states.members)[:limit])
 
     def product(self, letters: Sequence[ArraySet], automaton: Any) -> ExplicitProduct:
-        """The product with a deterministic automaton that reads which of `letters` hold (see
-        engines/product.py).
-        """
+        """The product with a deterministic automaton whose letters are sets of states."""
         from symcheck.engines.explicit.product import product
 
         name = f"{self.name} product"
@@ -215,7 +213,7 @@ class ExplicitSystem(LinearSystem):
 
     @property
     def has_rows(self) -> bool:
-        """Rows are what this engine works with."""
+        """Always: this engine works with rows."""
         return True
 
     @property

@@ -22,7 +22,7 @@ __all__ = ["FullMatrix"]
 
 
 class Owner(Protocol):
-    """What the full matrix is read from: the engine."""
+    """The engine that the full matrix is read from."""
 
     @property
     def matrix(self) -> SparseMatrix:

@@ -19,7 +19,7 @@ __all__ = ["ExplicitGraph", "Owner"]
 
 
 class Owner(Protocol):
-    """What graph questions ask of their engine."""
+    """The engine that graph questions are asked about."""
 
     @property
     def matrix(self) -> SparseMatrix:
@@ -57,7 +57,7 @@ class ExplicitGraph:
         return graph.Incidence(self.engine.matrix)
 
     def forget(self) -> None:
-        """Give the memory of the transposed matrix back; it is made again when it is asked for."""
+        """Free the memory of the transposed matrix, which is rebuilt on the next use."""
         vars(self).pop("_edges", None)
 
     def predecessors(self, states: ArraySet) -> ArraySet:

@@ -30,7 +30,7 @@ __all__ = ["Base", "ExplicitProduct", "ProductModel", "pair_matrix", "product", 
 
 
 class Base(Owner, Protocol):
-    """What a product asks of the engine that it is made with: what graph questions ask, and more."""
+    """The engine that a product is built from."""
 
     @property
     def explored(self) -> ExploredModel:
@@ -45,8 +45,9 @@ class Base(Owner, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ProductModel:
-    """The pairs as a model: state p is pair (state[p], automaton[p]), in this order; what is asked
-    of a pair is asked of its state.
+    """The pairs as a model: state p is the pair (state[p], automaton[p]), in this order.
+
+    A pair has the variables, rewards and actions of its state.
     """
 
     base: Base = field(repr=False)
@@ -147,11 +148,13 @@ def product(
     automaton: Automaton,
     over: Callable[[ProductModel], Engine],
 ) -> ExplicitProduct:
-    """The pairs reachable from (s, initial state) for every state s of the base model; `over` makes
-    an engine of them.
+    """The product of an engine with an automaton.
 
-    Memory while building: a byte for each possible pair. Raises MemoryLimitError beyond 2**33 of
-    them.
+    It contains the pairs reachable from (s, initial state) for every state s of the base model.
+    Building takes a byte for each possible pair.
+
+    Raises:
+        MemoryLimitError: there are more than 2**33 possible pairs, or 2**31 reachable ones.
     """
     table = np.asarray(automaton.table, dtype=np.int32)
     letter = np.zeros(base.states, np.int32)
@@ -166,7 +169,8 @@ def product(
     count = int(np.count_nonzero(found))
     if count >= 2**31:
         raise MemoryLimitError(
-            f"the product with an automaton of {size} states has {count:,} states: too many for the explicit engine"
+            f"the product with an automaton of {size} states has {count:,} states: "
+            "too many for the explicit engine"
         )
     state, second, number = (
         np.empty(count, np.int32),

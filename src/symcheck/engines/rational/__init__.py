@@ -1,1 +1,1 @@
-"""Exploration in rational arithmetic: the explicit engine over what it gives is the exact engine."""
+"""Exploration in rational arithmetic; its result is the model of the exact engine."""

@@ -98,10 +98,9 @@ class LumpedDiagrams:
         )[0]
 
     def lift(self, values: ArrayValues) -> SymbolicValues:
-        """Values of blocks as values of states, made when they are asked for.
+        """Values of blocks as values of states, made on first use.
 
-        Then UnsupportedError is raised where there are too many states, and too many different
-        values.
+        That use raises UnsupportedError if there are too many states and different values.
         """
         return LazyValues(self.diagrams, partial(self._pieces, values))
 
@@ -118,7 +117,8 @@ class LumpedDiagrams:
             return (Piece(d.states, picked(values, self.block_of_states()), d.odd),)
         if len(first) > tuning.CONSTANT_PIECES:
             raise UnsupportedError(
-                f"{len(first):,} different values on {d.count:,} states are too many to be told state by state"
+                f"{len(first):,} different values on {d.count:,} states are too many "
+                "to be told state by state"
             )
         function = self.function((kind.reshape(-1) + 1).astype(np.float64))
         return tuple(
@@ -161,12 +161,20 @@ def lump_diagrams(
     most: int | None = None,
     seconds: float | None = None,
 ) -> LumpedDiagrams:
-    """The coarsest bisimulation that keeps apart states at which one of the colours, or a reward of
-    `structures`, differs.
+    """The coarsest bisimulation that separates states with different colours or rewards.
 
-    Raises UnsupportedError where more than `limit` bytes or `seconds` of processor time would be
-    needed, or there are more than `most` blocks: then few states are alike, and a partition of
-    listed states is cheaper.
+    Args:
+        diagrams: the model.
+        colours: sets, or functions of the row bits, whose values are kept apart.
+        structures: reward structures that are kept apart, by number.
+        observer: receives each round of refinement.
+        limit: bytes that the partition may take.
+        most: greatest number of blocks; None for any number.
+        seconds: processor time; None for any.
+
+    Raises:
+        UnsupportedError: a limit was reached. Few states are then equivalent, and refinement on
+            enumerated states is cheaper.
     """
     from symcheck.dd.manager import Bdd
 
@@ -254,7 +262,8 @@ def _matrices(diagrams: Diagrams, limit: int) -> Partition:
     )
     if frexp(largest_row_sum(*shape))[1] + exponent > 125:
         raise UnsupportedError(
-            "probabilities or rates are of too many orders of magnitude to be added exactly on diagrams"
+            "probabilities or rates are of too many orders of magnitude "
+            "to be added exactly on diagrams"
         )
     return Partition(bits, *shape, diagrams.guards is not None, exponent, limit)
 
@@ -275,7 +284,7 @@ def _shortened(values: Floats) -> Floats:
 
 
 def _row_table(diagrams: Diagrams, function: Mtbdd) -> tuple[Int32s, Int32s, Int32s, Floats, int]:
-    """A function of the row bits as arrays, with places of bits as levels."""
+    """A function of the row bits as arrays; the levels are positions of row bits."""
     table = diagrams.manager.export_mtbdd(function)
     bits = len(diagrams.rows)
     place = np.full(table.levels + 1, bits, np.int32)
@@ -286,8 +295,9 @@ def _row_table(diagrams: Diagrams, function: Mtbdd) -> tuple[Int32s, Int32s, Int
 def _rows_only(
     diagrams: Diagrams, function: Mtbdd, known: Floats | None = None
 ) -> tuple[Int32s, Int32s, Int32s, Int32s, int]:
-    """The same, with leaves as numbers: places in `known`, or any that tell them apart up to
-    rounding.
+    """The same, with leaves as numbers.
+
+    They are indices in `known`, or numbers that separate leaves up to rounding.
     """
     level, low, high, values, root = _row_table(diagrams, function)
     numbers = (

@@ -1,4 +1,4 @@
-"""Components on diagrams; enumerated where they are small.
+"""Strong components and end components on diagrams, enumerated if they are small.
 
 Source: Xie & Beerel (2000) for bottom components by pivots.
 """
@@ -27,7 +27,7 @@ __all__ = ["Components", "Owner"]
 
 
 class Owner(SystemOwner, Protocol):
-    """What components ask of their engine."""
+    """The engine whose components are computed."""
 
     def lowest(self, states: Bdd) -> Bdd:
         """The state of the lowest number of a set that is not empty, as a set."""
@@ -93,7 +93,7 @@ class Components:
         yield from self.enumerated_bsccs(left)
 
     def enumerated_bsccs(self, left: Bdd) -> Iterator[SymbolicSet]:
-        """Of a set that nothing leaves but into itself."""
+        """The bottom components of a closed set, on its rows."""
         if not left:
             return
         part = self._part(left)

@@ -1,8 +1,8 @@
 """Preprocessing: deterministic-state elimination for reachability among very many states.
 
 A state whose only choice has a single successor (probability 1) has the same value as that
-successor, so it can be eliminated. In models of timed systems nearly all states are such: of the 84
-856 004 states of csma with 3 stations and 6 collisions, 2 % are not. Diagrams tell which; one
+successor, so it can be eliminated. In models of timed systems nearly all states are such: of the
+84 856 004 states of csma with 3 stations and 6 collisions, 2 % are not. Diagrams tell which; one
 product with the numbers of the states gives the successor of each, and following successors to the
 end takes one pass. The rows of the other states remain (`ReducedSystem`), few enough for graph
 algorithms that take linear time, where fixpoints on diagrams take as many steps as the longest path
@@ -60,9 +60,7 @@ __all__ = [
 
 
 def deterministic_states(d: Diagrams) -> Bdd:
-    """States with one choice, whose only successor has probability 1 (not of a CTMC: its entries
-    are rates).
-    """
+    """States whose only choice has a single successor with probability 1 (not in a CTMC)."""
     seen = twice = d.manager.false
     for guard in d.slot_guards:
         twice = twice | (seen & guard)
@@ -93,10 +91,10 @@ class ReducedSystem:
 
     Args:
         successors: for each reachable state the number that represents it.
-        matrix: the choices of the n states, and n+2 columns; the last two states have no row. None once the equations
-            have been written over it.
-        step_reward: per row, the expected reward of a step and of the paths that follow it, float64[rows]; None without
-            a reward reward.
+        matrix: the choices of the n states, and n+2 columns; the last two states have no row. None
+            after the equations have been written over it.
+        step_reward: per row, the expected reward of a step and of the eliminated path after it,
+            float64[rows]; None without a reward.
     """
 
     left: Bdd = field(repr=False)
@@ -146,7 +144,7 @@ class ReducedSystem:
         return ReducedSet(self, np.append(members, members[self.n]))
 
     def take_matrix(self) -> SparseMatrix:
-        """The matrix, which the caller may write over: no graph question can be asked afterwards."""
+        """The matrix, which the caller may overwrite; no graph question can follow."""
         matrix, self.matrix = self.matrix, None
         vars(self).pop("_edges", None)
         assert matrix is not None
@@ -158,9 +156,7 @@ class ReducedSystem:
         return SymbolicSet(self.diagrams, self.right).count
 
     def members(self, states: SymbolicSet) -> Bools | None:
-        """A set as `ReducedSet.chosen`; None where it has some, not all, of the states that a
-        number represents.
-        """
+        """A set as `ReducedSet.chosen`; None if it divides the states of one representative."""
         if isinstance(states, ReducedSet) and states.system is self:
             return states.chosen
         found = np.zeros(self.n + 3, bool)
@@ -178,9 +174,9 @@ class ReducedSystem:
 
 
 class ReducedSet(SymbolicSet):
-    """A set of states by the numbers that represent them; its diagram is made when it is asked for.
+    """A set of states by the numbers that represent them; its diagram is built on first use.
 
-    chosen: bool[n+3]; number n stands here for the eliminated states that lead to `right`, n+2 for
+    chosen: bool[n+3]; number n stands for the eliminated states that lead to `right`, n+2 for
     `right` itself.
     """
 
@@ -243,10 +239,17 @@ class ReducedSet(SymbolicSet):
 def eliminate(
     d: Diagrams, left: Bdd, right: Bdd, limit: int, reward: Reward | None = None
 ) -> ReducedSystem | None:
-    """The system of `left U right` without its deterministic states, and with a reward reward if
-    one is given.
+    """Build the system of `left U right` without its deterministic states.
 
-    None where it would take more than `limit` bytes, or some reward is negative or infinite.
+    Args:
+        d: the diagrams of the model.
+        left, right: sets of states.
+        limit: bytes that the result and graph questions on it may take.
+        reward: the reward to accumulate; None for probabilities.
+
+    Returns:
+        The reduced system; None if it would take more memory than `limit`, or some reward is
+        negative or infinite.
     """
     if reward is not None and not _finite_rewards(d, reward):
         return None
@@ -340,8 +343,10 @@ def _add_step(
 def _among(
     m: SparseMatrix, open_: Bools, member: Bools, direction: Direction | None
 ) -> tuple[SparseMatrix, Floats, Floats]:
-    """The matrix among some states, written over m; per row, what enters members that are not among
-    them, and what leaves.
+    """The matrix among some states, written over m.
+
+    Returns:
+        The matrix; per row, the probability of entering other members, and of leaving.
     """
     assert m.groups is not None
     n = int(np.count_nonzero(open_))
@@ -377,7 +382,7 @@ def _lifted(
 
 @dataclass(frozen=True, eq=False)
 class _ReducedUnknowns:
-    """The unknowns of a reduced system, as far as a solution is lifted to all states."""
+    """The unknowns of a reduced system; lifts a solution to all states."""
 
     successors: Successors
     known: Floats = field(repr=False)
@@ -400,7 +405,7 @@ class _ReducedUnknowns:
 
 
 class Owner(Protocol):
-    """What elimination asks of its engine."""
+    """The engine whose systems are reduced."""
 
     @property
     def diagrams(self) -> Diagrams:
@@ -457,9 +462,7 @@ class DeterministicElimination:
         return found
 
     def accepts(self, query: Query, settings: Settings) -> bool:  # noqa: ARG002
-        """Whether the unknowns belong to a reduced system, or are many and at least half of them
-        deterministic.
-        """
+        """Whether the unknowns are those of a reduced system, or many and mostly deterministic."""
         states: SymbolicSet = query.system.states
         if isinstance(states, ReducedSet):
             return True
@@ -522,7 +525,7 @@ def _solved(
 
 
 def _outside(query: Query) -> SymbolicSet:
-    """The set outside of the unknowns that the equations tell apart from the others."""
+    """The set of states outside of the unknowns that have a constant of their own."""
     states: SymbolicSet = query.infinite if isinstance(query, ExpectedReward) else query.target
     return states
 

@@ -1,6 +1,4 @@
-"""A built model as diagrams, in the form that all symbolic engines share: what a model and its
-products have in common.
-"""
+"""A built model, or its product with an automaton, as diagrams shared by all symbolic engines."""
 
 from __future__ import annotations
 
@@ -134,7 +132,7 @@ class Diagrams:
         return {}
 
     def saturation(self, forward: bool) -> Saturation:
-        """All steps, prepared for closing sets under them."""
+        """All steps in the form that saturation takes."""
         if forward not in self._saturations:
             relations = [(step.relation, step.transition) for step in self.steps]
             self._saturations[forward] = self.manager.saturation(relations, forward=forward)

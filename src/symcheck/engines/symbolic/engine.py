@@ -166,14 +166,12 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
 
     @cached_property
     def _last(self) -> dict[tuple[Bdd, Direction | None], SymbolicSystem]:
-        """The system asked for last: one question often asks for it several times, and each has
-        made its rows.
-        """
+        """The last system: one query uses it several times, and its rows are kept."""
         return {}
 
     def system(self, states: SymbolicSet, direction: Direction | None = None) -> SymbolicSystem:
         """The equations over some states."""
-        if isinstance(states, ReducedSet):  # its diagram would take as long as the solution
+        if isinstance(states, ReducedSet):  # building its diagram takes as long as the solution
             return SymbolicSystem(self, states, direction)
         key = states.bdd, direction
         if key not in self._last:

@@ -37,7 +37,7 @@ OnDiagrams = Callable[[], Bdd]
 
 
 class Owner(ComponentsOwner, Protocol):
-    """What graph questions ask of their engine."""
+    """The engine that graph questions are asked about."""
 
     @property
     def transitions(self) -> int:
@@ -83,7 +83,7 @@ class SymbolicGraph:
     def _steps(self) -> Steps:
         return Steps(self._d, self.observer)
 
-    # on rows, where diagrams are slow
+    # answers on rows, if diagrams are slow
 
     @cached_property
     def _affordable(self) -> bool:
@@ -103,9 +103,7 @@ class SymbolicGraph:
         on_rows: Callable[[graph.Incidence], Bools],
         reward: Reward | None = None,
     ) -> SymbolicSet:
-        """An answer found on diagrams, which have a budget, or else on rows: all, or without
-        deterministic states.
-        """
+        """An answer on diagrams within the budget, or else on all rows or a reduced system."""
         reduced = self._reduced_last(question)
         if reduced is None and "_rows" not in vars(self):
             try:
@@ -131,11 +129,11 @@ class SymbolicGraph:
         return self.observer is None and self.engine.elimination.possible
 
     def _reduced_last(self, question: Question) -> ReducedSystem | None:
-        """The reduced system of the question, where the answer to another one has made it."""
+        """The last reduced system, if it belongs to this question."""
         return self.engine.elimination.last(question[1], question[2]) if self._reduces else None
 
     def _reduced(self, question: Question, reward: Reward | None) -> ReducedSystem | None:
-        """The question without its deterministic states, with a reward reward if that is possible."""
+        """The reduced system of the question, with a reward if it is given and possible."""
         if not self._reduces:
             return None
         _, left, right, _ = question
@@ -145,7 +143,7 @@ class SymbolicGraph:
 
     @property
     def _budget(self) -> int | None:
-        """Look-ups after which diagrams give up; None where there is no other way."""
+        """The budget of look-ups on diagrams; None if there is no alternative."""
         if self._affordable:
             return tuning.GRAPH_LOOKUPS
         if self._reduces:
@@ -225,7 +223,7 @@ class SymbolicGraph:
     ) -> SymbolicSet:
         """States whose (min/max) probability of left U right is 1.
 
-        reward: the reward reward whose expected reward until `right` is going to be asked for.
+        reward: the reward whose expected reward until `right` is going to be asked for.
         """
         to_bools = self.engine.to_bools
         return self._answer(
@@ -243,7 +241,8 @@ class SymbolicGraph:
     def _prob1(self, left: Bdd, right: Bdd, direction: Direction | None) -> Bdd:
         if direction == Direction.MAX and self._d.guards is not None:
             return self._almost_sure(left, right)
-        # Whoever can get to where it may be missed for ever, before it is reached, may miss it.
+        # A state that can reach, outside of `right`, a state with least probability 0 is not in
+        # prob1.
         no = self._certain("prob0", left, right, direction)
         return self._d.states - self._steps.backward(no, left - right)
 
@@ -266,7 +265,7 @@ class SymbolicGraph:
         """States from where some strategy has probability 1 of left U right."""
         candidates = self._steps.backward(right, left)
         if not self._steps.before(self._d.states - candidates) & (candidates - right):
-            return candidates  # whatever is chosen, there is a way on: sooner or later it is taken
+            return candidates  # no choice leaves them, and each can reach `right`
         while candidates:
             self._steps.tell("candidates", candidates)
             sure = self._surely_within(candidates, left, right)
@@ -276,8 +275,9 @@ class SymbolicGraph:
         return candidates
 
     def _surely_within(self, candidates: Bdd, left: Bdd, right: Bdd) -> Bdd:
-        """States with a path into `right`, in `left` before, by choices that surely stay within
-        `candidates`.
+        """States with a path into `right` through `left`.
+
+        All choices on it stay within `candidates` with probability 1.
         """
         within = [w & left for w in self._steps.slots_within(candidates)]
         sure = fresh = right
@@ -292,7 +292,7 @@ class SymbolicGraph:
 
     @cached_property
     def components(self) -> Components:
-        """Components, and how they are found."""
+        """The search for components."""
         return Components(self.engine, self._steps)
 
     def bsccs(self) -> Iterator[SymbolicSet]:

@@ -1,6 +1,4 @@
-"""The hybrid engine: built as diagrams, multiplied block by block without writing rows out; vectors
-are arrays.
-"""
+"""The hybrid engine: built as diagrams, products by distinct blocks, vectors as arrays."""
 
 from __future__ import annotations
 
@@ -14,10 +12,9 @@ __all__ = ["HybridEngine"]
 
 
 class HybridEngine(SymbolicEngine):
-    """Distinct blocks of the matrix are stored once each; a product visits their places.
+    """Distinct blocks of the matrix are stored once; a product visits their occurrences.
 
-    Equations of up to 200 MB are solved on rows all the same: components in order need far fewer
-    steps than products do.
+    Equations of up to 200 MB are solved on rows: component by component, they need far fewer steps.
     """
 
     name: ClassVar[str] = "hybrid"

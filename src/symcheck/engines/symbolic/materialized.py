@@ -184,7 +184,7 @@ def materialize(engine: SymbolicEngine) -> MaterializedEngine:
 
 
 def stored_states(engine: SymbolicEngine) -> StateTable:
-    """The reachable states in the order of their numbers, as a table that is filled on first use."""
+    """The reachable states in the order of their numbers, a table filled on first use."""
     return _LazyStateTable(engine)
 
 

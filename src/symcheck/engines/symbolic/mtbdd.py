@@ -1,6 +1,4 @@
-"""The MTBDD engine: vectors are diagrams too, so that what a product costs grows with their
-structure and not with states.
-"""
+"""The MTBDD engine: vectors are diagrams; a product costs nodes, not states."""
 
 from __future__ import annotations
 
@@ -39,7 +37,7 @@ class DiagramOperator:
         return blocks.longest
 
     def apply(self, x: Mtbdd) -> tuple[Mtbdd, ...]:
-        """A x for each slot, as functions of the row bits; `x` too is one, 0 outside of the states."""
+        """A x per slot, functions of the row bits; `x` is one too, 0 outside of the states."""
         d = self.system.engine.diagrams
         columns = x.rename(d.to_columns)
         return tuple(root.multiply_sum(columns, d.column_cube) for root in self.system.roots)
@@ -111,9 +109,7 @@ class DiagramOperator:
 
 
 class MtbddEngine(SymbolicEngine):
-    """Products are made on diagrams, except in small systems: on these arrays are better, and a
-    direct solution best.
-    """
+    """Products of diagrams; small systems use blocks and a direct solution."""
 
     name: ClassVar[str] = "mtbdd"
     rows_limit: ClassVar[int | None] = 200_000

@@ -1,4 +1,4 @@
-"""The product with an automaton on diagrams: a few more bits on top, for the automaton's state."""
+"""The product with an automaton on diagrams: additional top bits hold its state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["Base", "SymbolicProduct", "product"]
 
 
 class Base(Engine, Protocol):
-    """What a product asks of the engine that it is made with, and of."""
+    """The engine that a product is built from."""
 
     @property
     def diagrams(self) -> Diagrams:
@@ -109,7 +109,7 @@ class SymbolicProduct:
             states = pairs.cofactor(self.entry)
             if piece.odd is None:
                 pieces.append(Piece(states, piece.values, None))
-            else:  # the bits on top are the same in all pairs, so that the base states come in the same order
+            else:  # the top bits are equal in all pairs, so the base states keep their order
                 places = Odd(base.manager, pairs, self.engine.diagrams.rows).indices_in(piece.odd)
                 pieces.append(
                     Piece(
@@ -186,9 +186,7 @@ def _moves(
     table: np.ndarray[tuple[int, int], np.dtype[np.int32]],
     classes: dict[int, Bdd],
 ) -> Bdd:
-    """The automaton's steps, by the letter of the state that is left: over row bits and the
-    counter's columns.
-    """
+    """The steps of the automaton by the letter of the source state."""
     manager = counter.manager
     alike: dict[bytes, list[int]] = {}
     for letter in classes:
@@ -208,7 +206,7 @@ def _moves(
 def _with_automaton(
     manager: DiagramManager, counter: Counter, relation: Bdd, step: TransitionPart | None
 ) -> TransitionPart:
-    """A step that moves the automaton too; without a base step, it alone."""
+    """A step of the model and the automaton; without a base step, of the automaton alone."""
     pairs = (
         [(manager.name_of(a), manager.name_of(b)) for a, b in step.transition.pairs]
         if step is not None

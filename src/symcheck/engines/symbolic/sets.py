@@ -1,9 +1,8 @@
-"""Sets of states as BDDs, and values as pieces: constants on sets, and arrays on sets where values
-differ.
+"""Sets of states as BDDs, and values as pieces: constants on sets, or arrays.
 
-A value per state of a model of 66 million states is seldom 66 million numbers: most are 0 or 1 by
-graph analysis, and only the states between need an array, numbered by an ODD of their own. What is
-done with the numbers is left to `ArrayValues`, piece by piece, so that all engines agree on it.
+The values of a model with 66 million states are seldom 66 million numbers: most are 0 or 1 by the
+precomputation of prob0 and prob1. Only the remaining states need an array, numbered by an ODD of
+their own. `ArrayValues` does the arithmetic of each piece, so that all engines agree.
 """
 
 from __future__ import annotations
@@ -86,7 +85,8 @@ class SymbolicSet:
         return self.bdd <= other.bdd
 
     def __repr__(self) -> str:
-        return f"<SymbolicSet of {self.count:,} of {self.diagrams.count:,} states, {self.bdd.node_count} nodes>"
+        count, nodes = self.diagrams.count, self.bdd.node_count
+        return f"<SymbolicSet of {self.count:,} of {count:,} states, {nodes} nodes>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class Piece:
 
 
 def picked(values: ArrayValues, places: Int64s) -> ArrayValues:
-    """The values at some places."""
+    """The values at some indices."""
     low = values.lower[places]
     high = low if values.upper is values.lower else values.upper[places]
     return ArrayValues(
@@ -160,7 +160,8 @@ class SymbolicValues:
 
     def __repr__(self) -> str:
         numbers = sum(len(p.values.lower) for p in self.pieces)
-        return f"<SymbolicValues: {len(self.pieces)} pieces with {numbers:,} numbers, {'exact' if self.exact else 'certified'}>"
+        kind = "exact" if self.exact else "certified"
+        return f"<SymbolicValues: {len(self.pieces)} pieces with {numbers:,} numbers, {kind}>"
 
     @cached_property
     def exact(self) -> bool:
@@ -288,7 +289,7 @@ class SymbolicValues:
 
 
 class LazyValues(SymbolicValues):
-    """Values whose pieces are made on first use: a result is often wanted at one state only."""
+    """Values whose pieces are made on first use: often one state only is needed."""
 
     _make: Callable[[], tuple[Piece, ...]]
 
@@ -298,16 +299,14 @@ class LazyValues(SymbolicValues):
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
-        """All values. Raises what making them raises."""
+        """All values."""
         return self._make()
 
 
 class RestrictableValues(LazyValues):
-    """Values that can be made on any set of states alone: for the initial state, those of all
-    states are not needed.
+    """Values that can be computed on any set of states: the initial state needs no others.
 
-    make: gives the values on a set that is not empty. exact: whether lower and upper are equal
-    everywhere.
+    make: gives the values on a set that is not empty. exact: whether lower and upper are equal.
     """
 
     _make_on: Callable[[Bdd], tuple[Piece, ...]]

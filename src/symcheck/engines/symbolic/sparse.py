@@ -12,7 +12,7 @@ __all__ = ["SparseEngine"]
 
 
 class SparseEngine(SymbolicEngine):
-    """Rows are written out by stamping repeated blocks; every method that wants rows works on them."""
+    """Rows are written from repeated blocks; all methods on rows apply."""
 
     name: ClassVar[str] = "sparse"
     has_rows: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Steps on diagrams, backward and forward, and what is closed under them."""
+"""Images and preimages on diagrams, and closures under them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["Steps", "TooSlowError", "look_ups"]
 
 
 class TooSlowError(Exception):
-    """A search on diagrams used up its budget of look-ups; never leaves the graph questions."""
+    """A search on diagrams used up its budget; only graph questions catch it."""
 
 
 @contextmanager
 def look_ups(manager: DiagramManager, budget: int | None) -> Iterator[None]:
-    """Raise TooSlowError when work on diagrams has taken so many look-ups; None: no limit."""
+    """Raise TooSlowError after so many look-ups in the cache; None: no limit."""
     if budget is None:
         yield
         return
@@ -63,7 +63,7 @@ class Steps:
         return self.close(sources, forward=True, within=self.diagrams.manager.true)
 
     def close(self, start: Bdd, *, forward: bool, within: Bdd) -> Bdd:
-        """The least set with `start` and what steps (forward or backward) add to it `within` a set."""
+        """The closure of `start` under steps (forward or backward) `within` a set."""
         if not start or within <= start:  # nothing to begin with, or nothing to add
             return start
         if self.observer is None:
@@ -73,7 +73,9 @@ class Steps:
         return self._in_turns(start, forward, within)
 
     def _in_turns(self, start: Bdd, forward: bool, within: Bdd) -> Bdd:
-        """The same, told step by step: steps take turns, each on what is new since its last turn."""
+        """The same, step by step: steps take turns on the states that are new since their last
+        turn.
+        """
         steps = [step for level in self.diagrams.levels for step in level]
         done = [self.diagrams.manager.false] * len(steps)
         states = start
@@ -92,7 +94,7 @@ class Steps:
 
     @cached_property
     def _known(self) -> dict[tuple[Bdd, Bdd], Bdd]:
-        """The last results of `backward`: prob0 and prob1 of one formula ask the same."""
+        """The last results of `backward`: prob0 and prob1 of one formula share them."""
         return {}
 
     def backward(self, target: Bdd, through: Bdd) -> Bdd:

@@ -1,4 +1,4 @@
-"""The equations over some states, from diagrams: only what these states need is ever written out."""
+"""The equations over some states, from diagrams: only the needed rows are written."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ __all__ = ["Owner", "SymbolicSystem"]
 
 
 class Owner(Protocol):
-    """What a system asks of its engine."""
+    """The engine of a system."""
 
     @property
     def diagrams(self) -> Diagrams:
@@ -112,7 +112,7 @@ class SymbolicSystem(LinearSystem):
         return self.row_actions()
 
     def row_actions(self) -> Int32s | None:
-        """`actions`, made anew and not kept."""
+        """`actions`, computed anew and not kept."""
         if self.layout is None:
             return None
         numbers = {name: i for i, name in enumerate(self.engine.model.actions)}
