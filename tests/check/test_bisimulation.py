@@ -141,8 +141,8 @@ def test_labels_that_a_formula_combines_are_not_told_apart(name):
 
 
 def test_listed_states_that_have_diagrams(monkeypatch):
-    monkeypatch.setattr(on_quotient, "_LONG", 2)
-    monkeypatch.setattr(on_quotient, "_ALIKE", 1)
+    monkeypatch.setattr(on_quotient, "_DIAGRAMS_FIRST_STATES", 2)
+    monkeypatch.setattr(on_quotient, "_STATES_PER_BLOCK", 1)
     engine = materialize(engine_of(LINE, "sparse"))
     result = check_text(engine, "P=? [ F x=1|x=2 ]", bisim=True)
     assert "on diagrams" in result.runs[0].explanation

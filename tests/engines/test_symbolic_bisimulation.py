@@ -199,7 +199,7 @@ def test_giving_up_in_time():
 
 
 def test_listed_states_where_diagrams_take_too_long(monkeypatch):
-    monkeypatch.setattr(on_quotient, "_PATIENCE", 0.0)
+    monkeypatch.setattr(on_quotient, "_LUMPING_SECONDS", 0.0)
     result = check_text(engine_of(symmetric(5), "sparse"), "R=? [ S ]", bisim=True)
     assert "on listed states" in result.runs[0].explanation
     assert "1024 states -> 56 by bisimulation" in result.explanation

@@ -1,6 +1,4 @@
-"""Path formulas over sets of states: next and until with their bounds, and formulas of linear time
-for automata.
-"""
+"""Path formulas over sets of states: next, until with bounds, and LTL formulas for automata."""
 
 from __future__ import annotations
 
@@ -52,7 +50,7 @@ class StatePath:
 
 @dataclass(frozen=True, slots=True)
 class NextPath:
-    """The second state is in `target`, and the step happens within the window."""
+    """The second state is in `target`, and the step is in the window."""
 
     target: StateSet
     window: Window = field(default_factory=Window)
@@ -61,7 +59,7 @@ class NextPath:
 
 @dataclass(frozen=True, slots=True)
 class UntilPath:
-    """`right` within the window, `left` until then."""
+    """`left U right` within the window."""
 
     left: StateSet
     right: StateSet
@@ -71,7 +69,7 @@ class UntilPath:
 
 @dataclass(frozen=True, slots=True)
 class TemporalPath:
-    """Any other formula of linear time, and the sets of its state formulas."""
+    """Any other LTL formula, and the sets of its state formulas."""
 
     form: NormalForm
     sets: tuple[tuple[Expression, StateSet], ...] = ()
@@ -81,8 +79,9 @@ class TemporalPath:
 
 @dataclass(frozen=True, slots=True)
 class RewardPath:
-    """A path without bounds on time, during which the rewards gathered are within bounds: see
-    `symcheck.check.measures.reward_bounded_until`.
+    """A path formula without time bounds, with bounds on the rewards that are earned.
+
+    See `symcheck.check.measures.reward_bounded_until`.
     """
 
     path: NextPath | UntilPath
@@ -91,7 +90,7 @@ class RewardPath:
 
 
 Path = StatePath | NextPath | UntilPath | TemporalPath | RewardPath
-"""A path formula over sets of states; `negative` says that its negation is meant."""
+"""A path formula over sets of states; `negative` stands for its negation."""
 
 
 def negated(path: Path) -> Path:
@@ -100,12 +99,12 @@ def negated(path: Path) -> Path:
 
 
 def temporal(path: PathFormula, states_of: StatesOf, model: BoundModel) -> TemporalPath:
-    """A path formula of any form as a formula of linear time, with the sets of its state formulas."""
+    """A path formula of any form as an LTL formula, with the sets of its state formulas."""
     return _temporal(normal_form(path, model), _once(states_of), path.span)
 
 
 def resolve(path: PathFormula, states_of: StatesOf, engine: Engine) -> Path:
-    """A path formula over sets of states, asking `states_of` for the states of its state formulas."""
+    """A path formula over sets of states; `states_of` gives those of its state formulas."""
     return _over_sets(normal_form(path, engine.model), _once(states_of), path.span)
 
 
@@ -137,8 +136,9 @@ def _temporal(form: NormalForm, states_of: StatesOf, span: Span) -> TemporalPath
 
 
 def _once(states_of: StatesOf) -> StatesOf:
-    """`states_of`, asked once for each formula of the text: what the normal form adds are
-    operations on sets.
+    """A cache of `states_of`.
+
+    Operators that the normal form adds are evaluated as operations on sets.
     """
     known: dict[Expression, StateSet] = {}
 

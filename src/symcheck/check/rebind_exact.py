@@ -1,4 +1,4 @@
-"""Bind a model and a formula again in rational arithmetic, where floating point cannot decide."""
+"""Binding of a model and a formula in rational arithmetic, where floating point cannot decide."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expressi
 
 
 def exactly_bound(model: BoundModel) -> BoundModel:
-    """The model with its numbers as the fractions that its text writes."""
+    """The model with the numbers of its text as rationals."""
     from symcheck.semantics.binding.bind import bind
 
     if model.exact:
@@ -42,7 +42,7 @@ def exactly_bound(model: BoundModel) -> BoundModel:
 
 
 def _exact_engine(context: Context) -> Engine:
-    """The model explored exactly; once per check."""
+    """The model explored in rational arithmetic, once per check."""
     if context.log.exact_engine is None:
         context.log.exact_engine = _explored(context)
     return context.log.exact_engine
@@ -53,7 +53,7 @@ def _explored(context: Context) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
 
-    # A model that was read state by state has no text to bind again, and brings its own rationals.
+    # A model that was read from explicit files has no text to bind again; it has its own rationals.
     imported = context.engine.capability(HasRationalTwin)
     if imported is not None:
         return imported.rational()
@@ -63,15 +63,15 @@ def _explored(context: Context) -> Engine:
     )
     if len(explored.states) != context.engine.states:
         raise UnsupportedError(
-            "explored exactly, the model has other states than in floating point"
+            "the model has different states in rational arithmetic than in floating point"
         )
     return ExplicitEngine(explored, "exact")
 
 
 def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:
-    """The subformula of the exactly bound formula at the place of `formula` in the text.
+    """The subformula of the formula bound in rational arithmetic that has the span of `formula`.
 
-    Binding folds constants: 1/6 becomes a double. So the formula is bound again.
+    Binding folds constants (1/6 becomes a double), so the formula is bound again.
     """
     if context.rebind is None:
         return formula

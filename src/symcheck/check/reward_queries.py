@@ -1,4 +1,4 @@
-"""Expected rewards: which structure a formula means, and which measure answers its query."""
+"""Expected rewards: the reward structure of a formula, and the measure of its query."""
 
 from __future__ import annotations
 
@@ -46,9 +46,8 @@ def reward_values(
                 raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
             return timed_measures(context).cumulative_reward(context, reward, time, direction)
         case TotalReward():
-            if (
-                direction is Direction.MIN
-            ):  # waiting for free for ever is not fair; the greatest is that of all strategies
+            # Fairness affects only the least value: staying where no reward is earned is unfair.
+            if direction is Direction.MIN:
                 _refuse_fairness(context)
             return total_reward(context, reward, direction)
         case InstantaneousReward(time_of):

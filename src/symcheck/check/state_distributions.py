@@ -1,7 +1,7 @@
-"""Distributions over all states of a chain: at a time, and in the long run. From a distribution
-over the initial states.
+"""Transient and steady-state distributions of chains, from an initial distribution.
 
-Where there are several initial states and nothing else is said, each has the same probability.
+By default, all initial states have the same probability.
+
 Sources: Stewart (1994), 'Introduction to the Numerical Solution of Markov Chains'; Baier & Katoen
 (2008), 10.1.2.
 """
@@ -30,8 +30,14 @@ _UNIT = 2.0**-53
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """A probability per state, float64[n] in index order, between `lower` and `upper` (certified
-    unless it says otherwise).
+    """Probabilities of all states, in index order.
+
+    Attributes:
+        engine: the engine of the states.
+        lower, upper: bounds on the probabilities, float64[n].
+        certified: the bounds are proved.
+        explanation: the method, in words.
+        seconds: the time of the computation.
     """
 
     engine: Engine = field(repr=False)
@@ -43,19 +49,19 @@ class Distribution:
 
     @property
     def values(self) -> Floats:
-        """The middle between the bounds."""
+        """The midpoints of the bounds, float64[n]."""
         return 0.5 * (self.lower + self.upper)
 
     @property
     def error(self) -> float:
-        """The largest distance of a value from the true probability."""
+        """The largest possible distance of a value from the true probability."""
         return 0.5 * float(np.max(self.upper - self.lower, initial=0.0))
 
     def __len__(self) -> int:
         return len(self.lower)
 
     def __iter__(self) -> Iterator[tuple[int, tuple[bool | int, ...], float]]:
-        """Number, variable values and probability of each state whose probability is not 0."""
+        """Index, variable values and probability of each state with positive probability."""
         values = self.values
         some = values > 0
         states = self.engine.valuations(self.engine.from_bools(some))
@@ -63,7 +69,7 @@ class Distribution:
 
 
 def initial_distribution(engine: Engine) -> Floats:
-    """The same probability for every initial state: float64[n]."""
+    """The uniform distribution over the initial states, float64[n]."""
     members = engine.to_bools(engine.initial).astype(np.float64)
     return np.asarray(members / members.sum())
 
@@ -74,9 +80,18 @@ def transient(
 ) -> Distribution:
     """The distribution after `time` steps (DTMC) or units of time (CTMC).
 
-    Raises UnsupportedError for an MDP, UsageError for a time or distribution that makes no sense.
+    Args:
+        engine: the engine of a chain.
+        time: the time, non-negative; an integer for a DTMC.
+        options: the accuracy.
+        start: the initial distribution, float64[n]; None: uniform over the initial states.
+
+    Raises:
+        UnsupportedError: the model is an MDP.
+        UsageError: the time is negative or not an integer, or `start` is not a distribution.
+        NumericalError: rounding errors of the steps are too large.
     """
-    options, begun = options or Options(), perf_counter()
+    options, started = options or Options(), perf_counter()
     start = _prepared(engine, start)
     if not 0 <= time < np.inf:
         raise UsageError(f"a time is a number that is not negative, not {time}")
@@ -94,20 +109,22 @@ def transient(
             matrix, sparse.row_sums(matrix.indptr, matrix.data), start, float(time), options
         )
         lower, upper, text = found.lower, found.upper, found.explanation
-    return Distribution(engine, lower, upper, True, text, perf_counter() - begun)
+    return Distribution(engine, lower, upper, True, text, perf_counter() - started)
 
 
 def _prepared(engine: Engine, start: Floats | None) -> Floats:
     if engine.model.type is ModelType.MDP:
         raise UnsupportedError(
-            "an MDP has no distribution over its states: that depends on the strategy; P and R properties have bounds"
+            "an MDP has no distribution over its states: it depends on the strategy; "
+            "P and R properties have bounds"
         )
     if start is None:
         return initial_distribution(engine)
     start = np.asarray(start, np.float64)
     if len(start) != engine.states:
         raise UsageError(
-            f"the initial distribution has {len(start)} probabilities, and the model {engine.states} states"
+            f"the initial distribution has {len(start)} probabilities, "
+            f"and the model {engine.states} states"
         )
     if not np.all(start >= 0) or abs(float(start.sum()) - 1) > 1e-6:
         raise UsageError("the initial distribution does not consist of probabilities that sum to 1")
@@ -115,13 +132,14 @@ def _prepared(engine: Engine, start: Floats | None) -> Floats:
 
 
 def _matrix(engine: Engine) -> SparseMatrix:
-    """All one-step probabilities (rates), as doubles."""
+    """The matrix of one-step probabilities or rates, as doubles."""
     return engine.system(engine.all).matrix.doubles()
 
 
 def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Floats, str]:
-    """Products with the transposed matrix. Sums of non-negative terms: the rounding error stays
-    relative.
+    """Bounds after products with the transposed matrix, and an explanation.
+
+    All terms are non-negative, so the rounding error is relative.
     """
     indptr, indices, data = sparse.transpose_values(
         matrix.indptr, matrix.indices, matrix.data, matrix.columns
@@ -133,7 +151,7 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
         sparse.multiply(indptr, indices, data, x, y)
         made += 1
         if np.array_equal(x, y):
-            break  # from here on nothing changes any more
+            break  # a fixpoint of the rounded products
         x, y = y, x
     error = (made * (longest + 2) + 2) * _UNIT if steps else 0.0
     if error > 1e-3:
@@ -141,8 +159,8 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
             f"{steps} steps are too many: rounding may make an error of {error:.1E}"
         )
     if made < steps:
-        # The rounded chain stands still, the true one may still move: the bound must hold for all
-        # steps.
+        # The rounded products reached a fixpoint, the true ones may still change: the bound must
+        # hold for all steps.
         error = max(error, min(steps * (longest + 2) * _UNIT, 1.0))
     text = f"{made} products with the matrix" + (", then nothing changes" if made < steps else "")
     return x * (1 - error), x * (1 + error), text
@@ -152,15 +170,23 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
 def steady_state(
     engine: Engine, options: Options | None = None, start: Floats | None = None
 ) -> Distribution:
-    """The long-run distribution: the share of time that is spent in each state.
+    """The long-run distribution: the fraction of the time that is spent in each state.
 
-    Each bottom component has a stationary distribution; it counts with the probability that the
-    component is reached. Raises UnsupportedError for an MDP, NumericalError where bounds are wanted
-    and a component is too large for them.
+    The stationary distribution of each bottom component is weighted with the probability of
+    reaching the component.
+
+    Args:
+        engine: the engine of a chain.
+        options: the accuracy.
+        start: the initial distribution, float64[n]; None: uniform over the initial states.
+
+    Raises:
+        UnsupportedError: the model is an MDP.
+        UsageError: `start` is not a distribution.
     """
     from symcheck.numerics.long_run.stationary import stationary_distribution
 
-    options, begun = options or Options(), perf_counter()
+    options, started = options or Options(), perf_counter()
     start = _prepared(engine, start)
     matrix = _matrix(engine)
     parts = graph.bsccs(matrix)
@@ -170,28 +196,28 @@ def steady_state(
     for part, (low, high) in zip(parts, weights, strict=True):
         if high == 0.0:
             continue
-        place = np.full(engine.states, -1, np.int32)
-        place[part] = np.arange(len(part), dtype=np.int32)
-        inner = SparseMatrix(
+        index = np.full(engine.states, -1, np.int32)
+        index[part] = np.arange(len(part), dtype=np.int32)
+        component = SparseMatrix(
             *sparse.select(
-                matrix.indptr, matrix.indices, matrix.data, part.astype(np.int64), place
+                matrix.indptr, matrix.indices, matrix.data, part.astype(np.int64), index
             ),
             len(part),
         )
-        found = stationary_distribution(inner, options)
+        found = stationary_distribution(component, options)
         certified &= found.certified
         lower[part], upper[part] = found.lower * low, np.minimum(found.upper * high, 1.0)
         largest = found.explanation if len(part) > 1 else largest
     text = f"{len(parts)} bottom component{'s' if len(parts) > 1 else ''}" + (
         f"; {largest}" if largest else ""
     )
-    return Distribution(engine, lower, upper, certified, text, perf_counter() - begun)
+    return Distribution(engine, lower, upper, certified, text, perf_counter() - started)
 
 
 def _reached(
     engine: Engine, parts: list[Int32s], start: Floats, options: Options
 ) -> list[tuple[float, float]]:
-    """Bounds on the probability of ending in each bottom component."""
+    """Bounds on the probability of reaching each bottom component."""
     from symcheck.check.measures.reachability import until
 
     if len(parts) == 1:
@@ -210,7 +236,7 @@ def _reached(
         members[part] = True
         values = until(context, engine.all, engine.from_bools(members), None)
         low, high = values.at(begins)
-        # What is 'exact up to rounding' gets room for the rounding.
+        # Values that are exact up to rounding are widened by the rounding error.
         out.append(
             (
                 float(np.dot(low, positive)) * (1 - ROUNDING),

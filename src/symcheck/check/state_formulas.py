@@ -1,6 +1,4 @@
-"""The recursion over formulas: which states satisfy a formula, and which value it has at each
-state.
-"""
+"""Recursive evaluation of formulas: their satisfying states, or their values at each state."""
 
 from __future__ import annotations
 
@@ -52,7 +50,7 @@ __all__ = ["filter_result", "is_plain", "modern_filter", "numbers", "satisfying"
 
 
 def is_plain(expression: Expression) -> bool:
-    """Whether a formula is an expression over variables only, which an engine evaluates by itself."""
+    """Whether a formula is an expression over variables only, which an engine can evaluate."""
     match expression:
         case Literal() | Name():
             return True
@@ -105,7 +103,7 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
 
 
 def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
-    """The value of a numeric formula at each state, within the accuracy of the context's options."""
+    """The value of a numeric formula at each state, within the requested accuracy."""
     if is_plain(formula):
         return context.engine.values(formula, context.type(formula))
     here = partial(numbers, context, matter=matter)
@@ -133,16 +131,14 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
 
 
 def _clipped(context: Context, values: Values) -> Values:
-    """Probabilities without what rounding, or the width of bounds, has put below 0 or above 1: the
-    true ones are never there.
-    """
+    """Probabilities with bounds limited to [0, 1]."""
     if values.minimum(context.engine.all)[0] < 0:
         values = values.map("max", 0)
     return values.map("min", 1) if values.maximum(context.engine.all)[1] > 1 else values
 
 
 def states_of(context: Context) -> StatesOf:
-    """The states of a formula within an operator, where all states matter."""
+    """A function from formulas to their states, for formulas within an operator."""
     return lambda formula: satisfying(context, formula, context.engine.all)
 
 
@@ -265,8 +261,9 @@ def _threshold(bound: Bound) -> Fraction:
 
 
 def _direction(context: Context, formula: Measure, operator: str | None) -> Direction | None:
-    """Over which strategies: as given; for a bound without it over all, so that the worst one
-    decides. None without choices.
+    """The direction of an operator; None if the model has no choices.
+
+    A bound without a direction must hold under all strategies.
     """
     if context.engine.model.type is not ModelType.MDP:
         return None

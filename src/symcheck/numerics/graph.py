@@ -286,9 +286,7 @@ def maximal_end_components(
 def accepting_end_components(
     source: Source, pairs: Sequence[tuple[Bools, Sequence[Bools]]]
 ) -> Bools:
-    """States in an accepting end component: for some pair, it avoids `avoid` and meets all
-    `visits`.
-    """
+    """States in an end component that, for some pair, avoids `avoid` and meets all `visits`."""
     graph = _incidence(source)
     found = np.zeros(graph.matrix.states, dtype=np.bool_)
     for avoid, visits in pairs:

@@ -1,4 +1,4 @@
-"""Atomic observations: the state expressions and rewards by which a formula distinguishes states."""
+"""Atomic observations: the expressions and rewards by which a formula distinguishes states."""
 
 from __future__ import annotations
 
@@ -95,9 +95,8 @@ def _parts(context: Context, formula: Tree) -> Iterator[AtomicObservations]:
     """Maximal expressions over variables, initial and deadlock states, and reward structures."""
     condition = _condition(context, formula)
     if condition is not None:
-        if names(
-            condition
-        ):  # what is the same everywhere, such as a threshold, tells nothing apart
+        # Constants, such as thresholds, are the same in every state.
+        if names(condition):
             yield AtomicObservations({pretty(condition): condition})
         return
     match formula:
@@ -112,17 +111,17 @@ def _parts(context: Context, formula: Tree) -> Iterator[AtomicObservations]:
             yield from _parts(context.inside(formula), context.referred(formula))
             return
         case RewardOperator():
-            yield _earned(operator_reward(formula, context.engine.model))
+            yield _reward_observations(operator_reward(formula, context.engine.model))
         case RewardBound():
-            yield _earned(bounded_reward(formula, context.engine.model))
+            yield _reward_observations(bounded_reward(formula, context.engine.model))
         case _:
             pass
     for child in children(formula):
         yield from _parts(context, child)
 
 
-def _earned(reward: Reward) -> AtomicObservations:
-    """What a reward tells apart: steps and time are the same in every state."""
+def _reward_observations(reward: Reward) -> AtomicObservations:
+    """The observations of a reward; steps and time are the same in every state."""
     match reward:
         case Structure(index):
             return AtomicObservations(structures=frozenset([index]))

@@ -40,13 +40,22 @@ if TYPE_CHECKING:
 __all__ = ["SharedQuotient", "filtered", "quotient", "shared_quotient"]
 
 _ENTRY_BYTES = 12
-_ROWS_BYTES = 2**30  # of compressed rows that are written out where diagrams do not lump
+"""Memory of an entry of compressed rows."""
+
+_ROWS_BYTES = 2**30
+"""Largest compressed rows that are materialized if diagrams cannot be lumped."""
 _ROWS_STATES = 20_000_000
-_LONG = 1_000_000  # listed states above which diagrams, where they are there, are asked first
-_ALIKE = 4  # states per block, on average, below which listing them is cheaper
-_GAIN = 2  # states per block, on average, below which a common quotient is not worth having
-_PATIENCE = 20.0  # seconds of processor time for a partition on diagrams where listed states are the alternative
-_LONG_PATIENCE = 600.0  # where the alternative is none
+"""Most states of such rows."""
+_DIAGRAMS_FIRST_STATES = 1_000_000
+"""Above this many explicit states, diagrams are lumped first if they exist."""
+_STATES_PER_BLOCK = 4
+"""With fewer states per block on average, lumping explicit states is cheaper than diagrams."""
+_SHARED_STATES_PER_BLOCK = 2
+"""With fewer states per block on average, a shared quotient does not pay off."""
+_LUMPING_SECONDS = 20.0
+"""Processor time for lumping diagrams if explicit states are the alternative."""
+_LUMPING_SECONDS_WITHOUT_ALTERNATIVE = 600.0
+"""Processor time for lumping diagrams without an alternative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +81,10 @@ class SharedQuotient:
     def __str__(self) -> str:
         served = "all" if self.formulas == self.asked else f"{self.formulas} of"
         cost = f"{self.quotient.cost}; {self.seconds:.2f} s in all"
-        return f"{self.states} states -> {self.quotient.engine.states}, common to {served} {self.asked} properties ({cost})"
+        return (
+            f"{self.states} states -> {self.quotient.engine.states}, "
+            f"common to {served} {self.asked} properties ({cost})"
+        )
 
 
 def shared_quotient(
@@ -108,7 +120,7 @@ def shared_quotient(
         smaller = _quotient(context, every)
     except (UnsupportedError, NumericalError, InputError):
         return None
-    if smaller.engine.states * _GAIN > engine.states:
+    if smaller.engine.states * _SHARED_STATES_PER_BLOCK > engine.states:
         return None
     return SharedQuotient(
         smaller, every, len(seen), len(formulas), engine.states, perf_counter() - started
@@ -141,8 +153,8 @@ def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
             "-bisim compares numbers in floating point, and -exact asks for rationals"
         )
     explicit = engine.capability(ExplicitEngine)
-    if explicit is not None and engine.states <= _LONG:
-        return _listed(context, explicit, observed, ExplicitQuotient)
+    if explicit is not None and engine.states <= _DIAGRAMS_FIRST_STATES:
+        return _lump_explicit(context, explicit, observed, ExplicitQuotient)
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
     symbolic = engine.capability(SymbolicEngine)
@@ -152,11 +164,11 @@ def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
         return _on_diagrams(context, symbolic, observed)
     if symbolic is not None:
         try:
-            lumped = _lumped(context, symbolic, observed, engine.states // _ALIKE)
+            lumped = _lump_diagrams(context, symbolic, observed, engine.states // _STATES_PER_BLOCK)
             return ArrayQuotient(symbolic, lumped)
         except UnsupportedError:
             pass
-    return _listed(context, explicit, observed, ExplicitQuotient)
+    return _lump_explicit(context, explicit, observed, ExplicitQuotient)
 
 
 def filtered(context: Context, smaller: Quotient, formula: Filter | StateFilter) -> FilterResult:
@@ -189,14 +201,14 @@ def _condition(context: Context, smaller: Quotient, condition: Expression) -> St
     return found
 
 
-def _listed(
+def _lump_explicit(
     context: Context,
     engine: ExplicitEngine,
     observed: AtomicObservations,
     make: Callable[..., ExplicitQuotient],
     **more: Any,
 ) -> ExplicitQuotient:
-    sets, values = _apart(context, engine, observed)
+    sets, values = _observed_parts(context, engine, observed)
     colours: list[Any] = [
         *(s.members for s in sets),
         *(engine.values(part, context.type(part)).lower for part in values),
@@ -215,32 +227,37 @@ def _on_diagrams(
     fits = engine.states <= _ROWS_STATES and engine.transitions * _ENTRY_BYTES <= _ROWS_BYTES
     try:
         return DiagramQuotient(
-            engine, _lumped(context, engine, observed, engine.states // _ALIKE if fits else None)
+            engine,
+            _lump_diagrams(
+                context, engine, observed, engine.states // _STATES_PER_BLOCK if fits else None
+            ),
         )
     except UnsupportedError:
         if not fits:
             raise
-    return _listed(context, materialize(engine), observed, MaterializedQuotient, source=engine)
+    return _lump_explicit(
+        context, materialize(engine), observed, MaterializedQuotient, source=engine
+    )
 
 
-def _lumped(
+def _lump_diagrams(
     context: Context, engine: SymbolicEngine, observed: AtomicObservations, most: int | None
 ) -> LumpedDiagrams:
     from symcheck.engines.symbolic.bisimulation import lump_diagrams
 
-    sets, values = _apart(context, engine, observed)
+    sets, values = _observed_parts(context, engine, observed)
     colours: list[Any] = [s.bdd for s in sets]
     for part in values:
         colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
-    patience = _PATIENCE if most is not None else _LONG_PATIENCE
+    default = _LUMPING_SECONDS if most is not None else _LUMPING_SECONDS_WITHOUT_ALTERNATIVE
     limit = context.options.time_limit
-    seconds = patience if limit is None else min(limit, patience)
+    seconds = default if limit is None else min(limit, default)
     return lump_diagrams(
         engine.diagrams, colours, sorted(observed.structures), most=most, seconds=seconds
     )
 
 
-def _apart(
+def _observed_parts(
     context: Context, engine: Engine, observed: AtomicObservations
 ) -> tuple[list[Any], list[Expression]]:
     """The observations as sets of the engine, and as numeric expressions."""

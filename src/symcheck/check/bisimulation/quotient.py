@@ -226,9 +226,7 @@ class DiagramQuotient:
 
     @cached_property
     def engine(self) -> ExplicitEngine:
-        """The engine of the blocks, each with the values of its first state. Choices have no
-        actions.
-        """
+        """The engine of the blocks, with values of their first states; choices have no actions."""
         lumped, encoding = self.lumped, self.source.space.symbolic.encoding
         layout = StateLayout.of(self.source.model.variables)
         codes = encoding.codes(lumped.members)
@@ -254,7 +252,10 @@ class DiagramQuotient:
     @property
     def cost(self) -> str:
         """How the quotient was computed, in words."""
-        return f"{self.rounds} rounds on diagrams, {self.lumped.nodes:,} nodes and signatures, {self.lumped.seconds:.2f} s"
+        return (
+            f"{self.rounds} rounds on diagrams, {self.lumped.nodes:,} nodes and signatures, "
+            f"{self.lumped.seconds:.2f} s"
+        )
 
     def lift(self, values: ArrayValues) -> Any:
         """Lift values of blocks to states."""
@@ -267,7 +268,7 @@ class DiagramQuotient:
 
 @dataclass(frozen=True, eq=False)
 class ArrayQuotient(DiagramQuotient):
-    """The quotient of an explicit engine whose diagrams exist: computed on these, lifted to arrays."""
+    """The quotient of an explicit engine, computed on its diagrams and lifted to arrays."""
 
     @cached_property
     def _block(self) -> Int64s:

@@ -32,15 +32,20 @@ __all__ = ["exists", "forall", "witness"]
 
 
 def forall(context: Context, path: Path) -> StateSet:
-    """States all of whose paths satisfy the formula. Raises UnsupportedError as `exists`."""
+    """States all of whose paths satisfy the formula.
+
+    Raises:
+        UnsupportedError: as for `exists`.
+    """
     return ~exists(context, negated(path))
 
 
 def exists(context: Context, path: Path) -> StateSet:
-    """States with a path that satisfies the formula (of an MDP: under some choices).
+    """States with a path that satisfies the formula (in an MDP, under some strategy).
 
-    Raises UnsupportedError for bounds on rewards, on time in a CTMC, and for automata that would be
-    too large.
+    Raises:
+        UnsupportedError: there are bounds on rewards, or on time in a CTMC, or the automaton would
+            be too large.
     """
     engine = context.engine
     match path:
@@ -77,35 +82,35 @@ def _steps(context: Context, window: Window) -> Steps:
 
 
 def _exists_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -> StateSet:
-    """E [ left U[a,b] right ]: a steps within `left`, then left U<=b-a right."""
+    """E [ left U[a,b] right ]: a steps in `left`, then `left U<=b-a right`."""
     if steps.upper is None:
-        found = graph.exists_until(left, right)
+        result = graph.exists_until(left, right)
     else:
-        found = _repeated(
+        result = _repeated(
             lambda states: states | (left & graph.predecessors(states)),
             right,
             steps.upper - steps.lower,
         )
-    return _repeated(lambda states: left & graph.predecessors(states), found, steps.lower)
+    return _repeated(lambda states: left & graph.predecessors(states), result, steps.lower)
 
 
 def _exists_not_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -> StateSet:
     """E [ !(left U[a,b] right) ]: `right` never holds, or `left` ends before it."""
     if steps.upper is None:
-        found = graph.exists_globally(~right) | graph.exists_until(~right, ~(left | right))
+        result = graph.exists_globally(~right) | graph.exists_until(~right, ~(left | right))
     else:
-        found = _repeated(
+        result = _repeated(
             lambda states: states & (~left | graph.predecessors(states)),
             ~right,
             steps.upper - steps.lower,
         )
-    return _repeated(lambda states: ~left | graph.predecessors(states), found, steps.lower)
+    return _repeated(lambda states: ~left | graph.predecessors(states), result, steps.lower)
 
 
 def _repeated(
     step: Callable[[StateSet], StateSet], states: StateSet, times: int | None = None
 ) -> StateSet:
-    """The result of so many steps, or of a fixpoint iteration."""
+    """The result of applying a step `times` times, or until a fixpoint is reached."""
     for _ in count() if times is None else range(times):
         before, states = states, step(states)
         if states == before:
@@ -119,26 +124,28 @@ def _exists_linear(context: Context, path: TemporalPath) -> StateSet:
 
     product, pairs = linear_product(context, path)
     engine = product.engine
-    for_ever = (_visits_for_ever(engine.graph, ~avoid, visits) for avoid, visits in pairs)
+    recurrent = (_visits_infinitely_often(engine.graph, ~avoid, visits) for avoid, visits in pairs)
     return product.project_set(
-        engine.graph.exists_until(engine.all, reduce(or_, for_ever, engine.none))
+        engine.graph.exists_until(engine.all, reduce(or_, recurrent, engine.none))
     )
 
 
-def _visits_for_ever(graph: Graph, within: StateSet, visits: Sequence[StateSet]) -> StateSet:
-    """States with a path that stays `within` and meets every set of `visits` again and again.
+def _visits_infinitely_often(
+    graph: Graph, within: StateSet, visits: Sequence[StateSet]
+) -> StateSet:
+    """States with a path that stays in `within` and visits each set of `visits` infinitely often.
 
-    The greatest set from which each of `visits` can be reached in at least one step without leaving
-    it; in between, what has no infinite path in it goes at once, as long chains would else be taken
-    apart one state a round.
+    The greatest fixpoint of the states from which each set can be reached in at least one step
+    inside the fixpoint. Each round also removes all states without an infinite path, as acyclic
+    paths would otherwise lose only one state per round.
     """
 
-    def again(found: StateSet) -> StateSet:
-        each = (graph.predecessors(graph.exists_until(found, found & states)) for states in visits)
-        return graph.exists_globally(reduce(and_, each, found))
+    def refine(result: StateSet) -> StateSet:
+        each = (graph.predecessors(graph.exists_until(result, result & s)) for s in visits)
+        return graph.exists_globally(reduce(and_, each, result))
 
-    found = graph.exists_globally(within)
-    return _repeated(again, found) if visits else found
+    result = graph.exists_globally(within)
+    return _repeated(refine, result) if visits else result
 
 
 def witness(context: Context, path: Path) -> Sequence[Mapping[str, int | bool]] | None:

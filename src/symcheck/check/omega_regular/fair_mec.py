@@ -1,4 +1,4 @@
-"""End components in which a fair strategy can stay, in a product with an automaton."""
+"""Accepting end components of a product in which a fair strategy can stay."""
 
 from __future__ import annotations
 
@@ -23,12 +23,18 @@ def fair_end_components(
 ) -> StateSet:
     """States of the accepting end components in which a fair strategy can stay.
 
-    `context` is the product with the automaton, `base` the model.
-
     A strategy is fair if each choice of a state that is visited infinitely often is taken
-    infinitely often. What counts is the model's state: in a component, each of its choices must be
-    possible with some state of the automaton. A state of which this is not so is left out, and the
-    rest looked at again. Source: Baier (1998), section 9.4.
+    infinitely often. Fairness concerns states of the model: in a component, each choice of a model
+    state must be possible in combination with some state of the automaton. States that violate this
+    are removed, and the components of the remaining states are computed again.
+
+    Args:
+        context: the product with the automaton.
+        base: the model.
+        product: the relation between both.
+        pairs: the acceptance pairs (avoid, visits).
+
+    Source: Baier (1998), section 9.4.
     """
     engine = context.engine
     matrix = engine.system(engine.all).matrix
@@ -37,7 +43,7 @@ def fair_end_components(
     states = _base_states(base, product, context)
     # The choices of (s, q) are those of s, in the same order.
     row_in_state = np.arange(matrix.rows) - matrix.groups[edges.owner]
-    found = np.zeros(engine.states, dtype=bool)
+    accepting = np.zeros(engine.states, dtype=bool)
     for avoid, visits in pairs:
         within = ~engine.to_bools(avoid)
         while True:
@@ -46,17 +52,17 @@ def fair_end_components(
             if not unfair.any():
                 break
             within = (parts.of >= 0) & ~unfair
-        good = np.ones(parts.count, dtype=bool)
+        satisfied = np.ones(parts.count, dtype=bool)
         for visit in visits:
-            met = parts.of[engine.to_bools(visit) & (parts.of >= 0)]
-            good &= np.isin(np.arange(parts.count), met)
+            visited = parts.of[engine.to_bools(visit) & (parts.of >= 0)]
+            satisfied &= np.isin(np.arange(parts.count), visited)
         inside = parts.of >= 0
-        found[inside] |= good[parts.of[inside]]
-    return engine.from_bools(found)
+        accepting[inside] |= satisfied[parts.of[inside]]
+    return engine.from_bools(accepting)
 
 
 def _base_states(base: Context, product: Product, context: Context) -> Int64s:
-    """For each state of the product, the index of its state of the model, found bit by bit."""
+    """The index of the model state of each product state, computed bit by bit."""
     numbers = np.arange(base.engine.states, dtype=np.int64)
     result = np.zeros(context.engine.states, dtype=np.int64)
     for bit in range(int(base.engine.states - 1).bit_length()):
@@ -66,20 +72,20 @@ def _base_states(base: Context, product: Product, context: Context) -> Int64s:
 
 
 def _unfair(edges: Incidence, parts: EndComponents, states: Int64s, row_in_state: Int64s) -> Bools:
-    """Pairs in an end component in which some choice of the model's state is never possible."""
+    """Product states in a component where some choice of the model state is never possible."""
     result = np.zeros(len(states), dtype=bool)
     inside = np.flatnonzero(parts.of >= 0)
     if len(inside) == 0:
         return result
-    places, place = np.unique(
+    keys, index = np.unique(
         np.stack((parts.of[inside].astype(np.int64), states[inside])), axis=1, return_inverse=True
     )
-    place_of = np.full(len(states), -1, dtype=np.int64)
-    place_of[inside] = place.reshape(-1)
-    rows = np.flatnonzero(parts.rows & (place_of[edges.owner] >= 0))
+    index_of = np.full(len(states), -1, dtype=np.int64)
+    index_of[inside] = index.reshape(-1)
+    rows = np.flatnonzero(parts.rows & (index_of[edges.owner] >= 0))
     taken = np.unique(
-        place_of[edges.owner[rows]] * (int(row_in_state.max()) + 1) + row_in_state[rows]
+        index_of[edges.owner[rows]] * (int(row_in_state.max()) + 1) + row_in_state[rows]
     )
-    count = np.bincount(taken // (int(row_in_state.max()) + 1), minlength=places.shape[1])
-    result[inside] = count[place_of[inside]] < np.diff(edges.groups)[inside]
+    count = np.bincount(taken // (int(row_in_state.max()) + 1), minlength=keys.shape[1])
+    result[inside] = count[index_of[inside]] < np.diff(edges.groups)[inside]
     return result

@@ -1,4 +1,4 @@
-"""Path formulas with nested temporal operators, read as formulas over numbered atoms."""
+"""Translation of path formulas with nested temporal operators to LTL formulas over atoms."""
 
 from __future__ import annotations
 
@@ -35,10 +35,17 @@ def read(
     *,
     timed: bool,
 ) -> LtlFormula:
-    """The LTL formula of a normal form, given the formulas of its state formulas.
+    """The LTL formula of a normal form.
 
-    Raises UnsupportedError for bounds on rewards, for bounds in continuous time (`timed`) and for
-    very large ones; InputError for bounds on steps that are not whole.
+    Args:
+        factory: makes the formulas.
+        form: the normal form.
+        atoms: the LTL formulas of its state formulas.
+        timed: bounds are in continuous time.
+
+    Raises:
+        UnsupportedError: there are bounds on rewards, in continuous time, or on too many steps.
+        InputError: a bound on steps is not an integer.
     """
 
     def inner(part: NormalForm) -> LtlFormula:
@@ -72,19 +79,21 @@ def _steps(extent: Extent, *, timed: bool) -> Steps:
     times = only_window(extent)
     if timed and not times.trivial:
         raise UnsupportedError(
-            "bounds on time in a path formula with nested or combined temporal operators are not supported in a ctmc; "
+            "bounds on time in a path formula with nested or combined temporal operators are not "
+            "supported in a ctmc; "
             "P=? [ F<=t a ] and alike, over state formulas, are"
         )
     steps = times.steps()
     if max(steps.lower, steps.upper or 0) > _STEPS:
         raise UnsupportedError(
-            f"a bound of more than {_STEPS} steps in a path formula with nested operators is not supported"
+            f"a bound of more than {_STEPS} steps in a path formula with nested operators is not "
+            "supported"
         )
     return steps
 
 
 def _until(factory: LtlFactory, left: LtlFormula, right: LtlFormula, steps: Steps) -> LtlFormula:
-    """The formula left U[a,b] right: a steps within `left` first."""
+    """The formula `left U[a,b] right`: a steps in `left`, then `left U<=b-a right`."""
     result = factory.until(left, right, None if steps.upper is None else steps.upper - steps.lower)
     for _ in range(steps.lower):
         result = factory.conjunction((left, factory.next(result)))

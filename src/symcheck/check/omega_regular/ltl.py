@@ -1,9 +1,9 @@
-"""LtlFactory of linear time, by way of deterministic automata.
+"""Probabilities and rewards of LTL formulas by deterministic automata.
 
-The product of the model with an automaton of the formula has the same probabilities as the model,
-and whether a run satisfies the formula can be seen from where it ends up: in a bottom component (a
-Markov chain) or an end component (an MDP) that the automaton accepts. Sources: Baier & Katoen
-(2008), 10.3 and 10.6.4; de Alfaro (1997); Baier (1998), chapter 9.
+A run of the product of the model and an automaton satisfies the formula if it stays in a bottom
+component (Markov chains) or an end component (MDPs) that the automaton accepts.
+
+Sources: Baier & Katoen (2008), 10.3 and 10.6.4; de Alfaro (1997); Baier (1998), chapter 9.
 """
 
 from __future__ import annotations
@@ -28,31 +28,36 @@ from symcheck.syntax.ast import Expression, ModelType
 __all__ = ["as_until", "co_safe_reward", "linear_product", "path_probability_ltl"]
 
 _BITS = 8
-"""Up to so many atoms, letters of the product are valuations of the atoms; of more, only those that
-occur are numbered.
-"""
+"""With at most this many atoms, letters are valuations of the atoms; with more, the valuations that
+occur in the model are numbered."""
 _LETTERS = 1 << 14
+"""Valuations of the atoms that may occur in the model."""
 
 
 def path_probability_ltl(
     context: Context, path: TemporalPath, direction: Direction | None
 ) -> Values:
-    """Probability of a formula of linear time at each state: the only (None) or the greatest
-    ('max') one.
+    """Probability of an LTL formula at each state.
 
-    Raises UnsupportedError where the automaton would be too large, and for bounds on time within
-    such formulas.
+    Args:
+        context: the engine, the options and the log.
+        path: the formula.
+        direction: None for a chain, the maximum for an MDP.
+
+    Returns:
+        Values in [0, 1], certified within `options.epsilon`.
+
+    Raises:
+        UnsupportedError: the automaton would be too large, or a formula on a CTMC has time bounds.
     """
     product, pairs = linear_product(context, path)
     inner = replace(context, engine=product.engine)
-    good = _accepted(inner, context, product, pairs)
-    return product.project(until(inner, inner.engine.all, good, direction))
+    accepting = _accepted(inner, context, product, pairs)
+    return product.project(until(inner, inner.engine.all, accepting, direction))
 
 
 def as_until(context: Context, path: TemporalPath) -> UntilPath | None:
-    """The path formula as `left U right` over sets of states, if it is found to be no more: F (a U
-    b) is F b.
-    """
+    """The formula as `left U right` over sets of states if it simplifies to one, as F (a U b)."""
     factory = LtlFactory()
     alphabet, formula = _read(context, factory, path)
     if formula.kind is not Kind.UNTIL or formula.bound is not None:
@@ -62,7 +67,7 @@ def as_until(context: Context, path: TemporalPath) -> UntilPath | None:
 
 
 def _literal_states(context: Context, alphabet: _Alphabet, formula: LtlFormula) -> StateSet | None:
-    """The states of a literal; None for any other formula, and where letters are only numbers."""
+    """The states of a literal; None for other formulas, and if letters are numbered."""
     match formula.kind:
         case Kind.TRUE:
             return context.engine.all
@@ -76,10 +81,16 @@ def _literal_states(context: Context, alphabet: _Alphabet, formula: LtlFormula) 
 def linear_product(
     context: Context, path: TemporalPath, form: Callable[[Automaton], Automaton] | None = None
 ) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
-    """The product with an automaton of the formula, and the pairs (avoid, visits) one of which its
-    runs must meet for ever.
+    """The product of the model with an automaton of the formula.
 
-    form: what is to be made of the automaton first.
+    Args:
+        context: the engine and the options.
+        path: the formula.
+        form: a transformation of the automaton, applied before the product is built.
+
+    Returns:
+        The product, and its pairs (avoid, visits): a run is accepted if, for some pair, it is
+        finitely often in `avoid` and infinitely often in each set of `visits`.
     """
     factory = LtlFactory()
     alphabet, formula = _read(context, factory, path)
@@ -101,28 +112,33 @@ def linear_product(
 def co_safe_reward(
     context: Context, reward: Reward, path: TemporalPath, direction: Direction | None
 ) -> Values:
-    """Expected reward until a run shows that it satisfies a co-safe formula; infinite where that
-    may never be.
+    """Expected reward until a run satisfies a co-safe formula.
 
-    A run shows it with the state whose letter ends a prefix all of whose continuations satisfy the
-    formula, as the derivatives tell; X true needs one step. Raises InputError for formulas with
-    (after negations are pushed inwards) G, W or R.
+    The reward is earned until the state whose letter completes a good prefix: a prefix all of whose
+    continuations satisfy the formula. X true needs one step. The reward is infinite where the
+    formula is not satisfied almost surely.
+
+    Raises:
+        InputError: the formula has G, W or R in negation normal form.
+        UnsupportedError: the automaton would be too large.
     """
     factory = LtlFactory(step=len(path.sets))
     alphabet, formula = _read(context, factory, path)
     formula = factory.negation(formula) if path.negative else formula
     if not formula.co_safe:
-        message = "an expected reward until a formula that no finite part of a run may show to be satisfied"
+        message = (
+            "an expected reward needs a co-safe formula, which finite prefixes of runs satisfy"
+        )
         raise InputError(
             Diagnostic(
                 message,
                 path.span,
                 "co-safe",
-                "G, W and R (and !F, !U) are not for rewards; F, U, X are",
+                "use F, U and X; G, W and R (and !F, !U) are not co-safe",
             )
         )
     alphabet = replace(
-        alphabet, letters=tuple(v | 1 << len(path.sets) for v in alphabet.letters), own=True
+        alphabet, letters=tuple(v | 1 << len(path.sets) for v in alphabet.letters), internal=True
     )
     automaton = alphabet.automaton(context, factory, formula)
     product: Product = context.engine.product(alphabet.sets, automaton)
@@ -133,37 +149,40 @@ def co_safe_reward(
 
 @dataclass(frozen=True)
 class _Alphabet:
-    """The valuations of the atoms that occur in the model (atom i: bit i), and the sets of states
-    that tell letters apart.
+    """The letters of an automaton.
 
-    own: the automaton is made here, not by an external translator.
+    Attributes:
+        letters: the valuations of the atoms that occur in the model; bit i is atom i.
+        columns: the number of each letter in the product.
+        sets: the sets of states that encode the numbers, one per bit.
+        internal: no external translator makes the automaton.
     """
 
     letters: tuple[int, ...]
     columns: tuple[int, ...]
     sets: tuple[StateSet, ...]
-    own: bool = False
+    internal: bool = False
 
     def automaton(self, context: Context, factory: LtlFactory, formula: LtlFormula) -> Automaton:
         """The automaton of a formula, over the letters of the sets."""
-        program = None if self.own else context.options.ltl2da
+        program = None if self.internal else context.options.ltl2da
         if program is None:
             from symcheck.automata.translate import translate
 
-            made = translate(factory, formula, self.letters)
+            automaton = translate(factory, formula, self.letters)
         else:
             from symcheck.automata.external import translate_externally
 
-            made = translate_externally(
+            automaton = translate_externally(
                 program, context.options.ltl2da_syntax, formula, self.letters
             )
-        return made.relabel(self.columns, 1 << len(self.sets))
+        return automaton.relabel(self.columns, 1 << len(self.sets))
 
 
 def _read(
     context: Context, factory: LtlFactory, path: TemporalPath
 ) -> tuple[_Alphabet, LtlFormula]:
-    """The formula over numbered atoms, and the letters that occur."""
+    """The alphabet, and the formula over numbered atoms."""
     everything = context.engine.all
     atoms: dict[Expression, LtlFormula] = {}
     sets: list[StateSet] = []
@@ -181,7 +200,7 @@ def _read(
         ]
         if len(split) > _LETTERS:
             raise UnsupportedError(
-                f"this formula of linear time tells more than {_LETTERS:,} kinds of states apart"
+                f"this LTL formula distinguishes more than {_LETTERS:,} kinds of states"
             )
         blocks = split
     letters = tuple(v for v, _ in blocks)
@@ -198,8 +217,9 @@ def _read(
 def _atom(
     factory: LtlFactory, sets: list[StateSet], states: StateSet, everything: StateSet
 ) -> LtlFormula:
-    """The literal of a set of states; no atom is spent on sets that are full, empty, known, or the
-    complement of a known one.
+    """The literal of a set of states.
+
+    A set that is full, empty, known or the complement of a known one needs no new atom.
     """
     if not states:
         return factory.false
@@ -225,13 +245,12 @@ def _accepted(
     product: Product,
     pairs: Sequence[tuple[StateSet, Sequence[StateSet]]],
 ) -> StateSet:
-    """States of the product in components that the automaton accepts, or from where it does almost
-    surely.
-    """
+    """States in accepting end components, or (chains) of almost surely accepted runs."""
     graph = context.engine.graph
     if context.engine.model.type is not ModelType.MDP:
         return _union(
-            context.engine.none, [_surely(context, avoid, visits) for avoid, visits in pairs]
+            context.engine.none,
+            [_accepted_almost_surely(context, avoid, visits) for avoid, visits in pairs],
         )
     if context.options.fairness:
         from symcheck.check.omega_regular.fair_mec import fair_end_components
@@ -240,13 +259,14 @@ def _accepted(
     return graph.accepting_end_components(pairs)
 
 
-def _surely(context: Context, avoid: StateSet, visits: Sequence[StateSet]) -> StateSet:
-    """Where a run of a Markov chain almost surely leaves `avoid` for good and meets each set of
-    `visits` infinitely often.
+def _accepted_almost_surely(
+    context: Context, avoid: StateSet, visits: Sequence[StateSet]
+) -> StateSet:
+    """States of a chain from which a run almost surely is accepted by a pair.
 
-    No bottom component is listed: a set is met infinitely often for certain exactly where every
-    state that can be reached can reach it; and it is left for good for certain where no state can
-    be reached from which it is met infinitely often.
+    Bottom components are not enumerated. A run visits a set infinitely often almost surely if and
+    only if every reachable state can reach the set. A run visits it finitely often almost surely if
+    and only if no state is reachable from which the set is visited infinitely often almost surely.
     """
     graph, everything = context.engine.graph, context.engine.all
 

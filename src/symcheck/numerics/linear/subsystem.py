@@ -1,5 +1,4 @@
-"""The equations of a component as a problem of their own: direct solution, BiCGStab, policy
-iteration.
+"""The equations of a component: direct solution, BiCGStab and policy iteration.
 
 All bounds are certified. Let x = opt(A x + b), let x' be any approximation, and let w > 0 be any
 vector with A w < w (along all rows that could matter). Then x' ± h w are bounds if the residual of

@@ -101,8 +101,7 @@ def component_gains(
     settings: Settings,
     observer: Observer | None = None,
 ) -> Gains:
-    """The best ('max': greatest, 'min': least) long-run average reward per step in each maximal end
-    component.
+    """The optimal long-run average reward per step in each maximal end component.
 
     Args:
         matrix: the MDP.

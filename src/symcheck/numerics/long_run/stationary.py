@@ -1,5 +1,4 @@
-"""Long-run behaviour of irreducible chains: stationary distributions and average rewards, with
-certified bounds.
+"""Stationary distributions and average rewards of irreducible chains, with certified bounds.
 
 A stationary distribution is computed by elimination without subtraction, which preserves the
 relative accuracy of every entry (Grassmann, Taksar & Heyman 1985). Where that needs too many

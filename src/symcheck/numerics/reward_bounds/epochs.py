@@ -1,5 +1,4 @@
-"""Reward-bounded reachability: probabilities of `left U right` with an accumulated reward in
-bounds.
+"""Reward-bounded reachability: `left U right` with an accumulated reward within bounds.
 
 Rewards are whole numbers. The values for a budget depend on those for smaller budgets, by rows with
 a reward, and on each other, by rows without. So the budgets (epochs) are solved one after the
@@ -39,8 +38,13 @@ __all__ = ["EpochValues", "solve_epochs", "unfold_reward_dimension"]
 
 @dataclass(frozen=True, eq=False)
 class EpochValues:
-    """Bounds on the probabilities, float64[n] each, the number of epochs solved, of sweeps over
-    cycles, and the number of states of the largest cycle.
+    """The result of solving the epochs.
+
+    Attributes:
+        lower, upper: bounds on the probabilities, float64[n] or rationals.
+        levels: the number of epochs that were solved.
+        sweeps: the number of sweeps over cycles.
+        cycle: the number of states of the largest cycle.
     """
 
     lower: Numbers

@@ -57,8 +57,7 @@ def krylov_values(
     observer: Observer | None = None,
     poles: tuple[float, ...] = tuning.POLES,
 ) -> KrylovValues | None:
-    """x(time) of x' = Q x + reward_rate, x(0) = start, as accurate as requested at the states of
-    interest.
+    """Solve x' = Q x + reward_rate, x(0) = start, as accurately as requested at `interest`.
 
     Memory: two vectors per vector of the subspace.
 
@@ -124,8 +123,7 @@ def krylov_values(
 def importance(
     rates: SparseMatrix, exit_rates: Floats, reward_rate: Floats, time: float, guess: Floats
 ) -> Floats | None:
-    """The weights (a/T - Q)^-1 reward_rate, relative to which values differ less; None if not
-    found.
+    """The weights (a/T - Q)^-1 reward_rate, relative to which values differ less, or None.
 
     Divided by them, rows of Q sum to at most about a/T, so exp(Q t) enlarges the largest entry by
     at most exp(a). guess: the weights to within some orders of magnitude, positive.

@@ -6,7 +6,7 @@ rewards, terminal is the reward; for cumulative rewards, reward_rate is the rewa
 + Q/q and y_k = P^k y_0 the solution is a sum of weight_k * y_k with non-negative terms (Jensen
 1953; Grassmann 1977).
 
-Long horizons end early, with a proof: if a y_k <= P y_k <= b y_k then a^m y_k <= P^m y_k <= b^m y_k
+Long horizons need fewer steps: if a y_k <= P y_k <= b y_k then a^m y_k <= P^m y_k <= b^m y_k
 for all m (Collatz & Wielandt). The ratio bounds converge as the chain forgets its start, to a
 steady state (a = b = 1) or to a quasi-stationary decay or growth, and the rest of the sum is then
 known.
@@ -54,9 +54,9 @@ class Transient:
         """The midpoint of the bounds."""
         return 0.5 * (self.lower + self.upper)
 
-    def widened(self, room: float) -> Transient:
+    def widened(self, error: float) -> Transient:
         """The bounds, widened by an absolute error: relative ones do not hold near underflow."""
-        return replace(self, lower=np.maximum(self.lower - room, 0.0), upper=self.upper + room)
+        return replace(self, lower=np.maximum(self.lower - error, 0.0), upper=self.upper + error)
 
     def plus(self, other: Transient) -> Transient:
         """The sum of two parts, rounded outwards."""
@@ -187,7 +187,7 @@ def _by_rational_krylov(
         or chain.q * time * chain.entries < tuning.KRYLOV_ENTRIES
     ):
         return None
-    fine = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
+    smoothing_accuracy = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
     growth, later_growth, scale, poles = 1.0, 1.0, np.ones(1), tuning.POLES
     if weights is not None:
         rates, scale, poles = scaled(rates, weights), weights, tuning.WEIGHTED_POLES
@@ -201,7 +201,7 @@ def _by_rational_krylov(
         start / chain.q if source else start,
         smoothing,
         source,
-        fine,
+        smoothing_accuracy,
         None,
         observer,
         tail=1e-16,
@@ -232,13 +232,13 @@ def _by_rational_krylov(
         f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of "
         f"{found.vectors} vectors, {found.steps} steps of BiCGStab"
     )
-    made = first.iterations + found.steps
+    steps = first.iterations + found.steps
     return Transient(
         lower,
         upper,
-        made,
+        steps,
         note,
-        {"steps": made, "steps_without_shortcut": math.ceil(chain.q * time)},
+        {"steps": steps, "steps_without_shortcut": math.ceil(chain.q * time)},
     )
 
 
@@ -261,8 +261,14 @@ def transient_distribution(
     settings: Settings,
     observer: Observer | None = None,
 ) -> Transient:
-    """Bounds on the probability of each state at `time`, from the distribution `initial`
-    (float64[n]).
+    """Bounds on the probability of each state at a time.
+
+    Args:
+        rates, exit_rates: as in `transient_values`.
+        initial: the initial distribution, float64[n].
+        time: the time.
+        settings: accuracy and limits.
+        observer: receives the progress.
     """
     chain = uniformize(rates, exit_rates, transposed=True)
     found = _sum_series(chain, initial, time, False, settings, None, observer, mass=True)
@@ -285,7 +291,7 @@ def _sum_series(
     tail: float = 1e-300,
     growth: float = 1.0,
 ) -> Transient | None:
-    """The sum of weight_k * P^k start over the Poisson window, or less if a proof ends it early.
+    """The sum of weight_k * P^k start over the Poisson window, cut short if bounds permit it.
 
     source: the weights are P(N > k), else P(N = k).
     mass: start is a distribution, whose sum does not grow; else values, whose maximum does not.
@@ -298,17 +304,17 @@ def _sum_series(
     window = poisson(chain.q * time, tail)
     weights = window.tails() if source else window.masses()
     y, z, total = start.copy(), np.empty_like(start), np.zeros_like(start)
-    pick: Callable[[Floats], Floats] = (
+    at_interest: Callable[[Floats], Floats] = (
         (lambda v: v) if interest is None else (lambda v: v[interest])
     )
     k, check_interval = 0, min(tuning.CHECK_INTERVAL, len(weights))
     rounding_error = (chain.longest + 6) * tuning.UNIT_ROUNDOFF
     while True:
-        # Entries that no longer matter must not hide that the others have settled.
+        # The ratio bounds ignore negligible entries, which converge last.
         floor = (
             0.0
             if mass or k == 0 or growth > 1.0
-            else 1e-3 * settings.epsilon * float(pick(y).min(initial=np.inf)) / len(weights)
+            else 1e-3 * settings.epsilon * float(at_interest(y).min(initial=np.inf)) / len(weights)
         )
         floor = floor if np.isfinite(floor) else 0.0
         y, z, low, high, most = chain.advance(
@@ -317,15 +323,15 @@ def _sum_series(
         k += check_interval
         error = (k + 4) * rounding_error + 1e-10
         below = total * (1.0 - error)
-        ahead = weights.tail_sum(k) + window.missing
+        remaining_weight = weights.tail_sum(k) + window.missing
         size = float(y.sum()) if mass else most * growth
-        above = total * (1.0 + error) + ahead * size * (1.0 + error)
+        above = total * (1.0 + error) + remaining_weight * size * (1.0 + error)
         if observer is not None:
             observer(Progress("uniformisation", k, high - low, len(start)))
-        if k >= len(weights) or _close_enough(pick(below), pick(above), settings):
+        if k >= len(weights) or _close_enough(at_interest(below), at_interest(above), settings):
             return _result(below, above, k, len(weights), "")
         if low <= high < np.inf and _worth_computing(
-            low, high, ahead, pick(total), pick(y), settings
+            low, high, remaining_weight, at_interest(total), at_interest(y), settings
         ):
             least = weights.powers(k, low * (1.0 - rounding_error))
             greatest = weights.powers(k, high * (1.0 + rounding_error)) + 2.0 * window.missing
@@ -336,7 +342,7 @@ def _sum_series(
             )
             # Ratios that differ by rounding only will not converge further.
             if high - low <= 2.0 * rounding_error or _close_enough(
-                pick(shortcut[0]), pick(shortcut[1]), settings
+                at_interest(shortcut[0]), at_interest(shortcut[1]), settings
             ):
                 return _result(
                     *shortcut,
@@ -363,7 +369,7 @@ def _sum_series(
                     + known[1] * (1.0 + error)
                     + window.missing * most
                 )
-                if _close_enough(pick(shortcut[0]), pick(shortcut[1]), settings):
+                if _close_enough(at_interest(shortcut[0]), at_interest(shortcut[1]), settings):
                     return _result(*shortcut, k, len(weights), note)
         if k * chain.entries > budget:
             return None
@@ -379,14 +385,12 @@ def _on_truncated_space(
     interest: Int64s,
     observer: Observer | None,
 ) -> Transient | None:
-    """As `transient_values` for a reward rate, on a truncated space; trivial bounds for other
-    states.
-    """
+    """`transient_values` of a reward rate on a truncated space; other states get trivial bounds."""
     kept, loss, matrix = np.arange(rates.states, dtype=np.int64), 0.0, rates
     for laplace_shift in tuning.TRUNCATION_SHIFTS:
-        place = np.full(rates.states, -1, dtype=np.int32)
-        place[kept] = np.arange(len(kept))
-        at = place[interest].astype(np.int64)
+        index = np.full(rates.states, -1, dtype=np.int32)
+        index[kept] = np.arange(len(kept))
+        at = index[interest].astype(np.int64)
         cut = truncate(
             matrix,
             exit_rates[kept],
@@ -399,14 +403,14 @@ def _on_truncated_space(
         if cut is None:
             return None
         kept, loss = kept[cut.kept], loss + cut.loss
-        place[:] = -1
-        place[kept] = np.arange(len(kept))
+        index[:] = -1
+        index[kept] = np.arange(len(kept))
         matrix = SparseMatrix(
-            *sparse.select(rates.indptr, rates.indices, rates.data, kept, place), len(kept)
+            *sparse.select(rates.indptr, rates.indices, rates.data, kept, index), len(kept)
         )
     if len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
         return None
-    at = place[interest].astype(np.int64)
+    at = index[interest].astype(np.int64)
     assert cut is not None
     chain = uniformize(matrix, exit_rates[kept])
     weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
@@ -449,15 +453,23 @@ def _on_truncated_space(
 
 
 def _worth_computing(
-    low: float, high: float, ahead: float, total: Floats, y: Floats, settings: Settings
+    low: float, high: float, remaining_weight: float, total: Floats, y: Floats, settings: Settings
 ) -> bool:
     """A cheap test whether the ratio bounds may be close enough for the full test."""
     if not len(y):
         return True
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        room = settings.epsilon * (total + ahead * y) if settings.relative else settings.epsilon
-        need = np.nanmin(np.where(y > 0.0, room / (ahead * y), np.inf))
-    return (high - low) * ahead <= 4.0 * need or ahead == 0.0 or high - low <= 1e-14
+        room = (
+            settings.epsilon * (total + remaining_weight * y)
+            if settings.relative
+            else settings.epsilon
+        )
+        need = np.nanmin(np.where(y > 0.0, room / (remaining_weight * y), np.inf))
+    return (
+        (high - low) * remaining_weight <= 4.0 * need
+        or remaining_weight == 0.0
+        or high - low <= 1e-14
+    )
 
 
 def _close_enough(below: Floats, above: Floats, settings: Settings) -> bool:
@@ -467,6 +479,8 @@ def _close_enough(below: Floats, above: Floats, settings: Settings) -> bool:
     return bool(np.all(width <= settings.epsilon))
 
 
-def _result(lower: Floats, upper: Floats, made: int, all_steps: int, note: str) -> Transient:
-    text = f"uniformisation, {made} of {all_steps} steps{note}"
-    return Transient(lower, upper, made, text, {"steps": made, "steps_without_shortcut": all_steps})
+def _result(lower: Floats, upper: Floats, steps: int, all_steps: int, note: str) -> Transient:
+    text = f"uniformisation, {steps} of {all_steps} steps{note}"
+    return Transient(
+        lower, upper, steps, text, {"steps": steps, "steps_without_shortcut": all_steps}
+    )

@@ -75,12 +75,12 @@ class UniformizedChain:
 
 @dataclass(frozen=True, eq=False)
 class OccupationBounds:
-    """Bounds on the rest of a transient sum from occupation times.
+    """Bounds on the remaining terms of a transient sum from occupation times.
 
     time: bounds on the expected time spent in each state, from the start to the horizon,
     float64[n]. leak: the probability that P loses on the way.
 
-    Where y differs from a level c matters only as much as the state is occupied. If
+    The difference of y from a level c is weighted with the occupation times. If
     y = c + above - below, the rest of the sum, with weights that fall from at most 1, lies between
     c * rest * (1 - q time·leak) - q time·below and c * rest + q time·above at the start.
     """
