@@ -1,12 +1,14 @@
-# make demo: check two real models; make study: the cell-injection study, into study-output/; make growth: time and memory against states, into benchmarks/results/; make test: the test suite; make check: everything that CI runs.
-# Each sets up its own virtual environment in .venv first; python3, make, gcc and a package index are all it needs.
+# make demo: check two real models. make study: the cell-injection study, into study-output/.
+# make growth: time and memory against states, into benchmarks/results/. make test: the test suite.
+# make check: everything that CI runs. make coverage: branch coverage of the test suite.
+# Each target sets up a virtual environment in .venv; it needs python3, make, gcc and a package index.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd')
 STAMP := $(VENV)/.stamp
 
-.PHONY: demo study growth test check format clean
+.PHONY: demo study growth test check coverage format clean
 
 demo: $(STAMP)-base
 	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10
@@ -30,6 +32,9 @@ check: $(STAMP)-check
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -n auto -q
 
+coverage: $(STAMP)-check
+	$(BIN)/python -m pytest -n auto -q --cov=symcheck --cov-branch
+
 format: $(STAMP)-check
 	$(BIN)/ruff check --fix src tests benchmarks setup.py
 	$(BIN)/ruff format src tests benchmarks setup.py
@@ -38,8 +43,8 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 
-# Editable: the Python sources are used in place; only a change of compiled code or of the packaging installs again.
-# What is installed by its name after that is there already: only what its extras want is added, and nothing compiled twice.
+# The installation is editable: only a change of compiled code or of the packaging installs again.
+# The extras are then installed by name, which compiles nothing twice.
 $(STAMP)-base: $(VENV)/bin/python pyproject.toml setup.py $(COMPILED)
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
