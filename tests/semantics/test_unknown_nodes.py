@@ -10,7 +10,7 @@ import pytest
 from symcheck.check.state_formulas import is_plain
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.compile import compile_expression
-from symcheck.semantics.diagnostics import Report
+from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.simplify import fold
 from symcheck.semantics.expressions.types import Typer
@@ -69,7 +69,7 @@ X = Name("x")
         lambda node: evaluate(node, {}),
         lambda node: evaluate_columns(node, {}),
         lambda node: compile_expression(node, VARIABLES),
-        lambda node: Typer(Report(), lambda _: None, lambda _: None).state(node),
+        lambda node: Typer(DiagnosticCollector(), lambda _: None, lambda _: None).state(node),
     ],
 )
 def test_an_unknown_state_operator_is_named(ask) -> None:

@@ -20,7 +20,7 @@ from symcheck.semantics.path_normal_form import (
     normal_form,
     state_formulas,
 )
-from symcheck.semantics.time_bounds import Count, Window
+from symcheck.semantics.time_bounds import RewardWindow, Window
 from symcheck.syntax.ast import Binary, Expression, PathFormula, Unary
 from symcheck.syntax.operators import UnaryOperator, connect
 
@@ -85,7 +85,7 @@ class RewardPath:
     """
 
     path: NextPath | UntilPath
-    counts: tuple[Count, ...]
+    counts: tuple[RewardWindow, ...]
     negative: bool = False
 
 

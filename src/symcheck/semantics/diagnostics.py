@@ -7,32 +7,32 @@ from typing import Literal as Choice
 
 from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
 
-__all__ = ["Report", "suggest"]
+__all__ = ["DiagnosticCollector", "suggest"]
 
 Kind = Choice["name", "type", "input"]
 _CLASSES: dict[str, type[InputError]] = {"name": NameFault, "type": TypeFault, "input": InputError}
 
 
-class Report:
+class DiagnosticCollector:
     """Collects diagnostics.
 
     The same message at the same place counts once, because a formula may be used many times.
     """
 
     def __init__(self) -> None:
-        self._found: dict[Diagnostic, Kind] = {}
+        self._diagnostics: dict[Diagnostic, Kind] = {}
 
     def __bool__(self) -> bool:
-        return bool(self._found)
+        return bool(self._diagnostics)
 
     @property
     def codes(self) -> frozenset[str]:
         """The codes of the collected diagnostics."""
-        return frozenset(d.code for d in self._found)
+        return frozenset(d.code for d in self._diagnostics)
 
     def add(self, kind: Kind, code: str, message: str, span: Span, hint: str | None = None) -> None:
         """Add a diagnostic."""
-        self._found.setdefault(Diagnostic(message, span, code, hint), kind)
+        self._diagnostics.setdefault(Diagnostic(message, span, code, hint), kind)
 
     def name(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
         """Add a diagnostic about an unknown, duplicate or undefined name."""
@@ -56,20 +56,20 @@ class Report:
             else "input"
         )
         for diagnostic in fault.diagnostics:
-            self._found.setdefault(diagnostic, kind)
+            self._diagnostics.setdefault(diagnostic, kind)
 
     def fault(self) -> InputError | None:
         """One error with all diagnostics; None if there are none.
 
         It is a NameFault or TypeFault if all diagnostics are of that kind, otherwise an InputError.
         """
-        if not self._found:
+        if not self._diagnostics:
             return None
-        kinds = set(self._found.values())
-        found = sorted(self._found, key=lambda d: (d.span.source.name, d.span.start))
+        kinds = set(self._diagnostics.values())
+        found = sorted(self._diagnostics, key=lambda d: (d.span.source.name, d.span.start))
         return (_CLASSES[kinds.pop()] if len(kinds) == 1 else InputError)(*found)
 
-    def raise_found(self) -> None:
+    def raise_all(self) -> None:
         """Raise all diagnostics as one error, if there are any."""
         if fault := self.fault():
             raise fault

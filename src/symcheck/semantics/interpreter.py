@@ -84,10 +84,10 @@ def initial_states(model: BoundModel) -> tuple[State, ...]:
         assert v.low is not None
         assert v.high is not None
         domains.append((False, True) if v.type is Type.BOOL else tuple(range(v.low, v.high + 1)))
-    found = tuple(s for s in product(*domains) if _Here(model, s).value(model.initial))
-    if not found:
+    result = tuple(s for s in product(*domains) if _StateEvaluator(model, s).value(model.initial))
+    if not result:
         raise ModelFault(state_faults.no_initial_state(model.initial.span))
-    return found
+    return result
 
 
 def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tuple[Choice, ...]:
@@ -99,17 +99,21 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
     Raises:
         ModelFault: the model has a fault in this state.
     """
-    here = _Here(model, state)
-    found = []
+    evaluator = _StateEvaluator(model, state)
+    result = []
     for event in model.events:
-        enabled = ([c for c in commands if here.value(c.guard)] for commands in event.participants)
-        for together in product(*enabled):
-            branches = here.branches(together, check_sums)
+        enabled = (
+            [c for c in commands if evaluator.value(c.guard)] for commands in event.participants
+        )
+        for combination in product(*enabled):
+            branches = evaluator.branches(combination, check_sums)
             if branches:
-                found.append(
-                    Choice(event.action, together, branches, here.rewards(False, event.action))
+                result.append(
+                    Choice(
+                        event.action, combination, branches, evaluator.rewards(False, event.action)
+                    )
                 )
-    return tuple(found)
+    return tuple(result)
 
 
 def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> tuple[Row, ...]:
@@ -121,17 +125,17 @@ def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> 
     Raises:
         ModelFault: the model has a fault in this state.
     """
-    found = choices(model, state, check_sums=check_sums)
-    if not found:
+    result = choices(model, state, check_sums=check_sums)
+    if not result:
         return ()
     if model.type is ModelType.MDP:
-        return tuple(_row((c,), 1) for c in found)
-    return (_row(found, len(found) if model.type is ModelType.DTMC else 1),)
+        return tuple(_row((c,), 1) for c in result)
+    return (_row(result, len(result) if model.type is ModelType.DTMC else 1),)
 
 
 def state_rewards(model: BoundModel, state: State) -> tuple[Value, ...]:
     """The state reward per reward structure. Raises ModelFault if one is not finite."""
-    return _Here(model, state).rewards(True, None)
+    return _StateEvaluator(model, state).rewards(True, None)
 
 
 def _row(merged: tuple[Choice, ...], divisor: int) -> Row:
@@ -154,7 +158,7 @@ def _row(merged: tuple[Choice, ...], divisor: int) -> Row:
     )
 
 
-class _Here:
+class _StateEvaluator:
     """Evaluates expressions, commands and rewards of a model at one state."""
 
     def __init__(self, model: BoundModel, state: State) -> None:
@@ -182,12 +186,12 @@ class _Here:
         weighted = [[(self.probability(c, u), c, u) for u in c.updates] for c in commands]
         if check_sums and self.model.type is not ModelType.CTMC:
             self.check_sums(commands, [sum(p for p, _, _ in updates) for updates in weighted])
-        found = []
-        for together in product(*weighted):
-            probability = math.prod(p for p, _, _ in together)
+        result = []
+        for combination in product(*weighted):
+            probability = math.prod(p for p, _, _ in combination)
             if probability > 0:
-                found.append((probability, self.after([(c, u) for _, c, u in together])))
-        return tuple(found)
+                result.append((probability, self.successor([(c, u) for _, c, u in combination])))
+        return tuple(result)
 
     def check_sums(self, commands: tuple[BoundCommand, ...], sums: list[Value]) -> None:
         if not state_faults.sums_to_one(math.prod(sums)):
@@ -210,7 +214,7 @@ class _Here:
             )
         return value
 
-    def after(self, updates: list[tuple[BoundCommand, BoundUpdate]]) -> State:
+    def successor(self, updates: list[tuple[BoundCommand, BoundUpdate]]) -> State:
         """The successor state of updates, whose expressions are evaluated in this state."""
         state = list(self.state)
         for command, update in updates:

@@ -13,7 +13,7 @@ from typing import assert_never
 
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.time_bounds import Count, Window, counts, window
+from symcheck.semantics.time_bounds import RewardWindow, Window, counts, window
 from symcheck.syntax.ast import (
     Binary,
     Conditional,
@@ -48,7 +48,7 @@ __all__ = [
     "state_formulas",
 ]
 
-Extent = Window | tuple[Count, ...]
+Extent = Window | tuple[RewardWindow, ...]
 """The times at which a target must be reached, or the rewards that may accumulate until then."""
 
 

@@ -12,7 +12,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, bounded_reward
 from symcheck.syntax.ast import Expression, RewardBound, RewardBounds, TimeBound
 
-__all__ = ["Count", "Steps", "Window", "bound_value", "counts", "window"]
+__all__ = ["RewardWindow", "Steps", "Window", "bound_value", "counts", "window"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Steps:
 
 
 @dataclass(frozen=True, slots=True)
-class Count:
+class RewardWindow:
     """The interval in which an accumulated reward must be."""
 
     reward: Reward
@@ -84,10 +84,10 @@ def window(bound: TimeBound | None) -> Window:
     return Window() if bound is None else _extent(bound)
 
 
-def counts(bound: RewardBound | RewardBounds, model: BoundModel) -> tuple[Count, ...]:
+def counts(bound: RewardBound | RewardBounds, model: BoundModel) -> tuple[RewardWindow, ...]:
     """The rewards that a bound allows. Raises InputError if it is negative or allows no reward."""
     parts = bound.parts if isinstance(bound, RewardBounds) else (bound,)
-    return tuple(Count(bounded_reward(p, model), _extent(p)) for p in parts)
+    return tuple(RewardWindow(bounded_reward(p, model), _extent(p)) for p in parts)
 
 
 def _extent(bound: TimeBound | RewardBound) -> Window:

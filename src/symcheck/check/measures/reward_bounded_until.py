@@ -29,7 +29,7 @@ from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundReward
 from symcheck.semantics.rewards import Reward, Steps, reward_items
-from symcheck.semantics.time_bounds import Count
+from symcheck.semantics.time_bounds import RewardWindow
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
 from symcheck.syntax.operators import Operator
 
@@ -44,7 +44,7 @@ def reward_bounded_until(
     context: Context,
     left: StateSet,
     right: StateSet,
-    counts: Sequence[Count],
+    counts: Sequence[RewardWindow],
     direction: Direction | None,
 ) -> Values:
     """Probability of `left U right` with every reward within its bounds when `right` is reached.
@@ -101,7 +101,7 @@ def reward_bounded_until(
 
 
 def reward_bounded_next(
-    context: Context, target: StateSet, counts: Sequence[Count], direction: Direction | None
+    context: Context, target: StateSet, counts: Sequence[RewardWindow], direction: Direction | None
 ) -> Values:
     """Probability that the next state is in `target` and the reward of the step in its bounds."""
     engine = context.engine
@@ -134,7 +134,7 @@ def _supported(context: Context, direction: Direction | None) -> None:
         )
 
 
-def row_rewards(context: Context, system: System, count: Count) -> Numbers:
+def row_rewards(context: Context, system: System, count: RewardWindow) -> Numbers:
     """The reward of a step by each row: float64[rows]."""
     if isinstance(count.reward, Steps):
         return np.ones(len(system.row_sums()))

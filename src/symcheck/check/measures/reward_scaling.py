@@ -14,7 +14,7 @@ from symcheck.engines.base import System
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s
-from symcheck.semantics.time_bounds import Count, Window
+from symcheck.semantics.time_bounds import RewardWindow, Window
 
 __all__ = ["ScaledBound", "common_step", "dimension_order", "in_steps", "scale_bound"]
 
@@ -79,7 +79,9 @@ def common_step(values: list[Fraction]) -> Fraction:
     return Fraction(reduce(gcd, (int(v * denominator) for v in some)), denominator)
 
 
-def scale_bound(context: Context, system: System, rewards: Numbers, count: Count) -> ScaledBound:
+def scale_bound(
+    context: Context, system: System, rewards: Numbers, count: RewardWindow
+) -> ScaledBound:
     """A bounded reward in whole steps.
 
     Args:

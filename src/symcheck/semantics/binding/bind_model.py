@@ -7,17 +7,17 @@ from fractions import Fraction
 
 from symcheck.errors import InputError, Span
 from symcheck.semantics.binding.composition import events
-from symcheck.semantics.binding.module_renaming import Copy
-from symcheck.semantics.binding.names import Given, Names, Table
+from symcheck.semantics.binding.module_renaming import ModuleInstance
+from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
-    Owner,
+    DeclaredVariable,
     check_program,
-    give,
-    require,
+    check_values_given,
+    set_constants,
 )
-from symcheck.semantics.diagnostics import Report
-from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.diagnostics import DiagnosticCollector
+from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import (
     BoundCommand,
@@ -44,7 +44,7 @@ def undefined_constants(program: Program) -> tuple[Constant, ...]:
 
 def bind(
     program: Program,
-    constants: Mapping[str, Given] | None = None,
+    constants: Mapping[str, ConstantValue] | None = None,
     *,
     model_type: ModelType | None = None,
     exact: bool = False,
@@ -64,18 +64,21 @@ def bind(
     Example:
         >>> model = bind(parse_model(text), {"N": 3})
     """
-    return deeply(lambda: _bind(program, constants or {}, model_type, exact))
+    return with_deep_recursion(lambda: _bind(program, constants or {}, model_type, exact))
 
 
 def _bind(
-    program: Program, constants: Mapping[str, Given], model_type: ModelType | None, exact: bool
+    program: Program,
+    constants: Mapping[str, ConstantValue],
+    model_type: ModelType | None,
+    exact: bool,
 ) -> BoundModel:
-    report = Report()
-    table = Table(report, exact)
-    give(table, program.constants, constants)
-    require(table, program.constants)
+    report = DiagnosticCollector()
+    table = SymbolTable(report, exact)
+    set_constants(table, program.constants, constants)
+    check_values_given(table, program.constants)
     checked = check_program(program, table)
-    report.raise_found()
+    report.raise_all()
     return _Builder(checked).build(model_type or program.type or ModelType.MDP)
 
 
@@ -87,25 +90,26 @@ class _Builder:
         self.checked = checked
         self.table = checked.table
         self.report = checked.table.report
-        self.index = {name: i for i, name in enumerate(checked.owners)}
+        self.index = {name: i for i, name in enumerate(checked.declared)}
 
     def build(self, kind: ModelType) -> BoundModel:
         root = self.checked.root
         constants = {c.name: v for c in self.program.constants if (v := self._value(c)) is not None}
-        self.report.raise_found()
+        self.report.raise_all()
         self.table.check_repeated()
         variables = tuple(
-            self._variable(name, owner) for name, owner in self.checked.owners.items()
+            self._variable(name, variable) for name, variable in self.checked.declared.items()
         )
         modules = tuple(
-            self._module(i, copy, names) for i, (copy, names) in enumerate(self.checked.modules)
+            self._module(i, instance, scope)
+            for i, (instance, scope) in enumerate(self.checked.modules)
         )
         labels = {x.name: root.expand(x.expression) for x in self.program.labels}
         rewards = tuple(self._rewards(r) for r in self.program.rewards)
         initial = None if self.program.initial is None else root.expand(self.program.initial)
         if initial is not None:
             self._check_enumerable(variables)
-        self.report.raise_found()
+        self.report.raise_all()
         return BoundModel(
             program=self.program,
             type=kind,
@@ -129,45 +133,51 @@ class _Builder:
             self.report.absorb(fault)
             return None
 
-    def _constant(self, names: Names, expression: Expression, kind: Type) -> Value | None:
+    def _constant(self, scope: Scope, expression: Expression, kind: Type) -> Value | None:
         try:
-            return names.constant(expression, kind)
+            return scope.constant(expression, kind)
         except InputError as fault:
             self.report.absorb(fault)
             return None
 
     # ------------------------------------------------------------------------------------ variables
 
-    def _variable(self, name: str, owner: Owner) -> Variable:
-        d = owner.declaration
+    def _variable(self, name: str, variable: DeclaredVariable) -> Variable:
+        d = variable.declaration
         if d.type is Type.BOOL:
             low: int | None = 0
             high: int | None = 1
         else:
-            low = None if d.low is None else self._int(owner.names, d.low)
-            high = None if d.high is None else self._int(owner.names, d.high)
+            low = None if d.low is None else self._int(variable.scope, d.low)
+            high = None if d.high is None else self._int(variable.scope, d.high)
         if low is not None and high is not None and low > high:
             self.report.input(
                 "empty-range", f"variable {name} has no values: [{low}..{high}]", d.span
             )
         return Variable(
-            name, d.type, low, high, self._initial(name, owner, low, high), owner.module, d.span
+            name,
+            d.type,
+            low,
+            high,
+            self._initial(name, variable, low, high),
+            variable.module,
+            d.span,
         )
 
-    def _int(self, names: Names, expression: Expression) -> int | None:
-        value = self._constant(names, expression, Type.INT)
+    def _int(self, scope: Scope, expression: Expression) -> int | None:
+        value = self._constant(scope, expression, Type.INT)
         assert value is None or isinstance(value, int)
         return value
 
     def _initial(
-        self, name: str, owner: Owner, low: int | None, high: int | None
+        self, name: str, variable: DeclaredVariable, low: int | None, high: int | None
     ) -> bool | int | None:
         if self.program.initial is not None:
             return None
-        given = owner.declaration.initial
+        given = variable.declaration.initial
         if given is None:
-            return False if owner.declaration.type is Type.BOOL else low or 0
-        value = self._constant(owner.names, given, owner.declaration.type)
+            return False if variable.declaration.type is Type.BOOL else low or 0
+        value = self._constant(variable.scope, given, variable.declaration.type)
         assert value is None or isinstance(value, int)
         if value is not None and (
             (low is not None and value < low) or (high is not None and value > high)
@@ -189,23 +199,27 @@ class _Builder:
 
     # -------------------------------------------------------------------------- modules and rewards
 
-    def _module(self, number: int, copy: Copy, names: Names) -> BoundModule:
+    def _module(self, number: int, instance: ModuleInstance, scope: Scope) -> BoundModule:
         own = tuple(
-            i for name, i in self.index.items() if self.checked.owners[name].module == copy.name
+            i
+            for name, i in self.index.items()
+            if self.checked.declared[name].module == instance.name
         )
         return BoundModule(
-            copy.name, own, tuple(self._command(number, names, c) for c in copy.text.commands)
+            instance.name,
+            own,
+            tuple(self._command(number, scope, c) for c in instance.base_module.commands),
         )
 
-    def _command(self, module: int, names: Names, command: Command) -> BoundCommand:
-        action = None if command.action is None else names.renamed(command.action)
-        updates = tuple(self._update(names, u, command.span) for u in command.updates)
-        return BoundCommand(module, action, names.expand(command.guard), updates, command.span)
+    def _command(self, module: int, scope: Scope, command: Command) -> BoundCommand:
+        action = None if command.action is None else scope.renamed(command.action)
+        updates = tuple(self._update(scope, u, command.span) for u in command.updates)
+        return BoundCommand(module, action, scope.expand(command.guard), updates, command.span)
 
-    def _update(self, names: Names, update: Update, span: Span) -> BoundUpdate:
-        probability = _ONE if update.probability is None else names.expand(update.probability)
+    def _update(self, scope: Scope, update: Update, span: Span) -> BoundUpdate:
+        probability = _ONE if update.probability is None else scope.expand(update.probability)
         assignments = (
-            (self.index[names.renamed(a.variable)], names.expand(a.expression))
+            (self.index[scope.renamed(a.variable)], scope.expand(a.expression))
             for a in update.assignments
         )
         return BoundUpdate(
@@ -213,13 +227,13 @@ class _Builder:
         )
 
     def _rewards(self, structure: RewardStructure) -> BoundRewards:
-        names = self.checked.root
+        scope = self.checked.root
         items = (
             BoundReward(
                 i.action is False,
                 i.action or None,
-                names.expand(i.guard),
-                names.expand(i.value),
+                scope.expand(i.guard),
+                scope.expand(i.value),
                 i.span,
             )
             for i in structure.items

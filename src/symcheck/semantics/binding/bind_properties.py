@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.semantics.binding.bound_conditions import check_conditions
-from symcheck.semantics.binding.names import Given, Names, Table, undefined
-from symcheck.semantics.binding.property_references import PropertyTexts
-from symcheck.semantics.binding.static_checks import check_constants, check_labels, give
-from symcheck.semantics.diagnostics import Report, suggest
-from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
+from symcheck.semantics.binding.property_references import PropertyReferences
+from symcheck.semantics.binding.static_checks import check_constants, check_labels, set_constants
+from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
+from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import Expression, LabelReference, Type
 from symcheck.syntax.declarations import Constant, Formula, Program, PropertiesFile
@@ -100,11 +100,11 @@ class BoundProperties:
 
     def raise_faults(self) -> None:
         """Raise all faults of all properties as one error, except missing constants."""
-        report = Report()
+        report = DiagnosticCollector()
         for p in self.properties:
             if p.fault is not None and not p.missing:
                 report.absorb(p.fault)
-        report.raise_found()
+        report.raise_all()
 
 
 def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str, ...], ...]:
@@ -114,24 +114,24 @@ def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str,
         For each property, all undefined constants of the model, then the undefined constants of
         the properties that it depends on.
     """
-    report = Report()
-    table = Table(report, exact=False)
+    report = DiagnosticCollector()
+    table = SymbolTable(report, exact=False)
     table.add(program.constants, program.formulas)
     table.add(file.constants, file.formulas)
-    texts = PropertyTexts(table, file, {x.name: x.expression for x in program.labels})
+    texts = PropertyReferences(table, file, {x.name: x.expression for x in program.labels})
     return tuple(texts.undefined(p.formula, program.constants) for p in file.properties)
 
 
 class SplitConstants(NamedTuple):
     """Given constants of the model and of the properties, and a warning for each unknown one."""
 
-    of_model: dict[str, Given]
-    of_properties: dict[str, Given]
+    of_model: dict[str, ConstantValue]
+    of_properties: dict[str, ConstantValue]
     warnings: tuple[Diagnostic, ...]
 
 
 def split_constants(
-    program: Program, file: PropertiesFile | None, given: Mapping[str, Given]
+    program: Program, file: PropertiesFile | None, given: Mapping[str, ConstantValue]
 ) -> SplitConstants:
     """Split given constants into those for `bind` and those for `bind_properties`.
 
@@ -159,7 +159,7 @@ def _unknown(name: str, known: Iterable[str]) -> Diagnostic:
 
 
 def bind_properties(
-    file: PropertiesFile, model: BoundModel, constants: Mapping[str, Given] | None = None
+    file: PropertiesFile, model: BoundModel, constants: Mapping[str, ConstantValue] | None = None
 ) -> BoundProperties:
     """Bind properties to a model.
 
@@ -174,7 +174,7 @@ def bind_properties(
     Example:
         >>> bind_properties(parse_properties('P=? [ F "done" ]'), model).properties[0].formula
     """
-    return deeply(lambda: _Properties(file, model, constants or {}).bind())
+    return with_deep_recursion(lambda: _Properties(file, model, constants or {}).bind())
 
 
 def bind_expression(
@@ -197,7 +197,7 @@ def bind_expression(
     Raises:
         NameFault, TypeFault, InputError: all faults of the expression.
     """
-    return deeply(
+    return with_deep_recursion(
         lambda: _bind_expression(expression, model, labels or {}, constants or {}, formulas or {})
     )
 
@@ -209,7 +209,7 @@ def _bind_expression(
     constants: Mapping[str, Value],
     formulas: Mapping[str, Expression],
 ) -> tuple[Expression, Type]:
-    report = Report()
+    report = DiagnosticCollector()
     table = _table(model, report)
     for name, value in constants.items():
         kind = (
@@ -219,25 +219,25 @@ def _bind_expression(
             if isinstance(value, int)
             else Type.DOUBLE
         )
-        table.know(Constant(name, kind, None), value)
+        table.define(Constant(name, kind, None), value)
     table.formulas.update({n: Formula(n, x) for n, x in formulas.items()})
     known = {**model.labels, **labels}
 
     def inline(node: Tree) -> Tree:
         return known.get(node.name, node) if isinstance(node, LabelReference) else node
 
-    names, whole = Names(table), transform(expression, inline)
-    found = names.typer().state(whole)
-    report.raise_found()
+    scope, whole = Scope(table), transform(expression, inline)
+    found = scope.typer().state(whole)
+    report.raise_all()
     assert found is not None
-    return names.expand(whole), found
+    return scope.expand(whole), found
 
 
-def _table(model: BoundModel, report: Report) -> Table:
+def _table(model: BoundModel, report: DiagnosticCollector) -> SymbolTable:
     """The symbols of a model, as properties refer to them."""
-    table = Table(report, model.exact)
+    table = SymbolTable(report, model.exact)
     for constant in model.program.constants:
-        table.know(constant, model.constants[constant.name])
+        table.define(constant, model.constants[constant.name])
     table.formulas.update({f.name: f for f in model.program.formulas})
     table.variables.update({v.name: v.type for v in model.variables})
     return table
@@ -247,24 +247,24 @@ class _Properties:
     """Binds the properties of one file."""
 
     def __init__(
-        self, file: PropertiesFile, model: BoundModel, constants: Mapping[str, Given]
+        self, file: PropertiesFile, model: BoundModel, constants: Mapping[str, ConstantValue]
     ) -> None:
         self.file = file
         self.model = model
-        self.table = _table(model, Report())
+        self.table = _table(model, DiagnosticCollector())
         self.table.add(file.constants, file.formulas)
-        give(
+        set_constants(
             self.table,
             file.constants,
             {n: v for n, v in constants.items() if n not in model.constants},
             "properties file",
         )
-        self.texts = PropertyTexts(self.table, file, model.labels)
-        self.names = Names(self.table)
+        self.texts = PropertyReferences(self.table, file, model.labels)
+        self.scope = Scope(self.table)
 
     def bind(self) -> BoundProperties:
         self._check()
-        self.table.report.raise_found()
+        self.table.report.raise_all()
         constants = dict(self.model.constants) | self._values(self.file.constants)
         labels = dict(self.model.labels) | self._labels()
         properties = tuple(self._property(i, constants) for i in range(len(self.file.properties)))
@@ -275,14 +275,14 @@ class _Properties:
         report = self.table.report
         self.table.check_cycles()
         if "cycle" in report.codes:
-            report.raise_found()
-        check_constants(self.names, self.file.constants)
-        check_labels(self.names, self.file.labels, self.model.labels)
+            report.raise_all()
+        check_constants(self.scope, self.file.constants)
+        check_labels(self.scope, self.file.labels, self.model.labels)
         self.texts.check_names()
-        report.raise_found()
+        report.raise_all()
         self.table.check_repeated()
         for label in self.file.labels:
-            self.names.typer().boolean(self.texts.label(label.expression), f'label "{label.name}"')
+            self.scope.typer().boolean(self.texts.label(label.expression), f'label "{label.name}"')
 
     def _values(self, constants: Iterable[Constant]) -> dict[str, Value]:
         """The values of those constants that have one."""
@@ -299,7 +299,7 @@ class _Properties:
         found: dict[str, Expression] = {}
         for label in self.file.labels:
             try:
-                found[label.name] = self.names.expand(self.texts.label(label.expression))
+                found[label.name] = self.scope.expand(self.texts.label(label.expression))
             except InputError:
                 continue
         return found
@@ -318,8 +318,8 @@ class _Properties:
             if missing:
                 raise NameFault(*(undefined(self.table.constants[n]) for n in missing))
             for label in self.texts.used_labels(whole):
-                self.names.expand(self.texts.label(label))
-            formula = self.names.expand(whole)
+                self.scope.expand(self.texts.label(label))
+            formula = self.scope.expand(whole)
             check_conditions(formula, self.model)
         except InputError as error:
             fault = error
@@ -330,12 +330,12 @@ class _Properties:
 
     def _typed(self, formula: Expression) -> tuple[Expression, Type]:
         """The formula with properties inlined, and its type. Raises NameFault or TypeFault."""
-        self.table.report = Report()
+        self.table.report = DiagnosticCollector()
         # A new scope reports a fault in a formula for every property that uses it.
-        typer = Names(self.table).typer(self._label_type)
+        typer = Scope(self.table).typer(self._label_type)
         whole = self.texts.inlined(formula)
         found = typer.state(whole)
-        self.table.report.raise_found()
+        self.table.report.raise_all()
         assert found is not None
         return whole, found
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 
 from symcheck.errors import InputError
-from symcheck.semantics.diagnostics import Report, suggest
+from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.expressions.types import type_of
@@ -42,7 +42,7 @@ def check_conditions(formula: Expression, model: BoundModel) -> None:
     check = _Conditions(model)
     for node in nodes(formula):
         check.node(node)
-    check.report.raise_found()
+    check.report.raise_all()
 
 
 class _Conditions:
@@ -50,7 +50,7 @@ class _Conditions:
 
     def __init__(self, model: BoundModel) -> None:
         self.model = model
-        self.report = Report()
+        self.report = DiagnosticCollector()
 
     def node(self, node: Tree) -> None:
         match node:

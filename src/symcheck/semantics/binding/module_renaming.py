@@ -6,23 +6,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from symcheck.errors import Span
-from symcheck.semantics.diagnostics import Report, suggest
+from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.syntax.declarations import Module, Program, RenamedModule
 
-__all__ = ["Copy", "copies"]
+__all__ = ["ModuleInstance", "module_instances"]
 
 
 @dataclass(frozen=True, slots=True)
-class Copy:
+class ModuleInstance:
     """A module to be bound: the declaration of its base module, and the renaming of its names."""
 
     name: str
-    text: Module
+    base_module: Module
     renaming: Mapping[str, str] = field(default_factory=dict)
     span: Span = field(kw_only=True)
 
 
-def copies(program: Program, report: Report) -> tuple[Copy, ...]:
+def module_instances(program: Program, report: DiagnosticCollector) -> tuple[ModuleInstance, ...]:
     """All modules of a program, in order; a faulty module is reported and omitted.
 
     A copy of a copy is renamed by the composition of both renamings.
@@ -32,18 +32,20 @@ def copies(program: Program, report: Report) -> tuple[Copy, ...]:
         if module.name in named:
             report.name("duplicate-module", f"there is a module {module.name} already", module.span)
         named.setdefault(module.name, module)
-    found = (_copy(m, named, report) for m in named.values())
+    found = (_instance(m, named, report) for m in named.values())
     return tuple(c for c in found if c is not None)
 
 
-def _copy(
-    module: Module | RenamedModule, named: Mapping[str, Module | RenamedModule], report: Report
-) -> Copy | None:
+def _instance(
+    module: Module | RenamedModule,
+    named: Mapping[str, Module | RenamedModule],
+    report: DiagnosticCollector,
+) -> ModuleInstance | None:
     renaming: dict[str, str] = {}
     base, seen = module, [module.name]
     while isinstance(base, RenamedModule):
         # Compose the renaming of the base with the renamings that are applied after it.
-        step = _step(base, report if base is module else Report())
+        step = _step(base, report if base is module else DiagnosticCollector())
         renaming = {old: renaming.get(new, new) for old, new in step.items()} | {
             o: n for o, n in renaming.items() if o not in step
         }
@@ -65,11 +67,11 @@ def _copy(
             return None
         seen.append(base.base)
         base = named[base.base]
-    copy = Copy(module.name, base, renaming, span=module.span)
-    return copy if _complete(copy, report) else None
+    instance = ModuleInstance(module.name, base, renaming, span=module.span)
+    return instance if _complete(instance, report) else None
 
 
-def _step(module: RenamedModule, report: Report) -> dict[str, str]:
+def _step(module: RenamedModule, report: DiagnosticCollector) -> dict[str, str]:
     step: dict[str, str] = {}
     for old, new in module.renaming:
         if step.setdefault(old, new) != new:
@@ -79,18 +81,21 @@ def _step(module: RenamedModule, report: Report) -> dict[str, str]:
     return step
 
 
-def _complete(copy: Copy, report: Report) -> bool:
+def _complete(instance: ModuleInstance, report: DiagnosticCollector) -> bool:
     missing = (
-        [v.name for v in copy.text.variables if v.name not in copy.renaming]
-        if copy.renaming or copy.name != copy.text.name
+        [v.name for v in instance.base_module.variables if v.name not in instance.renaming]
+        if instance.renaming or instance.name != instance.base_module.name
         else []
     )
     for name in missing:
         message = (
-            f"module {copy.name} is a copy of {copy.text.name} but does not rename its variable "
-            f"{name}"
+            f"module {instance.name} is a copy of {instance.base_module.name} but does not rename "
+            f"its variable {name}"
         )
         report.name(
-            "missing-renaming", message, copy.span, f"add {name}={name}_{copy.name} to the renaming"
+            "missing-renaming",
+            message,
+            instance.span,
+            f"add {name}={name}_{instance.name} to the renaming",
         )
     return not missing

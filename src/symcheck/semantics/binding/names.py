@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 
 from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
-from symcheck.semantics.diagnostics import Report, suggest
+from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import as_expression, convert, format_value
 from symcheck.semantics.expressions.simplify import fold_node
@@ -16,12 +16,20 @@ from symcheck.syntax.ast import Expression, LabelReference, Literal, Name, Type
 from symcheck.syntax.declarations import Constant, Formula
 from symcheck.syntax.traversal import Tree, nodes, transform
 
-__all__ = ["Given", "Names", "Table", "names_in", "read_value", "undefined", "unknown"]
+__all__ = [
+    "ConstantValue",
+    "Scope",
+    "SymbolTable",
+    "names_in",
+    "read_value",
+    "undefined",
+    "unknown",
+]
 
-Given = Value | str
+ConstantValue = Value | str
 
 
-class Table:
+class SymbolTable:
     """Constants, formulas and variables by name; values of constants are computed on demand.
 
     Attributes:
@@ -29,14 +37,14 @@ class Table:
         repeated: values for constants that the text defines; they must agree with the definition.
     """
 
-    def __init__(self, report: Report, exact: bool) -> None:
+    def __init__(self, report: DiagnosticCollector, exact: bool) -> None:
         self.report = report
         self.exact = exact
         self.constants: dict[str, Constant] = {}
         self.formulas: dict[str, Formula] = {}
         self.variables: dict[str, Type] = {}
-        self.given: dict[str, Given] = {}
-        self.repeated: dict[str, Given] = {}
+        self.given: dict[str, ConstantValue] = {}
+        self.repeated: dict[str, ConstantValue] = {}
         self._values: dict[str, Value | InputError] = {}
 
     # -------------------------------------------------------------------------------------- filling
@@ -60,7 +68,7 @@ class Table:
             if self.declare("formula", formula.name, formula.span):
                 self.formulas[formula.name] = formula
 
-    def know(self, constant: Constant, value: Value) -> None:
+    def define(self, constant: Constant, value: Value) -> None:
         """Define a constant with a known value."""
         self.constants[constant.name] = constant
         self._values[constant.name] = value
@@ -98,7 +106,7 @@ class Table:
         ):
             self._visit(used, [*path, name], done)
 
-    def reach(self, expression: Expression) -> set[str]:
+    def constants_used_by(self, expression: Expression) -> set[str]:
         """The constants that an expression depends on, directly or through definitions."""
         found: set[str] = set()
         waiting = [expression]
@@ -173,7 +181,7 @@ class Table:
 
         return transform(expression, replace)
 
-    def _read_given(self, constant: Constant, given: Given) -> Value:
+    def _read_given(self, constant: Constant, given: ConstantValue) -> Value:
         if isinstance(given, str):
             expression = read_value(given, f"value of {constant.name}")
             bare = self._without_variables(expression)
@@ -235,7 +243,7 @@ def undefined(constant: Constant) -> Diagnostic:
     )
 
 
-def unknown(node: Name, table: Table, why: str | None = None) -> Diagnostic:
+def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnostic:
     """The diagnostic about an unknown name, or about a variable that is not allowed (`why`)."""
     if node.name in table.variables:
         return Diagnostic(f"{node.name} is a variable: {why}", node.span, "not-constant")
@@ -247,17 +255,17 @@ def unknown(node: Name, table: Table, why: str | None = None) -> Diagnostic:
     return Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
 
 
-class Names:
+class Scope:
     """The names of a symbol table as one module sees them, through the renaming of the module.
 
     Formulas are expanded before names are renamed, so that a formula refers to the variables of the
     copy. A renaming of the formula itself replaces it by another formula.
     """
 
-    def __init__(self, table: Table, renaming: Mapping[str, str] | None = None) -> None:
+    def __init__(self, table: SymbolTable, renaming: Mapping[str, str] | None = None) -> None:
         self.table = table
         self._renaming = renaming or {}
-        self._plain = Names(table) if renaming else self
+        self._plain = Scope(table) if renaming else self
         self._types: dict[str, Type | None] = {}
         self._formulas: dict[str, Expression] = {}
 

@@ -4,38 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from symcheck.semantics.binding.names import Table
+from symcheck.semantics.binding.names import SymbolTable
 from symcheck.semantics.binding.static_checks import RESERVED_LABELS
 from symcheck.syntax.ast import Expression, LabelReference
 from symcheck.syntax.declarations import Constant, PropertiesFile
 from symcheck.syntax.traversal import Tree, nodes, transform
 
-__all__ = ["PropertyTexts"]
+__all__ = ["PropertyReferences"]
 
 
-class PropertyTexts:
+class PropertyReferences:
     """The properties by name, and the labels of the file and the model.
 
     A label takes precedence over a property of the same name.
     """
 
     def __init__(
-        self, table: Table, file: PropertiesFile, of_model: Mapping[str, Expression]
+        self, table: SymbolTable, file: PropertiesFile, of_model: Mapping[str, Expression]
     ) -> None:
         self._table = table
         self._file = file
-        self._of_model = of_model
+        self._model_labels = of_model
         self._own = {x.name: x.expression for x in file.labels}
         self._properties = {p.name: p.formula for p in file.properties if p.name is not None}
         self._inlined: dict[str, Expression] = {}
 
     def is_label(self, name: str) -> bool:
         """Whether a name refers to a label rather than a property."""
-        return name in RESERVED_LABELS or name in self._own or name in self._of_model
+        return name in RESERVED_LABELS or name in self._own or name in self._model_labels
 
     def known(self) -> tuple[str, ...]:
         """The names of all labels and properties."""
-        return (*RESERVED_LABELS, *self._own, *self._of_model, *self._properties)
+        return (*RESERVED_LABELS, *self._own, *self._model_labels, *self._properties)
 
     def check_names(self) -> None:
         """Report duplicate property names, and labels and properties with circular references."""
@@ -75,7 +75,7 @@ class PropertyTexts:
             return None
         if name in self._own:
             return self._own[name]
-        return None if name in self._of_model else self._properties.get(name)
+        return None if name in self._model_labels else self._properties.get(name)
 
     # ------------------------------------------------------------------------------------ expansion
 
@@ -103,7 +103,7 @@ class PropertyTexts:
                 return node
             if node.name in self._own:
                 return self.label(self._own[node.name])
-            return self._of_model.get(node.name, node)
+            return self._model_labels.get(node.name, node)
 
         return transform(expression, put)
 
@@ -126,7 +126,7 @@ class PropertyTexts:
         used: set[str] = set()
         while waiting:
             text = waiting.pop()
-            used |= self._table.reach(text)
+            used |= self._table.constants_used_by(text)
             for name in _references(text):
                 target = self._target(name)
                 if name not in seen and target is not None:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import assert_never
 
 from symcheck.errors import NO_SPAN, NameFault, Span
-from symcheck.semantics.binding.module_renaming import Copy, copies
-from symcheck.semantics.binding.names import Given, Names, Table, names_in, undefined
+from symcheck.semantics.binding.module_renaming import ModuleInstance, module_instances
+from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, names_in, undefined
 from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.types import article, rounding_hint
 from symcheck.syntax.ast import Type
@@ -34,25 +34,25 @@ from symcheck.syntax.declarations import (
 __all__ = [
     "RESERVED_LABELS",
     "CheckedProgram",
-    "Owner",
-    "assign",
+    "DeclaredVariable",
+    "check_assignable",
     "check_constants",
     "check_labels",
     "check_program",
-    "give",
-    "require",
+    "check_values_given",
+    "set_constants",
 ]
 
 RESERVED_LABELS = frozenset({"init", "deadlock"})
 
 
 @dataclass(frozen=True, slots=True)
-class Owner:
+class DeclaredVariable:
     """A declared variable, its module (None: global), and the scope of its declaration."""
 
     module: str | None
     declaration: VariableDeclaration
-    names: Names
+    scope: Scope
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,55 +61,59 @@ class CheckedProgram:
 
     Attributes:
         root: the scope outside of modules.
-        copies: the modules after renaming.
-        views: the scope of each module.
-        owners: the declared variables, in order.
+        module_instances: the modules after renaming.
+        scopes: the scope of each module.
+        declared: the declared variables, in order.
     """
 
     program: Program
-    table: Table
-    root: Names
-    copies: tuple[Copy, ...]
-    views: tuple[Names, ...]
-    owners: Mapping[str, Owner]
+    table: SymbolTable
+    root: Scope
+    module_instances: tuple[ModuleInstance, ...]
+    scopes: tuple[Scope, ...]
+    declared: Mapping[str, DeclaredVariable]
 
     @property
-    def modules(self) -> Iterator[tuple[Copy, Names]]:
+    def modules(self) -> Iterator[tuple[ModuleInstance, Scope]]:
         """The modules, each with its scope."""
-        return zip(self.copies, self.views, strict=True)
+        return zip(self.module_instances, self.scopes, strict=True)
 
 
-def check_program(program: Program, table: Table) -> CheckedProgram:
+def check_program(program: Program, table: SymbolTable) -> CheckedProgram:
     """Add the declarations of a program to the table, and report its faults to the table's report.
 
     Raises:
         InputError: definitions are circular, so that expressions that use them cannot be checked.
     """
     table.add(program.constants, program.formulas)
-    found = copies(program, table.report)
-    views = tuple(Names(table, c.renaming) for c in found)
-    owners: dict[str, Owner] = {}
-    for name, owner, span in _declared(program, Names(table), found, views):
+    instances = module_instances(program, table.report)
+    scopes = tuple(Scope(table, c.renaming) for c in instances)
+    declared: dict[str, DeclaredVariable] = {}
+    for name, variable, span in _declared(program, Scope(table), instances, scopes):
         if table.declare("variable", name, span):
-            table.variables[name] = owner.declaration.type
-            owners[name] = owner
+            table.variables[name] = variable.declaration.type
+            declared[name] = variable
     table.check_cycles()
     if "cycle" in table.report.codes:
-        table.report.raise_found()
-    checked = CheckedProgram(program, table, Names(table), found, views, owners)
+        table.report.raise_all()
+    checked = CheckedProgram(program, table, Scope(table), instances, scopes, declared)
     _check(checked)
     return checked
 
 
 def _declared(
-    program: Program, root: Names, found: Iterable[Copy], views: Iterable[Names]
-) -> Iterator[tuple[str, Owner, Span]]:
+    program: Program, root: Scope, instances: Iterable[ModuleInstance], scopes: Iterable[Scope]
+) -> Iterator[tuple[str, DeclaredVariable, Span]]:
     for declaration in program.globals:
-        yield declaration.name, Owner(None, declaration, root), declaration.span
-    for copy, names in zip(found, views, strict=True):
-        for declaration in copy.text.variables:
-            span = copy.span if copy.renaming else declaration.span
-            yield names.renamed(declaration.name), Owner(copy.name, declaration, names), span
+        yield declaration.name, DeclaredVariable(None, declaration, root), declaration.span
+    for instance, scope in zip(instances, scopes, strict=True):
+        for declaration in instance.base_module.variables:
+            span = instance.span if instance.renaming else declaration.span
+            yield (
+                scope.renamed(declaration.name),
+                DeclaredVariable(instance.name, declaration, scope),
+                span,
+            )
 
 
 def _check(checked: CheckedProgram) -> None:
@@ -121,11 +125,11 @@ def _check(checked: CheckedProgram) -> None:
         # The type of an unused formula is not checked.
         for node in names_in(formula.expression):
             checked.root.type(node)
-    for owner in checked.owners.values():
-        _check_variable(checked, owner)
-    for copy, names in checked.modules:
-        for command in copy.text.commands:
-            _check_command(checked, copy, names, command)
+    for variable in checked.declared.values():
+        _check_variable(checked, variable)
+    for instance, scope in checked.modules:
+        for command in instance.base_module.commands:
+            _check_command(checked, instance, scope, command)
     check_labels(checked.root, program.labels)
     for label in program.labels:
         typer.boolean(label.expression, f'label "{label.name}"')
@@ -138,8 +142,11 @@ def _check(checked: CheckedProgram) -> None:
 # ----------------------------------------------------------------------------- constants and labels
 
 
-def give(
-    table: Table, declared: Iterable[Constant], given: Mapping[str, Given], where: str = "model"
+def set_constants(
+    table: SymbolTable,
+    declared: Iterable[Constant],
+    given: Mapping[str, ConstantValue],
+    where: str = "model",
 ) -> None:
     """Add given values of constants to the table; report unknown constants."""
     known = {c.name: c for c in declared}
@@ -157,49 +164,51 @@ def give(
         store[name] = value.item() if hasattr(value, "item") else value  # numpy's scalars
 
 
-def check_constants(names: Names, constants: Iterable[Constant]) -> None:
+def check_constants(scope: Scope, constants: Iterable[Constant]) -> None:
     """Check the types of constant definitions."""
     for constant in constants:
         if constant.value is not None:
-            found = names.constant_typer().state(constant.value)
-            assign(
-                names.table, f"constant {constant.name}", constant.type, found, constant.value.span
+            actual = scope.constant_typer().state(constant.value)
+            check_assignable(
+                scope.table, f"constant {constant.name}", constant.type, actual, constant.value.span
             )
 
 
-def require(table: Table, constants: Iterable[Constant]) -> None:
+def check_values_given(table: SymbolTable, constants: Iterable[Constant]) -> None:
     """Report the constants that have no value."""
     for constant in constants:
         if constant.value is None and constant.name not in table.given:
             table.report.absorb(NameFault(undefined(constant)))
 
 
-def assign(table: Table, what: str, wanted: Type, found: Type | None, span: Span) -> None:
-    """Check that a value of type `found` can be assigned to type `wanted`.
+def check_assignable(
+    table: SymbolTable, what: str, expected: Type, actual: Type | None, span: Span
+) -> None:
+    """Check that a value of type `actual` can be assigned to type `expected`.
 
     The only implicit conversion is from int to double.
     """
-    if found is None or found is wanted or (found is Type.INT and wanted is Type.DOUBLE):
+    if actual is None or actual is expected or (actual is Type.INT and expected is Type.DOUBLE):
         return
     table.report.type(
-        f"{what} is of type {wanted.value}: its value cannot be {article(found)}",
+        f"{what} is of type {expected.value}: its value cannot be {article(actual)}",
         span,
-        rounding_hint(found, (wanted,)),
+        rounding_hint(actual, (expected,)),
     )
 
 
-def check_labels(names: Names, labels: Iterable[Label], taken: Iterable[str] = ()) -> None:
+def check_labels(scope: Scope, labels: Iterable[Label], taken: Iterable[str] = ()) -> None:
     """Check that label names are unique and not reserved."""
     seen = set(taken)
     for label in labels:
         if label.name in RESERVED_LABELS:
-            names.table.report.name(
+            scope.table.report.name(
                 "reserved-label",
                 f'label "{label.name}" is predefined and cannot be redefined',
                 label.span,
             )
         elif label.name in seen:
-            names.table.report.name(
+            scope.table.report.name(
                 "duplicate-label", f'there is a label "{label.name}" already', label.span
             )
         seen.add(label.name)
@@ -208,15 +217,15 @@ def check_labels(names: Names, labels: Iterable[Label], taken: Iterable[str] = (
 # ------------------------------------------------------------------------------------------ modules
 
 
-def _check_variable(checked: CheckedProgram, owner: Owner) -> None:
-    declaration, table = owner.declaration, checked.table
-    typer = owner.names.constant_typer()
+def _check_variable(checked: CheckedProgram, variable: DeclaredVariable) -> None:
+    declaration, table = variable.declaration, checked.table
+    typer = variable.scope.constant_typer()
     for bound in (declaration.low, declaration.high):
         if bound is not None:
             typer.integer(bound, f"a bound of {declaration.name}")
     if declaration.initial is None:
         return
-    assign(
+    check_assignable(
         table,
         f"variable {declaration.name}",
         declaration.type,
@@ -230,15 +239,17 @@ def _check_variable(checked: CheckedProgram, owner: Owner) -> None:
         table.report.input("init-twice", message, declaration.span, "omit one of them")
 
 
-def _check_command(checked: CheckedProgram, copy: Copy, names: Names, command: Command) -> None:
-    typer = names.typer()
+def _check_command(
+    checked: CheckedProgram, instance: ModuleInstance, scope: Scope, command: Command
+) -> None:
+    typer = scope.typer()
     typer.boolean(command.guard, "the guard")
     for update in command.updates:
         if update.probability is not None:
             typer.numeric(update.probability, "a probability or rate")
         written: set[str] = set()
         for assignment in update.assignments:
-            _check_assignment(checked, copy, names, command, assignment)
+            _check_assignment(checked, instance, scope, command, assignment)
             if assignment.variable in written:
                 checked.table.report.name(
                     "assigned-twice",
@@ -249,11 +260,15 @@ def _check_command(checked: CheckedProgram, copy: Copy, names: Names, command: C
 
 
 def _check_assignment(
-    checked: CheckedProgram, copy: Copy, names: Names, command: Command, assignment: Assignment
+    checked: CheckedProgram,
+    instance: ModuleInstance,
+    scope: Scope,
+    command: Command,
+    assignment: Assignment,
 ) -> None:
-    name, report = names.renamed(assignment.variable), checked.table.report
-    found = names.typer().state(assignment.expression)
-    if name not in checked.owners:
+    name, report = scope.renamed(assignment.variable), checked.table.report
+    actual = scope.typer().state(assignment.expression)
+    if name not in checked.declared:
         kind = (
             "a constant"
             if name in checked.table.constants
@@ -266,14 +281,18 @@ def _check_assignment(
             "unknown-variable",
             message,
             assignment.span,
-            None if kind else suggest(name, checked.owners),
+            None if kind else suggest(name, checked.declared),
         )
         return
-    owner = checked.owners[name]
-    assign(
-        checked.table, f"variable {name}", owner.declaration.type, found, assignment.expression.span
+    variable = checked.declared[name]
+    check_assignable(
+        checked.table,
+        f"variable {name}",
+        variable.declaration.type,
+        actual,
+        assignment.expression.span,
     )
-    if owner.module is None and command.action is not None:
+    if variable.module is None and command.action is not None:
         message = (
             f"a command with an action cannot write the global variable {name}, because several "
             "commands may synchronise and write it at once"
@@ -286,14 +305,16 @@ def _check_assignment(
         )
     # A duplicate name is reported elsewhere, so a local declaration counts even if another module
     # declared the name first.
-    local = {names.renamed(v.name) for v in copy.text.variables}
-    if owner.module not in (None, copy.name) and name not in local:
-        message = f"module {copy.name} cannot write {name}, a variable of module {owner.module}"
+    local = {scope.renamed(v.name) for v in instance.base_module.variables}
+    if variable.module not in (None, instance.name) and name not in local:
+        message = (
+            f"module {instance.name} cannot write {name}, a variable of module {variable.module}"
+        )
         report.name(
             "foreign-write",
             message,
             assignment.span,
-            f"write it in {owner.module}, in a command with the same action",
+            f"write it in {variable.module}, in a command with the same action",
         )
 
 
@@ -302,19 +323,19 @@ def _check_assignment(
 
 def _actions(checked: CheckedProgram) -> dict[str, None]:
     """The actions of all modules, and the new actions of renamings in `system … endsystem`."""
-    own = {
-        names.renamed(c.action): None
-        for copy, names in checked.modules
-        for c in copy.text.commands
+    actions_of_commands = {
+        scope.renamed(c.action): None
+        for instance, scope in checked.modules
+        for c in instance.base_module.commands
         if c.action is not None
     }
-    made = (
+    actions_of_renamings = (
         b
         for part in _parts(checked.program.system)
         if isinstance(part, Renaming)
         for _, b in part.pairs
     )
-    return own | dict.fromkeys(made)
+    return actions_of_commands | dict.fromkeys(actions_of_renamings)
 
 
 def _check_rewards(checked: CheckedProgram) -> None:

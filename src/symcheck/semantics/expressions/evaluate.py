@@ -27,7 +27,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from symcheck.errors import Diagnostic, InputError, ModelFault, NameFault, UnsupportedError
-from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import convert, format_value, to_float
 from symcheck.semantics.expressions.types import type_from_values
 from symcheck.semantics.model import Value
@@ -74,7 +74,7 @@ def evaluate(
         ModelFault: the expression has no value (see the module's docstring).
         NameFault: a name has no value.
     """
-    return deeply(lambda: _evaluate(expression, valuation, exact))
+    return with_deep_recursion(lambda: _evaluate(expression, valuation, exact))
 
 
 def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: bool) -> Value:

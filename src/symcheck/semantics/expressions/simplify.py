@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 
 from symcheck.errors import InputError, UnsupportedError
-from symcheck.semantics.diagnostics import Report
-from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.diagnostics import DiagnosticCollector
+from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.expressions.types import Typer
@@ -30,7 +30,9 @@ def fold(
     Args:
         types: types of names; they allow more simplification of `?:` with a constant condition.
     """
-    return deeply(lambda: transform(expression, lambda node: fold_node(node, exact, types or {})))
+    return with_deep_recursion(
+        lambda: transform(expression, lambda node: fold_node(node, exact, types or {}))
+    )
 
 
 def fold_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
@@ -99,6 +101,6 @@ def _same_type(chosen: Expression, other: Expression, types: Mapping[str, Type])
     def name(node: Name) -> Type | None:
         return types.get(node.name)
 
-    typer = Typer(Report(), name, None)
+    typer = Typer(DiagnosticCollector(), name, None)
     a, b = typer.state(chosen), typer.state(other)
     return a is not None and (a is Type.DOUBLE or a is Type.BOOL or a is b)

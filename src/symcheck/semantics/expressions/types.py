@@ -7,8 +7,8 @@ from fractions import Fraction
 from typing import assert_never
 
 from symcheck.errors import Span
-from symcheck.semantics.diagnostics import Report
-from symcheck.semantics.expressions.deep_recursion import deeply
+from symcheck.semantics.diagnostics import DiagnosticCollector
+from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import (
     AnyMeasure,
@@ -76,7 +76,7 @@ def type_of(
     Raises:
         TypeFault, NameFault: all faults of the expression.
     """
-    report = Report()
+    report = DiagnosticCollector()
 
     def name(node: Name) -> Type | None:
         if node.name not in lookup:
@@ -88,10 +88,12 @@ def type_of(
             report.name("unknown-label", f'unknown label "{node.name}"', node.span)
         return (labels or {}).get(node.name)
 
-    found = deeply(lambda: Typer(report, name, None if labels is None else label).state(expression))
-    report.raise_found()
-    assert found is not None
-    return found
+    actual = with_deep_recursion(
+        lambda: Typer(report, name, None if labels is None else label).state(expression)
+    )
+    report.raise_all()
+    assert actual is not None
+    return actual
 
 
 def type_from_values(expression: Expression, valuation: Mapping[str, Value]) -> Type:
@@ -107,9 +109,9 @@ def type_from_values(expression: Expression, valuation: Mapping[str, Value]) -> 
             else Type.INT
         )
 
-    found = Typer(Report(), name, None).state(expression)
-    assert found is not None, "not a well-typed expression"
-    return found
+    actual = Typer(DiagnosticCollector(), name, None).state(expression)
+    assert actual is not None, "not a well-typed expression"
+    return actual
 
 
 class Typer:
@@ -124,7 +126,7 @@ class Typer:
 
     def __init__(
         self,
-        report: Report,
+        report: DiagnosticCollector,
         name: Callable[[Name], Type | None],
         label: Callable[[LabelReference], Type | None] | None,
     ) -> None:
@@ -156,13 +158,13 @@ class Typer:
         )
 
     def _expect(
-        self, found: Type | None, wanted: tuple[Type, ...], span: Span, message: str
+        self, actual: Type | None, expected: tuple[Type, ...], span: Span, message: str
     ) -> bool:
-        if found is not None and found not in wanted:
+        if actual is not None and actual not in expected:
             self._report.type(
-                f"{message}, not {article(found)}", span, rounding_hint(found, wanted)
+                f"{message}, not {article(actual)}", span, rounding_hint(actual, expected)
             )
-        return found in wanted
+        return actual in expected
 
     # ---------------------------------------------------------------------------- state expressions
 
@@ -177,11 +179,11 @@ class Typer:
                 self.boolean(operand, "the operand of !")
                 return Type.BOOL
             case Unary(_, operand):
-                found = self.state(operand)
+                actual = self.state(operand)
                 return (
-                    found
+                    actual
                     if self._expect(
-                        found,
+                        actual,
                         (Type.INT, Type.DOUBLE),
                         operand.span,
                         "the operand of - must be a number",
@@ -254,16 +256,16 @@ class Typer:
                 assert_never(operator.signature)
 
     def _arithmetic(self, operator: str, operands: tuple[Expression, ...]) -> Type | None:
-        found = [self.state(o) for o in operands]
-        fine = [
+        actual = [self.state(o) for o in operands]
+        are_numeric = [
             self._expect(
                 t, (Type.INT, Type.DOUBLE), o.span, f"an operand of {operator} must be a number"
             )
-            for t, o in zip(found, operands, strict=True)
+            for t, o in zip(actual, operands, strict=True)
         ]
-        if Type.DOUBLE in found:
+        if Type.DOUBLE in actual:
             return Type.DOUBLE
-        return Type.INT if all(fine) else None
+        return Type.INT if all(are_numeric) else None
 
     def _common(self, span: Span, left: Type | None, right: Type | None) -> Type | None:
         """The common type of two expressions that are compared or are branches of `?:`."""
@@ -328,8 +330,10 @@ class Typer:
                 self.boolean(states, "the states of a filter")
                 return self.state(formula)
             case MultiObjective(objectives):
-                found = [self.state(o) for o in objectives]
-                return None if None in found else Type.DOUBLE if Type.DOUBLE in found else Type.BOOL
+                actual = [self.state(o) for o in objectives]
+                return (
+                    None if None in actual else Type.DOUBLE if Type.DOUBLE in actual else Type.BOOL
+                )
             case _:
                 assert_never(node)
 
@@ -340,24 +344,24 @@ class Typer:
         return Type.BOOL
 
     def _filter(self, node: Filter) -> Type | None:
-        found = self.state(node.formula)
+        actual = self.state(node.formula)
         if node.states is not None:
             self.boolean(node.states, "the states of a filter")
         if node.operator in NUMERIC_FILTERS:
             self._expect(
-                found,
+                actual,
                 (Type.INT, Type.DOUBLE),
                 node.formula.span,
                 f"the formula of filter({node.operator}, …) must be a number",
             )
         elif node.operator in _BOOLEAN_FILTERS:
             self._expect(
-                found,
+                actual,
                 (Type.BOOL,),
                 node.formula.span,
                 f"the formula of filter({node.operator}, …) must be a bool",
             )
-        return _FILTER_TYPES.get(node.operator, found)
+        return _FILTER_TYPES.get(node.operator, actual)
 
     # ---------------------------------------------------------------------------------------- paths
 
@@ -426,8 +430,8 @@ def article(kind: Type) -> str:
     return f"an {kind.value}" if kind is Type.INT else f"a {kind.value}"
 
 
-def rounding_hint(found: Type, wanted: tuple[Type, ...]) -> str | None:
-    """The hint how to convert type `found` to one of `wanted`; None if there is no conversion."""
-    if found is Type.DOUBLE and Type.INT in wanted:
+def rounding_hint(actual: Type, expected: tuple[Type, ...]) -> str | None:
+    """The hint how to convert type `actual` to `expected`; None if there is no conversion."""
+    if actual is Type.DOUBLE and Type.INT in expected:
         return "floor(…), ceil(…) or round(…) converts a double to an int (/ always gives a double)"
     return None
