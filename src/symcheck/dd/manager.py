@@ -121,7 +121,8 @@ class DiagramManager:
 
     def __repr__(self) -> str:
         s = self.statistics()
-        return f"<DiagramManager: {s.variables} variables, {s.live_nodes:,} live nodes, {s.memory / 2**20:,.0f} MiB>"
+        memory = f"{s.memory / 2**20:,.0f} MiB"
+        return f"<DiagramManager: {s.variables} variables, {s.live_nodes:,} live nodes, {memory}>"
 
     # Variables
 

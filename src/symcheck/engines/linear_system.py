@@ -56,7 +56,7 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
     """Raise UnsupportedError for least rewards where some reward of a step is infinite."""
     if direction is Direction.MIN:
         raise UnsupportedError(
-            "least expected rewards where some reward of a single step is infinite are not supported"
+            "least expected rewards with an infinite reward in a single step are not supported"
         )
 
 

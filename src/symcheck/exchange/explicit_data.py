@@ -45,8 +45,8 @@ _TRUE = Literal(True, Type.BOOL)
 class ExplicitRewards(NamedTuple):
     """A reward structure.
 
-    states: a reward per state. rows: per row, the weighted sum of its transition rewards. entries: a
-    reward per transition, or None if the transitions of each row share one.
+    states: a reward per state. rows: per row, the weighted sum of its transition rewards. entries:
+    a reward per transition, or None if the transitions of each row share one.
     """
 
     name: str | None
@@ -128,8 +128,8 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
     def rational(self) -> ImportedEngine:
         """The same model in rational arithmetic.
 
-        A double becomes the fraction with a denominator of at most 10**6 that rounds to it, if there
-        is one. So 1/3 is 1/3 again after it was written as a decimal.
+        A double becomes the fraction with a denominator of at most 10**6 that rounds to it, if
+        there is one. So 1/3 is 1/3 again after it was written as a decimal.
 
         Raises:
             UnsupportedError: the probabilities then do not sum to 1.
@@ -203,7 +203,7 @@ def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> Impor
 
 
 def imported_program(given: ExplicitData) -> Program:
-    """The declarations of a model that was read: variables, labels and reward structures, but no commands."""
+    """The declarations of a model that was read: variables, labels, rewards, but no commands."""
     declared = []
     for name, kind, column in given.columns:
         low, high = (Literal(int(x), Type.INT) for x in (column.min(), column.max()))

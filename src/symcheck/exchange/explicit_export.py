@@ -143,7 +143,7 @@ class ExplicitExport:
         return self.transition_rewards(structure)[self.row_of_entry]
 
     def transition_rewards(self, structure: Rewards) -> NDArray[Any]:
-        """Per row, the one reward for all its transitions that gives the expected reward of the row."""
+        """Per row, the one reward for all its transitions that has the row's expected reward."""
         if self.type is not ModelType.CTMC:
             return structure.rows
         return np.asarray(
@@ -210,7 +210,7 @@ def _entry_rewards(engine: Engine, structure: int) -> NDArray[Any] | None:
 
 
 def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None:
-    """A function that computes transition rewards of a chain from its commands; None if not needed."""
+    """A function that computes transition rewards of a chain from commands; None if not needed."""
     model = engine.model
     if (
         model.type is ModelType.MDP

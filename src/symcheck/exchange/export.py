@@ -1,4 +1,4 @@
-"""Exports of a model: parse `-exportmodel FILES[:options]` and the single switches, write the files."""
+"""Exports of a model: parse `-exportmodel FILES[:options]` and single switches, write the files."""
 
 from __future__ import annotations
 

@@ -78,10 +78,10 @@ def strategy_target(argument: str) -> StrategyTarget:
 def strategy_texts(strategy: Strategy, target: StrategyTarget) -> Iterator[str]:
     """The lines of the file of a strategy.
 
-    By kind: 'actions' has `(values):action` per state. 'indices' has `state:choice`, with the number
-    of the choice within the state. 'induced' has the induced chain: `states transitions`, then
-    `source target probability [action]` (as an MDP: `states choices transitions`, then
-    `source 0 target probability [action]`). 'dot' has the induced chain as a graph.
+    By kind: 'actions' has `(values):action` per state. 'indices' has `state:choice`, with the
+    number of the choice within the state. 'induced' has the induced chain: `states transitions`,
+    then `source target probability [action]` (as an MDP: `states choices transitions`, then `source
+    0 target probability [action]`). 'dot' has the induced chain as a graph.
     """
     shown = strategy.reachable if target.reach else np.ones(strategy.engine.states, dtype=np.bool_)
     match target.kind:
@@ -143,7 +143,8 @@ def _dot(strategy: Strategy, shown: Bools, target: StrategyTarget) -> Iterator[s
             values = f"\\n{format_state(state)}" if target.states else ""
             yield f'{s} [label="{s}{values}"];\n'
             if target.restrict:
-                yield f'{s} -> n{s} [label="{actions[s]}",arrowhead="none"];\nn{s} [shape=point,label=""];\n'
+                yield f'{s} -> n{s} [label="{actions[s]}",arrowhead="none"];\n'
+                yield f'n{s} [shape=point,label=""];\n'
     for s, t, p in _entries(strategy, shown):
         label = f"{p:.6g}" + (f" : {actions[s]}" if actions[s] and not target.restrict else "")
         yield f'{"n" * target.restrict}{s} -> {t} [label="{label}"];\n'

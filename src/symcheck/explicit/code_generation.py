@@ -155,7 +155,7 @@ class CodeGenerator:
                 return self._emit(ARITHMETIC[operator], [left, right])
 
     def _emit(self, ops: Pair, operands: Sequence[Value]) -> Value:
-        """An operation on ints, or on doubles if an operand is one; several operands are combined from the left."""
+        """An operation on ints, or on doubles if an operand is one, from the left."""
         if any(kind is Type.DOUBLE for _, kind in operands):
             return self._emit_real(ops[1], operands)
         return reduce(partial(self.assembler.emit, ops[0]), [r for r, _ in operands]), Type.INT

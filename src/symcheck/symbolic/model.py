@@ -130,7 +130,8 @@ class Relation(TransitionPart):
     touched: tuple[int, ...]
 
     def __repr__(self) -> str:
-        return f"Relation({len(self.events)} events, {self.relation.node_count} nodes, touches {len(self.touched)} variables)"
+        size = f"{len(self.events)} events, {self.relation.node_count} nodes"
+        return f"Relation({size}, touches {len(self.touched)} variables)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +166,8 @@ class SymbolicModel:
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{e.event.action or '[]'}</td><td>{' × '.join(str(len(p)) for p in e.participants)}</td>"
+            f"<tr><td>{e.event.action or '[]'}</td>"
+            f"<td>{' × '.join(str(len(p)) for p in e.participants)}</td>"
             f"<td>{e.guard.node_count}</td><td>{e.relation.node_count}</td>"
             f"<td>{', '.join(self.encoding.variables[i].name for i in e.touched)}</td></tr>"
             for e in self.events[:50]

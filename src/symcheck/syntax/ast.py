@@ -156,9 +156,10 @@ class Bound(Node):
 
 @dataclass(frozen=True, slots=True)
 class StateOperator(Node):
-    """Base of the operators whose value at a state depends on the paths from it, or on other states.
+    """An operator whose value at a state depends on the paths from it, or on other states.
 
-    What others ask of an operator, apart from the formulas within it; the defaults are right for any operator.
+    The defaults of the attributes are safe for any operator.
+
     counts_steps: whether it may tell one step from two.
     reads_rewards: whether it may read the rewards of the model.
     """
@@ -169,7 +170,7 @@ class StateOperator(Node):
 
 @dataclass(frozen=True, slots=True)
 class Measure(StateOperator):
-    """Base of the operators that measure something: a value with a direction (of an MDP), or a bound on it.
+    """An operator that computes a value, or compares it with a bound; in an MDP with a direction.
 
     letter: how the operator is written. is_probability: whether its values are from 0 to 1.
     bound None: a query, `=?`.

@@ -1,8 +1,8 @@
 """The operators and functions of expressions: one table of what the other rooms ask of them.
 
-A logical operator is defined by its truth table, from which evaluators, diagrams, sets of states and formulas of linear
-time get their meaning. The meanings of the other operators and of the functions stand in tables of their rooms, one
-entry for each member (`tests/syntax/test_operators.py` names what is missing).
+The truth table of a logical operator defines it for evaluators, diagrams, sets of states and LTL.
+The other operators and the functions have one entry each in the tables of the evaluators;
+`tests/syntax/test_operators.py` names missing entries.
 """
 
 from __future__ import annotations
@@ -127,14 +127,17 @@ class Operator(StrEnum):
         return _MIRRORED.get(self, self)
 
     def decided(self, left: bool) -> bool | None:
-        """The value of a logical operator where the left operand alone decides it; None where it does not."""
+        """The value of a logical operator if the left operand alone decides it; else None."""
         assert self.truth is not None
         one, other = self.truth[2:] if left else self.truth[:2]
         return one if one is other else None
 
     @property
     def distinguished(self) -> tuple[bool, bool, bool] | None:
-        """The only operands for which a logical operator has a value, and that value: `&` is true for (true, true) only."""
+        """The operands and the value that occur once in the truth table.
+
+        For example, `&` is true for (true, true) only.
+        """
         if self.truth is None or sum(self.truth) not in (1, 3):
             return None
         value = sum(self.truth) == 1
@@ -195,7 +198,7 @@ def connect(
     disjunction: Callable[[T, T], T] = python.or_,
     negation: Callable[[Any], Any] = python.invert,
 ) -> T:
-    """A logical operator on values of a boolean algebra: sets of states, diagrams, arrays of bools, formulas."""
+    """A logical operator on a boolean algebra: sets of states, diagrams, bool arrays, formulas."""
     when, unless = operator.decided(True), operator.decided(False)
     assert when is None or unless is None, "an operator that does not depend on its right operand"
     if when is True:
@@ -213,5 +216,5 @@ def connect(
 
 
 def _restricted(operator: Operator, left: bool, right: T, negation: Callable[[T], T]) -> T:
-    """The operator for a value of the left operand that does not decide it: the right operand or its negation."""
+    """The operator for an undecided left operand: the right operand or its negation."""
     return right if operator.apply(left, True) else negation(right)

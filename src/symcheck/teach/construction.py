@@ -63,7 +63,8 @@ def construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
                 )
             if len(commands) > 1:
                 matrix = participant_matrix(symbolic, commands, touched_by(commands), space.states)
-                title = f"[{name}] module {_module(symbolic, commands[0])}: sum of {len(commands)} commands"
+                module = _module(symbolic, commands[0])
+                title = f"[{name}] module {module}: sum of {len(commands)} commands"
                 yield BuildFrame("module", title, matrix, symbolic.encoding)
         yield _event(space, event, name)
     made = transitions(space, options)

@@ -132,7 +132,7 @@ class _Graph:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """The levels of a variable: per level the exponent of its bit, and whether it is a column bit."""
+    """The levels of a variable: the exponent of each bit, and whether it is a column bit."""
 
     variable: EncodedVariable
     levels: dict[int, tuple[int, bool]]
@@ -150,7 +150,7 @@ class _Block:
 
 
 def _blocks(graph: _Graph, encoding: Encoding) -> list[_Block] | None:
-    """The variables in the diagram from the top down; None if they cannot be drawn as one node each."""
+    """The variables of the diagram from the top down; None if they must be drawn bit by bit."""
     at = {name: level for level, name in enumerate(graph.names)}
     used = set(graph.level[len(graph.values) :].tolist())
     blocks: list[_Block] = []

@@ -170,7 +170,7 @@ class Picture:
 
 
 def _padded(label: str) -> str:
-    """The label with a space on both sides, so that it touches neither its edge nor another label."""
+    """The label with a space on both sides, so that it does not touch its edge."""
     return "\n".join(f" {line} " for line in label.split("\n"))
 
 

@@ -44,8 +44,9 @@ def state_graph(
     spread = 1 if model.matrix.groups is None else 2
     initial = set(model.initial.tolist())
     nodes = [
-        Node(f"s{s}", _state_text(model, s), spread * distance[s], _kind(s, initial, marked)) for s in range(n)
-    ]  # fmt: skip
+        Node(f"s{s}", _state_text(model, s), spread * distance[s], _kind(s, initial, marked))
+        for s in range(n)
+    ]
     edges = _edges(model) if model.matrix.groups is None else _choices(model, distance, nodes)
     layers = spread * max(distance, default=0) + spread
     return Picture(title, tuple(nodes), tuple(edges), ("",) * layers)
@@ -102,7 +103,7 @@ def _edges(model: ExplicitModel) -> list[Edge]:
 
 
 def _choices(model: ExplicitModel, distance: list[int], nodes: list[Node]) -> list[Edge]:
-    """The edges of an MDP. A choice with several successors adds a point below its state to `nodes`."""
+    """The edges of an MDP. A choice with several successors adds a point to `nodes`."""
     edges: list[Edge] = []
     for s in range(len(model.states)):
         for number, row in enumerate(_rows(model, s)):

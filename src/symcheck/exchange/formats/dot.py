@@ -30,10 +30,11 @@ def dot_file(
     for start in range(0, model.n, 4096):
         stop = min(start + 4096, model.n)
         names = described(start, stop) if described else []
-        yield from lines(
-            '%d [label="%s"];', stop - start, np.arange(start, stop),
-            [f"{start + i}\\n{text}" for i, text in enumerate(names)] if described else [str(s) for s in range(start, stop)],
-        )  # fmt: skip
+        states_here = np.arange(start, stop)
+        labels = [str(s) for s in range(start, stop)]
+        if described:
+            labels = [f"{s}\\n{text}" for s, text in zip(labels, names, strict=True)]
+        yield from lines('%d [label="%s"];', stop - start, states_here, labels)
     if m.groups is None:
         yield from lines(
             '%d -> %d [label="%s"];',
@@ -64,6 +65,9 @@ def _choices(model: ExplicitExport, precision: int) -> Iterator[str]:
     yield from lines('%s [shape=point,width=0.1,height=0.1,label=""];', m.rows, points)
     of = model.row_of_entry
     yield from lines(
-        '%s -> %d [label="%s"];', m.entries,
-        lambda a, b: [points[r] for r in of[a:b]], m.indices, lambda a, b: number_texts(model.values[a:b], precision),
-    )  # fmt: skip
+        '%s -> %d [label="%s"];',
+        m.entries,
+        lambda a, b: [points[r] for r in of[a:b]],
+        m.indices,
+        lambda a, b: number_texts(model.values[a:b], precision),
+    )

@@ -61,7 +61,8 @@ def model_files(argument: str) -> ModelFiles:
     kinds = listed.split(",")
     if not dot or any(k not in (*_KINDS, "rew", "all") for k in kinds):
         raise UsageError(
-            f"-importmodel: '{argument}' does not end in .all, .umb, or some of .{',.'.join(_KINDS)}"
+            f"-importmodel: '{argument}' does not end in .all, .umb, "
+            f"or some of .{',.'.join(_KINDS)}"
         )
     everything = "all" in kinds
     asked = {*kinds, *(("srew", "trew") if "rew" in kinds else ())}
@@ -77,7 +78,8 @@ def model_files(argument: str) -> ModelFiles:
         rewards += takewhile(lambda pair: pair is not None, following)  # type: ignore[arg-type]
     if not rewards and not everything and any(wanted):
         raise UsageError(
-            f"-importmodel: there is no reward file '{base}.srew', '{base}1.srew', or the same with .trew"
+            f"-importmodel: there is no reward file '{base}.srew', '{base}1.srew', "
+            "or the same with .trew"
         )
     return ModelFiles(Path(f"{base}.tra"), one("sta"), one("lab"), tuple(rewards))
 
@@ -138,7 +140,7 @@ def read_model(
     )
 
 
-# ------------------------------------------------------------------------------------------------------------ transitions
+# ------------------------------------------------------------------------------------- transitions
 
 
 def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _Transitions:
@@ -300,7 +302,7 @@ def _entry_rewards(file: Columns) -> ModelType | None:
     return None
 
 
-# ----------------------------------------------------------------------------------------------------- states and labels
+# ------------------------------------------------------------------------------- states and labels
 
 
 def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
@@ -418,7 +420,7 @@ def _is_number(text: str) -> bool:
     return text.isdigit()
 
 
-# ---------------------------------------------------------------------------------------------------------------- rewards
+# ----------------------------------------------------------------------------------------- rewards
 
 
 def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) -> ExplicitRewards:

@@ -1,4 +1,7 @@
-"""Read the unified Markov binary format (https://github.com/pmc-tools/umb) by the package `umbi`."""
+"""Read the unified Markov binary format by the package `umbi`.
+
+Source: https://github.com/pmc-tools/umb
+"""
 
 from __future__ import annotations
 
@@ -62,7 +65,8 @@ def _type(raw: Any) -> ModelType:
             return ModelType.CTMC
         case time, players:
             raise UnsupportedError(
-                f"UMB models with {time} time and {players} players are not read: a DTMC, CTMC or MDP is"
+                f"UMB models with {time} time and {players} players are not supported; "
+                "DTMCs, CTMCs and MDPs are"
             )
 
 

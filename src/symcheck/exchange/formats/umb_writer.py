@@ -1,4 +1,7 @@
-"""Write the unified Markov binary format (https://github.com/pmc-tools/umb) by the package `umbi`."""
+"""Write the unified Markov binary format by the package `umbi`.
+
+Source: https://github.com/pmc-tools/umb
+"""
 
 from __future__ import annotations
 
@@ -94,7 +97,7 @@ def _numbers(values: NDArray[Any]) -> tuple[Any, list[Any]]:
 
 
 def _annotate(model: ExplicitExport, made: Any) -> None:
-    """Add labels and rewards. Transition rewards belong to choices, or to branches if these differ."""
+    """Add labels and rewards. Transition rewards belong to choices, or to branches if needed."""
     from umbi.binary import SizedType
     from umbi.datatypes import PrimitiveType
     from umbi.umb.index import AnnotationDescription

@@ -1,1 +1,1 @@
-"""Block matrices: a quad-DAG partitioned into distinct blocks of diagonal runs, and products with them."""
+"""Block matrices: distinct blocks of diagonal runs, and products with them."""

@@ -1,1 +1,1 @@
-"""Decision diagrams as arrays: offset-labelled diagrams (ODDs), the quad-DAG of a matrix, conversions to vectors."""
+"""Decision diagrams as arrays: ODDs, the quad-DAG of a matrix, conversions to vectors."""

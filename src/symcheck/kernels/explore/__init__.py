@@ -1,1 +1,1 @@
-"""State-space exploration: the register machine for expressions, successors, breadth-first search."""
+"""State-space exploration: the register machine, successors, breadth-first search."""

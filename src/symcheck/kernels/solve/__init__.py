@@ -1,1 +1,1 @@
-"""Linear systems x = A x + b: sweeps, extrapolation, component-wise bounds and their certificates."""
+"""Linear systems x = A x + b: sweeps, extrapolation, bounds by component, certificates."""
