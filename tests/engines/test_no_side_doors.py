@@ -1,4 +1,4 @@
-"""Other rooms use engines through their protocols, and ask for more with `engine.capability` only."""
+"""Other packages use engines through their protocols, and ask for more with `engine.capability` only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The operators and functions have an entry in the tables of every room that needs one."""
+"""The operators and functions have an entry in the tables of every package that needs one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The operators and functions of expressions: one table of what the other rooms ask of them.
+"""The operators and functions of expressions: one table of what other packages ask of them.
 
 The truth table of a logical operator defines it for evaluators, diagrams, sets of states and LTL.
 The other operators and the functions have one entry each in the tables of the evaluators;
