@@ -101,7 +101,7 @@ def test_a_constant_may_be_called_t(text, value) -> None:
         ("T=? [ x ]", "a path formula must be a bool"),
         ("T>=true [ F x=5 ]", "a threshold must be a number"),
         ("T>=x [ F x=5 ]", "a threshold must be constant"),
-        ("T=? [ G x=5 ]", "no finite part of a run"),
+        ("T=? [ G x=5 ]", "needs a co-safe formula"),
         ("T=? [ C<=4 ]", "unexpected 'C'"),
     ],
 )

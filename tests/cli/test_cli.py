@@ -105,7 +105,7 @@ def test_a_value_for_no_constant_is_a_warning(capsys: pytest.CaptureFixture[str]
         == 0
     )
     out = capsys.readouterr().out
-    assert "no such constant" in out
+    assert "neither the model nor the properties declare it" in out
     assert "did you mean CrowdSize?" in out
     assert "There were 2 warnings" in out or "There was 1 warning" in out
 

@@ -29,6 +29,7 @@ EVERYTHING = [
         "min(x, y, 2)",
         "multi(P>0 [ F x ], R{i}<=2 [ C ])",
         "S>p [ x ]",
+        "T<=p [ F x ]",
         "A [ G x ]",
         "E [ F x ]",
     ),
