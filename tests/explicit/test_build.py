@@ -199,13 +199,6 @@ def test_seed_states_are_explored_too_and_change_nothing():
     assert seeded.initial.tolist() == whole.initial.tolist()
 
 
-def test_canonical_form_of_successors():
-    model = bind(parse_model(COUNTER), {"N": 50})
-    reduced = explore(model, Options(), canonical=((1, parse_expression("x=50 ? 0 : y")),))
-    assert len(reduced.states) == 50 * 51 // 2 + 1
-    assert reduced.matrix.data.sum() == pytest.approx(len(reduced.states))
-
-
 def test_limits_keep_what_was_found():
     model = bind(parse_model(COUNTER), {"N": 3000})
     limited = Exploration(model, Options(time_limit=0.05))

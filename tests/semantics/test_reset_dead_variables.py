@@ -270,8 +270,7 @@ def test_random_models_keep_their_exact_values(seed: int, kind: str, with_phases
             plain.labels,
         ),
     )
-    # Resets that are made while exploring stand in no model that could be explored exactly.
-    explicit = explore(again.liveness.locations.model, Options(), canonical=again.canonical)
+    explicit = explore(again.model, Options())
     assert explicit.matrix.columns <= count(plain)
     one = bind_properties(parse_properties(asked), plain).properties[0].formula
     try:

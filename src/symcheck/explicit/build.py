@@ -29,7 +29,7 @@ from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
-from symcheck.explicit.tables import Assignments, tables, total_reward
+from symcheck.explicit.tables import tables, total_reward
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
 from symcheck.kernels.explore.packed_states import sort_rows
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
@@ -90,13 +90,11 @@ class Exploration:
     Args:
         seed: packed states (`layout`) known to be reachable, from which the search starts besides
             the initial ones.
-        canonical: as in `explore`.
     """
 
     model: BoundModel
     options: Options
     seed: Rows | None = None
-    canonical: Assignments = ()
     layout: StateLayout = field(init=False)
     _explorer: Explorer = field(init=False, repr=False)
     _seconds: float = field(default=0.0, init=False)
@@ -109,10 +107,9 @@ class Exploration:
         started = time.perf_counter()
         self.layout = StateLayout.of(self.model.variables)
         self._initial = initial_rows(self.model, self.layout)
-        compiled = tables(
-            self.model, self.layout, check_sums=self.options.check_sums, canonical=self.canonical
+        self._explorer = Explorer(
+            tables(self.model, self.layout, check_sums=self.options.check_sums)
         )
-        self._explorer = Explorer(compiled)
         self._explorer.add(self._initial)
         if self.seed is not None:
             self._explorer.add(np.ascontiguousarray(self.seed, np.uint64))
@@ -319,8 +316,6 @@ def explore(
     options: Options,
     observer: ExplorationObserver | None = None,
     seed: Rows | None = None,
-    *,
-    canonical: Assignments = (),
 ) -> ExplicitModel:
     """The reachable states and transitions of a model, breadth first.
 
@@ -328,8 +323,6 @@ def explore(
         options: limits of time (seconds) and memory (bytes of the search's arrays), and checks.
         observer: is called with the progress about every 50 ms.
         seed: packed states that another search has reached already.
-        canonical: pairs (variable index, expression) by which every successor is changed before it
-            is looked up; for reductions that identify states.
 
     Returns:
         The model; probabilities are floating-point numbers.
@@ -345,6 +338,6 @@ def explore(
         >>> list(model.states), model.matrix.entries
         ([(0,), (1,), (2,), (3,)], 4)
     """
-    exploration = Exploration(model, options, seed, canonical)
+    exploration = Exploration(model, options, seed)
     exploration.run(None, observer)
     return exploration.finish()

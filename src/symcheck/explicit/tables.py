@@ -28,7 +28,7 @@ _KINDS = {ModelType.DTMC: 0, ModelType.CTMC: 1, ModelType.MDP: 2}
 _ALL = (1 << 64) - 1
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Tables:
     """A compiled model, as `symcheck.kernels.explore.successors.Expander` reads it.
 
@@ -46,7 +46,6 @@ class Tables:
         action_rewards: entry a+1 (a: index of the event's action, -1: none) is the first of its
             rows in `rewards`.
         rewards: rows (structure, code, register).
-        canonical: rows (variable, register) to which `canonical_code` sets each successor.
     """
 
     kind: int
@@ -56,30 +55,28 @@ class Tables:
     fields: NDArray[np.int32]
     lows: Int64s
     ranges: NDArray[np.uint64]
-    program: NDArray[np.int32] = field(repr=False)
-    slots: Int64s = field(repr=False)
-    command_guard: Int32s = field(repr=False)
-    command_code: Int32s = field(repr=False)
-    command_updates: Int32s = field(repr=False)
-    update_probability: Int32s = field(repr=False)
-    update_code: Int32s = field(repr=False)
-    update_assignments: Int32s = field(repr=False)
-    update_keep: NDArray[np.uint64] = field(repr=False)
-    update_preset: NDArray[np.uint64] = field(repr=False)
-    assignment_register: Int32s = field(repr=False)
-    assignment_variable: Int32s = field(repr=False)
-    event_action: Int32s = field(repr=False)
-    event_parts: Int32s = field(repr=False)
-    part_commands: Int32s = field(repr=False)
-    part_list: Int32s = field(repr=False)
-    part_forest: Int32s = field(repr=False)
-    forest: Int32s = field(repr=False)
+    program: NDArray[np.int32]
+    slots: Int64s
+    command_guard: Int32s
+    command_code: Int32s
+    command_updates: Int32s
+    update_probability: Int32s
+    update_code: Int32s
+    update_assignments: Int32s
+    update_keep: NDArray[np.uint64]
+    update_preset: NDArray[np.uint64]
+    assignment_register: Int32s
+    assignment_variable: Int32s
+    event_action: Int32s
+    event_parts: Int32s
+    part_commands: Int32s
+    part_list: Int32s
+    part_forest: Int32s
+    forest: Int32s
     root: int
-    action_rewards: Int32s = field(repr=False)
-    rewards: NDArray[np.int32] = field(repr=False)
+    action_rewards: Int32s
+    rewards: NDArray[np.int32]
     structures: int
-    canonical_code: int
-    canonical: NDArray[np.int32] = field(repr=False)
     most_updates: int
     most_commands: int
     most_parts: int
@@ -90,7 +87,6 @@ def tables(
     layout: StateLayout,
     *,
     check_sums: bool = True,
-    canonical: Assignments = (),
     separate_choices: bool = False,
 ) -> Tables:
     """Compile a model for `symcheck.kernels.explore`.
@@ -98,13 +94,11 @@ def tables(
     Args:
         check_sums: check that the probabilities of each choice sum to 1 (never done for the rates
             of a CTMC).
-        canonical: pairs (variable index, expression) by which every successor is changed before it
-            is looked up.
         separate_choices: give each joint choice a row of its own, as in an MDP, also in a DTMC or
             CTMC.
     """
     kind = ModelType.MDP if separate_choices else model.type
-    return _Builder(model, layout).build(_KINDS[kind], check_sums, canonical)
+    return _Builder(model, layout).build(_KINDS[kind], check_sums)
 
 
 @dataclass
@@ -147,11 +141,10 @@ class _Builder:
         self.register: list[Register] = []
         self.variable: list[int] = []
 
-    def build(self, kind: int, check_sums: bool, canonical: Assignments) -> Tables:
+    def build(self, kind: int, check_sums: bool) -> Tables:
         forest = Forest(self.layout.lows.tolist())
         events, root = self.events(forest)
         action_rewards, rewards, structures = self.rewards()
-        canonical_code, changed = self.canonical(canonical)
         self.assembler.halt()
         program, slots = self.assembler.finish()
         place = self.assembler.place_of
@@ -188,8 +181,6 @@ class _Builder:
             action_rewards=_ints(action_rewards),
             rewards=_ints([[s, c, place(r)] for s, c, r in rewards]).reshape(-1, 3),
             structures=structures,
-            canonical_code=canonical_code,
-            canonical=_ints([[v, place(r)] for v, r in changed]).reshape(-1, 2),
             most_updates=max(map(sum, sizes), default=0),
             most_commands=max(
                 (sum(map(len, e.participants)) for e in self.model.events), default=0
@@ -332,15 +323,6 @@ class _Builder:
                     found.append((number, start, register))
             starts.append(len(found))
         return starts, found, len(having)
-
-    def canonical(self, assignments: Assignments) -> tuple[int, list[tuple[int, Register]]]:
-        if not assignments:
-            return -1, []
-        start = self.assembler.position
-        self.assembler.forget()
-        changed = [(v, self.generator.value(expression)[0]) for v, expression in assignments]
-        self.assembler.halt()
-        return start, changed
 
 
 def total_reward(items: Sequence[BoundReward]) -> Expression:

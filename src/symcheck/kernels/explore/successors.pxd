@@ -24,11 +24,10 @@ cdef class Expander:
     cdef const int32_t[::1] assignment_register, assignment_variable
     cdef const int32_t[::1] event_action, event_parts, part_commands, part_list, part_forest
     cdef const int32_t[::1] forest, action_rewards
-    cdef const int32_t[:, ::1] rewards, canonical
-    cdef int root, canonical_code, events
+    cdef const int32_t[:, ::1] rewards
+    cdef int root, events
     cdef const Instruction* code
     cdef Register* r
-    cdef Register* canonical_slots
     # scratch of one state
     cdef int32_t* candidates
     cdef int32_t* enabled
@@ -65,5 +64,4 @@ cdef class Expander:
     cdef int _add_joint_choice(self, int32_t event, const uint64_t* source) noexcept nogil
     cdef void _combine_updates(self, int participant, double weight,
                                const uint64_t* base) noexcept nogil
-    cdef int _canonicalise(self, long long first) noexcept nogil
     cdef int _add_rewards(self, int32_t event, long long first) noexcept nogil

@@ -55,7 +55,6 @@ cdef class Expander:
         self.forest, self.root = tables.forest, tables.root
         self.action_rewards, self.rewards, self.structures = (tables.action_rewards,
                                                               tables.rewards, tables.structures)
-        self.canonical_code, self.canonical = tables.canonical_code, tables.canonical
         self.events = self.event_action.shape[0]
         self.code = <const Instruction*> &self.program[0, 0]
         self._allocate(tables.slots, tables.most_updates, tables.most_commands, tables.most_parts)
@@ -65,7 +64,6 @@ cdef class Expander:
                   int most_parts):
         cdef size_t size = slots.shape[0] * sizeof(Register) + 8
         self.r = <Register*> malloc(size)
-        self.canonical_slots = <Register*> malloc(size)
         self.candidates = <int32_t*> malloc((self.events + most_commands + 1) * 4)
         self.enabled = <int32_t*> malloc((most_commands + 1) * 4)
         self.enabled_begin = <int32_t*> malloc((most_commands + 2) * 4)
@@ -77,7 +75,7 @@ cdef class Expander:
         self.evaluated_update = <int32_t*> malloc((most_updates + 1) * 4)
         self.evaluated_value = <uint64_t*> malloc((most_updates + 1) * 8 * self.words)
         self.level_words = <uint64_t*> malloc((most_parts + 1) * 8 * self.words)
-        if (self.r == NULL or self.canonical_slots == NULL or self.candidates == NULL
+        if (self.r == NULL or self.candidates == NULL
                 or self.enabled == NULL or self.enabled_begin == NULL or self.enabled_total == NULL
             or self.enabled_status == NULL or self.part_begin == NULL or self.chosen == NULL
             or self.evaluated_weight == NULL or self.evaluated_update == NULL
@@ -85,11 +83,9 @@ cdef class Expander:
             raise MemoryError
         if slots.shape[0]:
             memcpy(self.r, &slots[0], slots.shape[0] * sizeof(Register))
-            memcpy(self.canonical_slots, &slots[0], slots.shape[0] * sizeof(Register))
 
     def __dealloc__(self):
         free(self.r)
-        free(self.canonical_slots)
         free(self.candidates)
         free(self.enabled)
         free(self.enabled_begin)
@@ -418,10 +414,6 @@ cdef class Expander:
             return 0
         if self.kind == Kind.MDP and self._open_row():
             return Status.MEMORY
-        if self.canonical_code >= 0:
-            status = self._canonicalise(first)
-            if status:
-                return status
         if self.structures:
             status = self._add_rewards(event, first)
             if status:
@@ -455,30 +447,6 @@ cdef class Expander:
                 self.successor_count += weight * self.evaluated_weight[i] > 0
             else:
                 self._combine_updates(participant + 1, weight * self.evaluated_weight[i], target)
-
-    cdef int _canonicalise(self, long long first) noexcept nogil:
-        """Replace each new successor by its canonical form: variables are set to values computed
-        from it.
-        """
-        cdef long long s
-        cdef int v, k, status
-        cdef const int32_t* field
-        cdef uint64_t* row
-        cdef uint64_t mask, bits
-        for s in range(first, self.successor_count):
-            row = <uint64_t*> self.targets.data + s * self.words
-            for v in range(self.variables):
-                self.canonical_slots[v].i = self._unpack(row, v)
-            status = execute(self.code + self.canonical_code, self.code, self.canonical_slots)
-            if status:
-                return status
-            for k in range(self.canonical.shape[0]):
-                field = &self.fields[self.canonical[k, 0], 0]
-                mask = ((<uint64_t> 1 << field[3]) - 1) << field[2]
-                bits = self.canonical_slots[self.canonical[k, 1]].i - self.lows[self.canonical[k,
-                                                                                               0]]
-                row[field[1]] = (row[field[1]] & ~mask) | ((bits << field[2]) & mask)
-        return 0
 
     cdef int _add_rewards(self, int32_t event, long long first) noexcept nogil:
         """Add the rewards of the action, times the total weight of the choice, to the current row.

@@ -145,29 +145,6 @@ class Reduction:
     resets: Mapping[str, int]
     eliminated: int = 0
 
-    @property
-    def canonical(self) -> tuple[tuple[int, Expression], ...]:
-        """Assignments that reset the dead variables of a successor state.
-
-        Applied to every successor in `liveness.locations.model` (see
-        `symcheck.explicit.build.explore`), they reset at least the variables that `model` resets,
-        because they read the reached location.
-
-        Returns:
-            Pairs of a variable's index and its new value.
-        """
-        found = []
-        for i, variable in enumerate(self.liveness.locations.model.variables):
-            dead = [x for x in self.liveness.live if self.liveness.is_dead(x, i)]
-            condition = (
-                _condition(dead, list(self.liveness.live), self.liveness.locations.names)
-                if dead
-                else None
-            )
-            if condition is not None:
-                found.append((i, _choose(condition, _reset_value(variable), Name(variable.name))))
-        return tuple(found)
-
     def __str__(self) -> str:
         where = self.liveness.locations.names
         eliminated = (
