@@ -10,6 +10,8 @@ import pytest
 MODULES = (
     "symcheck.dd.cudd.extension",
     "symcheck.dd.manager",
+    "symcheck.exchange.from_function",
+    "symcheck.exchange.from_matrix",
     "symcheck.explicit.build",
     "symcheck.symbolic.build",
     "symcheck.symbolic.reachability.search",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NoReturn, TextIO, Unpack
@@ -21,14 +21,23 @@ from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, LabelReference, ModelType
 
-__all__ = ["ImportedModel", "export", "export_targets", "imported_model", "load_explicit"]
+__all__ = [
+    "ImportedModel",
+    "explicit_model",
+    "export",
+    "export_targets",
+    "imported_model",
+    "load_explicit",
+]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImportedModel(Model):
-    """A model from explicit files. Its program declares names and has no commands."""
+    """A model from explicit files or from Python: its program declares names, without commands."""
 
     data: ExplicitData | None = None
+    objects: Sequence[Hashable] = ()
+    """The states of a model from Python, in the order of their numbers."""
 
     @cached_property
     def bound(self) -> BoundModel:
@@ -136,13 +145,26 @@ def imported_model(
 
     Raises SyntaxFault, UsageError.
     """
+    if isinstance(files, str):
+        data = read_files(files, type, check_sums=options.check_sums)
+    else:
+        data = read_model(files, type, check_sums=options.check_sums)
+    return explicit_model(data, options)
+
+
+def explicit_model(
+    data: ExplicitData, options: Options, objects: Sequence[Hashable] = ()
+) -> ImportedModel:
+    """A model from arrays.
+
+    Args:
+        data: the arrays.
+        options: see `symcheck.Options`.
+        objects: the states of a model from Python, in the order of their numbers.
+    """
     if options.engine not in ("auto", "explicit", "exact"):
         raise UsageError(
             "a model read from explicit files is checked by the explicit engine, "
             f"not by {options.engine}"
         )
-    if isinstance(files, str):
-        data = read_files(files, type, check_sums=options.check_sums)
-    else:
-        data = read_model(files, type, check_sums=options.check_sums)
-    return ImportedModel(imported_program(data), {}, options, data.type, data=data)
+    return ImportedModel(imported_program(data), {}, options, data.type, data=data, objects=objects)

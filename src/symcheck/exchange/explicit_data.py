@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from symcheck.engines.rational.explore import RationalModel, StateList
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, converts_memory_error
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import StateLayout, StateTable
-from symcheck.matrices.numbers import Numbers, Rationals, rationals, sum_segments
+from symcheck.matrices.numbers import Numbers, Rationals, doubles, is_exact, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
@@ -35,6 +36,7 @@ __all__ = [
     "ImportedEngine",
     "imported_engine",
     "imported_program",
+    "reward_structure",
     "row_rewards",
 ]
 
@@ -71,6 +73,23 @@ def row_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Float
     return np.where(least == most, least, total)
 
 
+def reward_structure(
+    name: str,
+    kind: ModelType,
+    matrix: SparseMatrix,
+    states: Numbers,
+    entries: Numbers | None = None,
+) -> ExplicitRewards:
+    """A reward structure from the rewards of states and of transitions (None: 0)."""
+    if entries is None:
+        return ExplicitRewards(name, states, np.zeros(matrix.rows))
+    if not matrix.exact and not is_exact(entries):
+        return ExplicitRewards(name, states, row_rewards(kind, matrix, entries), entries)
+    exact = _rationals(entries)
+    rows = sum_segments(_rationals(matrix.data) * exact, matrix.indptr)
+    return ExplicitRewards(name, states, rows, exact)
+
+
 @dataclass(frozen=True, eq=False)
 class ExplicitData:
     """A model of n states as it was read.
@@ -78,12 +97,12 @@ class ExplicitData:
     Attributes:
         type: the model type.
         columns: per variable its name, its type and its values, int64[n].
-        matrix: probabilities (rates). A state without transitions has an empty row in a chain, and
-            no row in an MDP.
+        matrix: probabilities (rates), float64 or Fractions. A state without transitions has an
+            empty row in a chain, and no row in an MDP.
         actions: the action names.
         row_actions: per row an index into `actions`, or -1, int32[rows].
         labels: bool[n] each; "init" and "deadlock" may be among them.
-        rewards: the reward structures.
+        rewards: the reward structures, float64 or Fractions.
     """
 
     type: ModelType
@@ -115,10 +134,12 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
         members: the states of each label.
         entry_rewards: per reward structure the reward of each transition, or None if the
             transitions of each row share one.
+        given: matrix and rewards as they were given, deadlocks fixed.
     """
 
     members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
     entry_rewards: Sequence[Any] = field(default=(), repr=False)
+    given: tuple[SparseMatrix, Sequence[ExplicitRewards]] | None = field(default=None, repr=False)
 
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy an expression over the variables, or that have a label."""
@@ -134,34 +155,35 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
         Raises:
             UnsupportedError: the probabilities then do not sum to 1.
         """
-        explored = self.explored
-        matrix = replace(explored.matrix, data=_rationals(explored.matrix.data))
+        assert self.given is not None
+        explored, (matrix, rewards) = self.explored, self.given
+        matrix = replace(matrix, data=_rationals(matrix.data))
         if self.model.type is not ModelType.CTMC and any(
             s != 1 for s in sum_segments(matrix.data, matrix.indptr)
         ):
             raise UnsupportedError(
-                "the probabilities in the files are rounded, and do not sum to 1 exactly"
+                "the given probabilities are rounded, and do not sum to 1 exactly"
             )
-        rationals = RationalModel(
+        exact = RationalModel(
             replace(self.model, exact=True),
             StateList(tuple(explored.states)),
             matrix,
             explored.choice_actions,
             explored.initial,
             explored.deadlocks,
-            [_rationals(r) for r in explored.state_rewards],
-            [_rationals(r) for r in explored.choice_rewards],
+            [_rationals(r.states) for r in rewards],
+            [_rationals(r.rows) for r in rewards],
         )
-        entries = [None if r is None else _rationals(r) for r in self.entry_rewards]
-        return replace(self, explored=rationals, name="exact", entry_rewards=entries)
+        entries = [None if r.entries is None else _rationals(r.entries) for r in rewards]
+        return replace(self, explored=exact, name="exact", entry_rewards=entries)
 
 
 def _rationals(values: Numbers) -> Rationals:
     return rationals(_nearest_fraction(v) for v in values.tolist())
 
 
-def _nearest_fraction(value: float) -> Fraction | float:
-    if np.isinf(value):
+def _nearest_fraction(value: float | Fraction) -> Fraction | float:
+    if isinstance(value, Fraction) or abs(value) == inf:
         return value
     near = Fraction(value).limit_denominator(_LARGEST_DENOMINATOR)
     return near if float(near) == value else Fraction(repr(value))
@@ -188,17 +210,18 @@ def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> Impor
     explored = ExplicitModel(
         model,
         StateTable(layout, layout.pack([c for _, _, c in given.columns])),
-        fixed,
+        fixed.doubles(),
         row_actions,
         np.flatnonzero(initial) if initial is not None else np.zeros(1, np.int64),
         np.flatnonzero(deadlock),
-        [np.asarray(r.states, np.float64) for r in rewards],
-        [np.asarray(r.rows, np.float64) for r in rewards],
+        [doubles(r.states) for r in rewards],
+        [doubles(r.rows) for r in rewards],
     )
     return ImportedEngine(
         explored,
         members={marks[name]: found for name, found in members.items()},
-        entry_rewards=[r.entries for r in rewards],
+        entry_rewards=[None if r.entries is None else doubles(r.entries) for r in rewards],
+        given=(fixed, rewards),
     )
 
 

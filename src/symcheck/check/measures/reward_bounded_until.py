@@ -169,8 +169,8 @@ def check_uniform_rewards(context: Context, reward: Reward, *, paying: bool) -> 
     if not items:
         if paying:
             raise UnsupportedError(
-                "a bound on the transition rewards of a model that was read from explicit files is "
-                "not supported: they may differ within a choice"
+                "a bound on the transition rewards of a model without commands is not supported: "
+                "they may differ within a choice"
             )
         return
     if model.type is ModelType.MDP:
