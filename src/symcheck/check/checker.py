@@ -7,10 +7,10 @@ from dataclasses import replace
 from fractions import Fraction
 from math import isinf, isnan
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from symcheck.check.context import CheckLog, Context
-from symcheck.check.filters import FilterResult
+from symcheck.check.filters import AppliedFilter, Bounds, Condition, Numeric
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import negated, resolve
 from symcheck.check.result import (
@@ -23,7 +23,7 @@ from symcheck.check.result import (
     Result,
     SolverRun,
 )
-from symcheck.check.state_formulas import filter_result, numbers, satisfying, states_of
+from symcheck.check.state_formulas import applied_filter, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.numerics.linear.problem import Observer
@@ -97,13 +97,12 @@ def check(
         observer=observer,
     )
     kind = context.type(formula)
-    on_quotient = (
-        _check_on_quotient(context, formula, kind, shared) if context.options.bisim else None
-    )
-    if on_quotient is not None:
-        result = on_quotient
+    lifted = _check_on_quotient(context, formula, kind, shared) if context.options.bisim else None
+    if lifted is not None:
+        result = lifted
     elif isinstance(formula, Filter | StateFilter):
-        result = _filtered(context, formula, kind)
+        applied = applied_filter(context, formula, context.engine.initial)
+        result = _filter_result(context, formula, applied, kind)
     elif isinstance(formula, MultiObjective):
         from symcheck.check.multi_objective.query import check_multi
 
@@ -135,13 +134,14 @@ def _check_on_quotient(
     """
     if isinstance(formula, PathQuantifier):
         return None
-    from symcheck.check.bisimulation.on_quotient import filtered, quotient
+    from symcheck.check.bisimulation import on_quotient
 
     try:
-        smaller = quotient(context, formula, shared)
+        smaller = on_quotient.quotient(context, formula, shared)
         inner = replace(context, engine=smaller.engine)
         if isinstance(formula, Filter | StateFilter):
-            result = _filter_result(context, formula, filtered(context, smaller, formula), kind)
+            applied = on_quotient.applied_filter(context, smaller, formula)
+            result = _filter_result(context, formula, applied, kind)
         else:
             result = (
                 _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
@@ -189,12 +189,10 @@ def _boolean(context: Context, formula: Expression) -> Result:
     states = satisfying(
         context, formula, context.engine.all if context.options.everywhere else initial
     )
-    value = initial <= states
+    result = _satisfied_result(context, states)
     if isinstance(formula, PathQuantifier):
-        _explain(context, formula, value)
-    return Result(
-        value, Exact(), _satisfied((states & initial).count, initial.count), satisfying=states
-    )
+        _explain(context, formula, initial <= states)
+    return result
 
 
 def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
@@ -220,40 +218,32 @@ def _initially(context: Context, values: Values, type: Type) -> Result:
     return Result(value, accuracy, _range_over(initial), values=values)
 
 
-def _filtered(context: Context, formula: Filter | StateFilter, type: Type) -> Result:
-    return _filter_result(
-        context, formula, filter_result(context, formula, context.engine.initial), type
-    )
-
-
 def _filter_result(
-    context: Context, formula: Filter | StateFilter, outcome: FilterResult, type: Type
+    context: Context, formula: Filter | StateFilter, applied: AppliedFilter, type: Type
 ) -> Result:
-    everywhere: dict[str, Any] = {
-        "satisfying" if type is Type.BOOL else "values": outcome.per_state
-    }
+    """The result of a filter; that of the initial states if it has no single value (argmin)."""
     about = "+".join(formula.operators) if isinstance(formula, StateFilter) else formula.operator
-    if outcome.value is None:
-        return _each_state(context, outcome, type)
-    value, accuracy = _outcome(context, outcome, type)
-    return Result(value, accuracy, f"filter '{about}'", **everywhere)
+    if type is Type.BOOL:
+        condition = applied.condition()
+        if condition.value is None:
+            return _satisfied_result(context, condition.per_state)
+        value, accuracy = _outcome(context, condition, type)
+        return Result(value, accuracy, f"filter '{about}'", satisfying=condition.per_state)
+    number = applied.number()
+    if number.value is None:
+        return _initially(context, number.per_state, type)
+    value, accuracy = _outcome(context, number, type)
+    return Result(value, accuracy, f"filter '{about}'", values=number.per_state)
 
 
-def _each_state(context: Context, outcome: FilterResult, type: Type) -> Result:
-    """The result of a filter without a single value (print, argmin): that of the initial states."""
-    if type is not Type.BOOL:
-        return _initially(context, outcome.per_state, type)  # type: ignore[arg-type]
-    states: StateSet = outcome.per_state  # type: ignore[assignment]
+def _satisfied_result(context: Context, states: StateSet) -> Result:
+    """Whether the initial states satisfy a formula."""
     initial = context.engine.initial
-    return Result(
-        initial <= states,
-        Exact(),
-        _satisfied((states & initial).count, initial.count),
-        satisfying=states,
-    )
+    text = _satisfied((states & initial).count, initial.count)
+    return Result(initial <= states, Exact(), text, satisfying=states)
 
 
-def _outcome(context: Context, outcome: FilterResult, type: Type) -> tuple[Answer, Accuracy]:
+def _outcome(context: Context, outcome: Condition | Numeric, type: Type) -> tuple[Answer, Accuracy]:
     value = outcome.value
     if value is None or isinstance(value, bool):
         return value, Exact()
@@ -264,7 +254,7 @@ def _outcome(context: Context, outcome: FilterResult, type: Type) -> tuple[Answe
 
 def _range(
     context: Context,
-    bounds: tuple[tuple[float, float], tuple[float, float]],
+    bounds: tuple[Bounds, Bounds],
     rounded: bool,
     type: Type,
 ) -> tuple[Answer, Accuracy]:
@@ -278,9 +268,7 @@ def _width(accuracy: Accuracy) -> float:
     return accuracy.epsilon if isinstance(accuracy, Certified) else 0.0
 
 
-def _answer(
-    context: Context, bounds: tuple[float, float], rounded: bool, type: Type
-) -> tuple[Number, Accuracy]:
+def _answer(context: Context, bounds: Bounds, rounded: bool, type: Type) -> tuple[Number, Accuracy]:
     """A number between the bounds, and how accurate it is."""
     low, high = bounds
     if low != high and not (isnan(low) or isnan(high)):
@@ -293,7 +281,7 @@ def _answer(
     return value, Exact(rounding=rounded)
 
 
-def _middle(low: float, high: float) -> float:
+def _middle(low: Number, high: Number) -> Number:
     if isinf(low) or isinf(high):
         return high if isinf(low) and not isinf(high) else low
     return low + (high - low) / 2

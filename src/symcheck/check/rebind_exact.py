@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from symcheck.check.context import Context
-from symcheck.engines.base import Engine
+from symcheck.engines.base import Engine, erased
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
@@ -65,7 +65,7 @@ def _explored(context: Context) -> Engine:
         raise UnsupportedError(
             "the model has different states in rational arithmetic than in floating point"
         )
-    return ExplicitEngine(explored, "exact")
+    return erased(ExplicitEngine(explored, "exact"))
 
 
 def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import assert_never
 
 from symcheck.check.context import Context
-from symcheck.check.filters import FilterResult, apply_filter
+from symcheck.check.filters import AppliedFilter
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import StatesOf, resolve
 from symcheck.check.path_probabilities import probability, qualitative
@@ -46,7 +46,7 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.operators import Operator, UnaryOperator, connect
 
-__all__ = ["filter_result", "is_plain", "modern_filter", "numbers", "satisfying", "states_of"]
+__all__ = ["applied_filter", "is_plain", "modern_filter", "numbers", "satisfying", "states_of"]
 
 
 def is_plain(expression: Expression) -> bool:
@@ -95,11 +95,13 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
             read = resolve(path, states_of(context), context.engine)
             return ctl.forall(context, read) if quantifier == "A" else ctl.exists(context, read)
         case Filter() | StateFilter():
-            return filter_result(context, formula, matter).per_state  # type: ignore[return-value]
+            return applied_filter(context, formula, matter).condition().per_state
         case MultiObjective():
             raise _no_multi()
+        case Literal() | Name() | Unary() | Binary() | Call() | Measure():
+            raise _wrong_type(formula, "a number, not a condition")
         case _:
-            raise AssertionError(f"not a boolean formula: {type(formula).__name__}")
+            assert_never(formula)
 
 
 def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
@@ -123,11 +125,13 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
             values = _measured(context, formula, _direction(context, formula, None))(context)
             return _clipped(context, values) if formula.is_probability else values
         case Filter() | StateFilter():
-            return filter_result(context, formula, matter).per_state  # type: ignore[return-value]
+            return applied_filter(context, formula, matter).number().per_state
         case MultiObjective():
             raise _no_multi()
+        case Literal() | Name() | Unary() | Call() | PathQuantifier():
+            raise _wrong_type(formula, "a condition, not a number")
         case _:
-            raise AssertionError(f"not a numeric formula: {type(formula).__name__}")
+            assert_never(formula)
 
 
 def _clipped(context: Context, values: Values) -> Values:
@@ -142,20 +146,20 @@ def states_of(context: Context) -> StatesOf:
     return lambda formula: satisfying(context, formula, context.engine.all)
 
 
-def filter_result(
+def applied_filter(
     context: Context, formula: Filter | StateFilter, matter: StateSet
-) -> FilterResult:
-    """What a filter says, and what it is at each state that matters."""
+) -> AppliedFilter:
+    """A filter on the states of the engine; its formula is also right at the states that matter."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     states = context.engine.all if node.states is None else states_of(context)(node.states)
-    kind = context.type(node.formula)
     also = states | matter if node.operator in ("print", "printall") else states
-    inner = (
-        satisfying(context, node.formula, also)
-        if kind is Type.BOOL
-        else numbers(context, node.formula, also)
+    return AppliedFilter(
+        context,
+        node,
+        states,
+        lambda f: satisfying(context, f, also),
+        lambda f: numbers(context, f, also),
     )
-    return apply_filter(context, node, inner, states, kind)
 
 
 def modern_filter(formula: StateFilter) -> Filter:
@@ -280,6 +284,10 @@ def _direction(context: Context, formula: Measure, operator: str | None) -> Dire
             Diagnostic(message, formula.span, "direction", f"use {letter}min=? or {letter}max=?")
         )
     return Direction.MIN if operator in (">", ">=") else Direction.MAX
+
+
+def _wrong_type(formula: Expression, actual: str) -> InputError:
+    return InputError(Diagnostic(f"this formula is {actual}", formula.span, "type"))
 
 
 def _no_multi() -> UnsupportedError:

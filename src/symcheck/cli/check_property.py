@@ -162,7 +162,7 @@ def _write_vector(path: str, output: Output, result: Result, precision: int) -> 
         )
         column = values if order is None else values[order]
         text = lines("%s", len(column), column, precision=precision)
-    else:
+    elif result.satisfying is not None:
         members = engine.to_bools(result.satisfying)
         names = np.where(members if order is None else members[order], "true", "false").tolist()
         text = lines("%s", len(names), names)

@@ -2,6 +2,10 @@
 
 Measures use these protocols only; an engine is a folder beside this file. A set contains reachable
 states only: `~s` is the complement within the reachable states.
+
+Each protocol is generic in the type S of the engine's sets and the type V of its values, so that
+the code of an engine names its own types. Code for all engines uses the aliases at the end of this
+file (`Engine`, `System`, ...), where S is any `StateSet` and V any `Values`.
 """
 
 from __future__ import annotations
@@ -10,12 +14,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, nextafter
-from typing import Any, Protocol, TypeVar
+from typing import Generic, Protocol, Self, TypeVar, cast
 
 from symcheck.direction import Direction
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
-from symcheck.numerics.linear.problem import LinearProblem, Observer
+from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.numerics.linear.problem import LinearProblem, Observer, SweepOperator
 from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
@@ -23,17 +27,27 @@ from symcheck.syntax.ast import Expression, Type
 
 __all__ = [
     "ROUNDING",
+    "Automaton",
     "CapabilityT",
     "Engine",
+    "EngineOf",
     "Equations",
+    "EquationsOf",
     "Graph",
-    "OwnSet",
-    "OwnValues",
+    "GraphOf",
+    "Number",
+    "Product",
+    "ProductOf",
+    "S",
     "SolvedValues",
     "StateSet",
     "System",
+    "SystemOf",
+    "V",
     "Values",
+    "ValuesOf",
     "bracket",
+    "erased",
 ]
 
 
@@ -52,10 +66,15 @@ def bracket(threshold: float | Fraction) -> tuple[float, float]:
 
 CapabilityT = TypeVar("CapabilityT")
 
-OwnSet = Any
-"""A set of the same engine: sets of different engines are never mixed."""
-OwnValues = Any
-"""Values of the same engine."""
+S = TypeVar("S", bound="StateSet")
+"""The sets of an engine."""
+V = TypeVar("V")
+"""The values of an engine: ValuesOf[S]."""
+V_co = TypeVar("V_co", covariant=True)
+S_contra = TypeVar("S_contra", bound="StateSet", contravariant=True)
+
+Number = float | Fraction
+"""A number of an engine: a double, or a rational (infinities and NaN are floats) if it is exact."""
 
 
 class StateSet(Protocol):
@@ -68,16 +87,16 @@ class StateSet(Protocol):
         """Number of states in the set."""
         ...
 
-    def __and__(self, other: Any, /) -> StateSet: ...
-    def __or__(self, other: Any, /) -> StateSet: ...
-    def __sub__(self, other: Any, /) -> StateSet: ...
-    def __invert__(self) -> StateSet: ...
+    def __and__(self, other: Self, /) -> Self: ...
+    def __or__(self, other: Self, /) -> Self: ...
+    def __sub__(self, other: Self, /) -> Self: ...
+    def __invert__(self) -> Self: ...
     def __bool__(self) -> bool: ...
     def __eq__(self, other: object, /) -> bool: ...
-    def __le__(self, other: Any, /) -> bool: ...
+    def __le__(self, other: Self, /) -> bool: ...
 
 
-class Values(Protocol):
+class ValuesOf(Protocol[S]):
     """A number per reachable state, known to lie between a lower and an upper value.
 
     `exact` is True where lower and upper are equal and differ from the truth by rounding only.
@@ -90,30 +109,30 @@ class Values(Protocol):
         """Whether lower and upper are equal everywhere."""
         ...
 
-    def rounded(self, states: OwnSet) -> bool:
+    def rounded(self, states: S) -> bool:
         """Whether some value over the set was computed in floating point.
 
         Equal bounds of such a value are exact up to rounding only.
         """
         ...
 
-    def at(self, states: OwnSet) -> tuple[Any, Any]:
+    def at(self, states: S) -> tuple[Numbers, Numbers]:
         """Lower and upper values over the states of a set, in index order (use small sets only)."""
         ...
 
-    def minimum(self, states: OwnSet) -> tuple[Any, Any]:
+    def minimum(self, states: S) -> tuple[Number, Number]:
         """Lower and upper bound of the least value over a set that is not empty."""
         ...
 
-    def maximum(self, states: OwnSet) -> tuple[Any, Any]:
+    def maximum(self, states: S) -> tuple[Number, Number]:
         """Lower and upper bound of the largest value over a set that is not empty."""
         ...
 
-    def total(self, states: OwnSet) -> tuple[Any, Any]:
+    def total(self, states: S) -> tuple[Number, Number]:
         """Lower and upper bound of the sum of the values over a set."""
         ...
 
-    def compare(self, operator: str, threshold: float | Fraction) -> tuple[StateSet, StateSet]:
+    def compare(self, operator: str, threshold: float | Fraction) -> tuple[S, S]:
         """The states that surely satisfy `value operator threshold`, and those where it is
         undecided.
 
@@ -122,19 +141,19 @@ class Values(Protocol):
         """
         ...
 
-    def map(self, operator: str, *others: OwnValues | float) -> Values:
+    def map(self, operator: str, *others: Self | float) -> Self:
         """Interval arithmetic with an operator or function of the expression language.
 
         '-' without other operands negates.
         """
         ...
 
-    def choose(self, states: OwnSet, other: OwnValues) -> Values:
+    def choose(self, states: S, other: Self) -> Self:
         """These values on `states`, the other ones elsewhere."""
         ...
 
 
-class System(Protocol):
+class SystemOf(Protocol[S, V]):
     """The equations over some states: n unknowns, numbered as the states of `states` in index
     order.
 
@@ -144,7 +163,7 @@ class System(Protocol):
     """
 
     @property
-    def states(self) -> StateSet:
+    def states(self) -> S:
         """The states that are unknowns."""
         ...
 
@@ -171,19 +190,19 @@ class System(Protocol):
         ...
 
     @property
-    def operator(self) -> Any:
+    def operator(self) -> SparseMatrix | SweepOperator:
         """The matrix in the engine's own form, with `multiply(x: Numbers) -> Numbers` giving a
         value per row.
         """
         ...
 
-    def one_step_probability(self, target: OwnSet) -> Numbers:
+    def one_step_probability(self, target: S) -> Numbers:
         """Per row: the one-step probability (rate) of entering `target` (states outside of `states`
         too).
         """
         ...
 
-    def one_step_values(self, values: OwnValues) -> tuple[Numbers, Numbers]:
+    def one_step_values(self, values: V) -> tuple[Numbers, Numbers]:
         """Per row: sum over the successors outside of `states` of probability (rate) × value
         (lower, upper).
         """
@@ -210,11 +229,11 @@ class System(Protocol):
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
         ...
 
-    def reachability(self, target: OwnSet) -> Equations:
+    def reachability(self, target: S) -> EquationsOf[S, V]:
         """The equations of the probability of reaching `target`, a set outside of the states."""
         ...
 
-    def expected_reward(self, reward: Reward, infinite: OwnSet) -> Equations:
+    def expected_reward(self, reward: Reward, infinite: S) -> EquationsOf[S, V]:
         """The equations of the expected reward until the states are left; it is infinite on
         `infinite`.
         """
@@ -227,7 +246,7 @@ class System(Protocol):
         *,
         probability: bool,
         allow_stay: bool = False,
-    ) -> Equations:
+    ) -> EquationsOf[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`); rates are divided by exit
         rates.
 
@@ -236,7 +255,7 @@ class System(Protocol):
         """
         ...
 
-    def restrict(self, values: OwnValues | OwnSet) -> Numbers:
+    def restrict(self, values: V | S) -> Numbers:
         """A value (or 0/1 membership) per state of `states`."""
         ...
 
@@ -248,9 +267,9 @@ class System(Protocol):
         self,
         lower: Numbers,
         upper: Numbers | None,
-        rest: Sequence[tuple[OwnSet, float]] = (),
+        rest: Sequence[tuple[S, float]] = (),
         exact: bool = False,
-    ) -> Values:
+    ) -> V:
         """Values on all reachable states.
 
         Args:
@@ -263,13 +282,13 @@ class System(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class SolvedValues:
+class SolvedValues(Generic[V_co]):
     """The solution of equations, and how it was found.
 
     width: the greatest distance of certified bounds, relative or absolute as the settings say.
     """
 
-    values: Values
+    values: V_co
     method: str
     unknowns: int
     iterations: int
@@ -278,7 +297,7 @@ class SolvedValues:
     width: float = 0.0
 
 
-class Equations(Protocol):
+class EquationsOf(Protocol[S_contra, V_co]):
     """Equations over the states of a system, ready to be solved."""
 
     @property
@@ -286,60 +305,63 @@ class Equations(Protocol):
         """Number of unknowns."""
         ...
 
+    @property
+    def usable_rows(self) -> Bools | None:
+        """Rows that can be optimal, bool[rows]; None: all."""
+        ...
+
     def problem(self) -> LinearProblem:
-        """The equations among the unknowns for a numerical method, without preprocessing."""
+        """The equations among the usable rows for a numerical method, without preprocessing."""
         ...
 
     def solve(
         self,
-        known: Sequence[tuple[OwnSet, float]],
+        known: Sequence[tuple[S_contra, float]],
         settings: Settings,
         observer: Observer | None = None,
-    ) -> SolvedValues:
+    ) -> SolvedValues[V_co]:
         """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
         ...
 
 
-class Graph(Protocol):
+class GraphOf(Protocol[S]):
     """Questions that need no numbers. `direction` is None in a DTMC or CTMC, 'min' or 'max' in an
     MDP.
     """
 
-    def predecessors(self, states: OwnSet) -> StateSet:
+    def predecessors(self, states: S) -> S:
         """States with some transition (of some choice) into `states`."""
         ...
 
-    def all_successors_in(self, states: OwnSet) -> StateSet:
+    def all_successors_in(self, states: S) -> S:
         """States all of whose transitions (of all choices) lead into `states`."""
         ...
 
-    def exists_until(self, left: OwnSet, right: OwnSet) -> StateSet:
+    def exists_until(self, left: S, right: S) -> S:
         """E [ left U right ]."""
         ...
 
-    def exists_globally(self, states: OwnSet) -> StateSet:
+    def exists_globally(self, states: S) -> S:
         """E [ G states ]."""
         ...
 
-    def prob0(self, left: OwnSet, right: OwnSet, direction: Direction | None) -> StateSet:
+    def prob0(self, left: S, right: S, direction: Direction | None) -> S:
         """States whose (min/max) probability of left U right is 0."""
         ...
 
-    def prob1(self, left: OwnSet, right: OwnSet, direction: Direction | None) -> StateSet:
+    def prob1(self, left: S, right: S, direction: Direction | None) -> S:
         """States whose (min/max) probability of left U right is 1."""
         ...
 
-    def bsccs(self) -> Iterator[StateSet]:
+    def bsccs(self) -> Iterator[S]:
         """Bottom strongly connected components (DTMC, CTMC)."""
         ...
 
-    def end_components(self, within: OwnSet) -> Iterator[StateSet]:
+    def end_components(self, within: S) -> Iterator[S]:
         """Maximal end components of the states `within` (MDP)."""
         ...
 
-    def accepting_end_components(
-        self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]
-    ) -> StateSet:
+    def accepting_end_components(self, pairs: Sequence[tuple[S, Sequence[S]]]) -> S:
         """States in an accepting end component.
 
         Args:
@@ -348,14 +370,68 @@ class Graph(Protocol):
         """
         ...
 
-    def witness(self, left: OwnSet, right: OwnSet) -> Sequence[Mapping[str, int | bool]] | None:
+    def witness(self, left: S, right: S) -> Sequence[Mapping[str, int | bool]] | None:
         """A shortest path from an initial state that satisfies left U right, as states; None if
         there is none.
         """
         ...
 
 
-class Engine(Protocol):
+class Automaton(Protocol):
+    """A deterministic automaton: numbered states and a table of successors.
+
+    A letter is a number whose bit i says whether letter set number i holds.
+    """
+
+    @property
+    def initial(self) -> int:
+        """The state in which every run begins."""
+        ...
+
+    @property
+    def table(self) -> Int32s:
+        """int32[states, 2**letters]: the successor of a state under a letter."""
+        ...
+
+
+class ProductOf(Protocol[S, V]):
+    """The product with an automaton: an engine over pairs, and the projection to the model.
+
+    `engine` is over the pairs that are reachable from (s, q0) for every state s of the base
+    model.
+
+    The automaton reads the letter of the state that is left: from (s, q) with q' = delta(q,
+    letter(s)) each transition s -> s' becomes (s, q) -> (s', q'). So a run's automaton states are
+    shifted by one step and nothing else changes.
+    """
+
+    @property
+    def engine(self) -> EngineOf[S, V]:
+        """The engine over the pairs."""
+        ...
+
+    def lift(self, states: S) -> S:
+        """The pairs whose first part is in `states` (a set of the base engine)."""
+        ...
+
+    def automaton_states(self, states: frozenset[int]) -> S:
+        """The pairs whose second part is in `states`."""
+        ...
+
+    def edges(self, edges: frozenset[tuple[int, int]]) -> S:
+        """The pairs (s, q) for which (q, letter of s) is in `edges`."""
+        ...
+
+    def project(self, values: V) -> V:
+        """For each state s of the base model, the value at (s, q0)."""
+        ...
+
+    def project_set(self, states: S) -> S:
+        """The states s of the base model with (s, q0) in `states`."""
+        ...
+
+
+class EngineOf(Protocol[S, V]):
     """A built model in one representation."""
 
     @property
@@ -382,27 +458,27 @@ class Engine(Protocol):
         ...
 
     @property
-    def all(self) -> StateSet:
+    def all(self) -> S:
         """Every reachable state."""
         ...
 
     @property
-    def none(self) -> StateSet:
+    def none(self) -> S:
         """The empty set."""
         ...
 
     @property
-    def initial(self) -> StateSet:
+    def initial(self) -> S:
         """The initial states."""
         ...
 
     @property
-    def deadlocks(self) -> StateSet:
+    def deadlocks(self) -> S:
         """States without a transition, before they were given a self-loop."""
         ...
 
     @property
-    def graph(self) -> Graph:
+    def graph(self) -> GraphOf[S]:
         """Questions that need no numbers."""
         ...
 
@@ -421,41 +497,37 @@ class Engine(Protocol):
         """Number of choices (of states, where each has one)."""
         ...
 
-    def where(self, expression: Expression) -> StateSet:
+    def where(self, expression: Expression) -> S:
         """The states that satisfy a boolean expression over the variables."""
         ...
 
-    def values(self, expression: Expression, type: Type) -> Values:
+    def values(self, expression: Expression, type: Type) -> V:
         """The value of a numeric expression over the variables, at each state."""
         ...
 
-    def constant(
-        self, lower: float, upper: float | None = None, *, rounded: bool = False
-    ) -> Values:
+    def constant(self, lower: Number, upper: Number | None = None, *, rounded: bool = False) -> V:
         """The same value (or bounds of it) everywhere; `rounded`: it came out of floating-point
         arithmetic.
         """
         ...
 
-    def indicator(self, states: OwnSet) -> Values:
+    def indicator(self, states: S) -> V:
         """1 on the set and 0 elsewhere."""
         ...
 
-    def from_bools(self, members: Bools) -> StateSet:
+    def from_bools(self, members: Bools) -> S:
         """The set of the states (bool[states], in index order) that are True."""
         ...
 
-    def to_bools(self, states: OwnSet) -> Bools:
+    def to_bools(self, states: S) -> Bools:
         """Membership of each reachable state, bool[states] in index order."""
         ...
 
-    def system(self, states: OwnSet, direction: Direction | None = None) -> System:
+    def system(self, states: S, direction: Direction | None = None) -> SystemOf[S, V]:
         """The equations over some states; `direction`: of the strategies of an MDP."""
         ...
 
-    def finite_reward(
-        self, reward: Reward, target: OwnSet, direction: Direction | None
-    ) -> StateSet:
+    def finite_reward(self, reward: Reward, target: S, direction: Direction | None) -> S:
         """States from which the expected reward until `target` is finite.
 
         These reach `target` almost surely ('max': under all strategies, 'min': under some), and
@@ -470,21 +542,35 @@ class Engine(Protocol):
         """
         ...
 
-    def first(self, states: OwnSet) -> StateSet:
+    def first(self, states: S) -> S:
         """The singleton of the state with the lowest index; `states` must not be empty."""
         ...
 
-    def valuations(
-        self, states: OwnSet, limit: int | None = None
-    ) -> Iterator[tuple[bool | int, ...]]:
+    def valuations(self, states: S, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order (lexicographic in declaration order)."""
         ...
 
-    def product(self, letters: Sequence[OwnSet], automaton: Any) -> Any:
+    def product(self, letters: Sequence[S], automaton: Automaton) -> ProductOf[S, V]:
         """The product with a deterministic automaton that reads, in each state, which of `letters`
         hold.
 
-        Returns a Product: an engine over pairs, and the means to go between the two (see
-        engines/product.py).
+        Returns an engine over pairs, and the means to go between the two.
         """
         ...
+
+
+Values = ValuesOf[StateSet]
+System = SystemOf[StateSet, Values]
+Equations = EquationsOf[StateSet, Values]
+Graph = GraphOf[StateSet]
+Engine = EngineOf[StateSet, Values]
+Product = ProductOf[StateSet, Values]
+
+
+def erased(engine: EngineOf[S, V]) -> Engine:
+    """An engine for code that serves all engines: the types of sets and values are forgotten.
+
+    That is sound because sets and values of different engines are never mixed: such code receives
+    all of them from one engine, and gives them back to the same one.
+    """
+    return cast(Engine, engine)

@@ -11,12 +11,12 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Generic, Protocol
 
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.engines.base import OwnSet, SolvedValues, Values
+from symcheck.engines.base import S, S_contra, SolvedValues, V, V_co
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
@@ -25,7 +25,6 @@ from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import (
     LinearProblem,
     Observer,
-    Operator,
     Solution,
     SweepOperator,
 )
@@ -107,13 +106,13 @@ class DividedOperator:
         self.operator.sweep(x, constant, direction, slip, upper=upper, divisor=self.divisor)
 
 
-class LinearSystem:
+class LinearSystem(Generic[S, V]):
     """The part of `symcheck.engines.base.System` that follows from the matrix of an engine.
 
     An engine's system inherits from this class and implements the abstract members.
     """
 
-    states: OwnSet
+    states: S
     """The states that are unknowns."""
     direction: Direction | None
     """Minimise or maximise over strategies; None for a chain."""
@@ -140,7 +139,7 @@ class LinearSystem:
 
     @property
     @abstractmethod
-    def operator(self) -> Operator:
+    def operator(self) -> SparseMatrix | SweepOperator:
         """The matrix in the engine's own form."""
 
     @property
@@ -154,12 +153,12 @@ class LinearSystem:
         """Whether some end component lies within the states (MDP)."""
 
     @property
-    def preprocessing(self) -> Sequence[Preprocessing]:
+    def preprocessing(self) -> Sequence[Preprocessing[S, V]]:
         """Steps that may shorten the equations, in the order in which they are tried."""
         return ()
 
     @abstractmethod
-    def one_step_probability(self, target: OwnSet) -> Numbers:
+    def one_step_probability(self, target: S) -> Numbers:
         """Per row: the one-step probability (rate) of entering the target."""
 
     @abstractmethod
@@ -179,9 +178,9 @@ class LinearSystem:
         self,
         lower: Numbers,
         upper: Numbers | None,
-        rest: Sequence[tuple[OwnSet, float]] = (),
+        rest: Sequence[tuple[S, float]] = (),
         exact: bool = False,
-    ) -> Any:
+    ) -> V:
         """Values on all states."""
 
     @cached_property
@@ -200,11 +199,11 @@ class LinearSystem:
         states, rows = self.rewards(reward)
         return self.embedded(per_row(self.groups, states) + rows)
 
-    def reachability(self, target: OwnSet) -> Reachability:
+    def reachability(self, target: S) -> Reachability[S, V]:
         """The equations of the probability of reaching `target`, a set outside of the states."""
         return Reachability(self, target)
 
-    def expected_reward(self, reward: Reward, infinite: OwnSet) -> ExpectedReward:
+    def expected_reward(self, reward: Reward, infinite: S) -> ExpectedReward[S, V]:
         """The equations of the expected reward until the states are left; it is infinite on
         `infinite`.
         """
@@ -217,7 +216,7 @@ class LinearSystem:
         *,
         probability: bool,
         allow_stay: bool = False,
-    ) -> LinearEquations:
+    ) -> LinearEquations[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`)."""
         return LinearEquations(self, constant, upper, probability, allow_stay)
 
@@ -229,7 +228,7 @@ class LinearSystem:
         direction = self.direction
         if self.has_rows or self._end_components_matter(probability):
             return LinearProblem(
-                constant, self._probabilities(), upper, leave, direction, probability
+                constant, self.probabilities(), upper, leave, direction, probability
             )
         operator = self.embedded_operator()
         return LinearProblem(
@@ -249,7 +248,7 @@ class LinearSystem:
             return False
         return self.has_end_components
 
-    def _probabilities(self) -> SparseMatrix:
+    def probabilities(self) -> SparseMatrix:
         """The matrix among the states, as rows of probabilities."""
         matrix = self.matrix
         if self.exit_rates is None:
@@ -257,10 +256,49 @@ class LinearSystem:
         return matrix.divided(self.exit_rates)
 
 
-@dataclass(frozen=True, eq=False)
-class LinearEquations:
-    """Equations x = A x + constant over the states of a system (see
+class BaseEquations(Generic[S, V]):
+    """The common part of equations over the states of a system (see
     `symcheck.engines.base.Equations`).
+    """
+
+    system: LinearSystem[S, V]
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return self.system.n
+
+    @property
+    def usable_rows(self) -> Bools | None:
+        """Rows that can be optimal, bool[rows]; None: all."""
+        return None
+
+    @abstractmethod
+    def problem(self) -> LinearProblem:
+        """The equations among the usable rows for a numerical method."""
+
+    def solve(
+        self,
+        known: Sequence[tuple[S, float]],
+        settings: Settings,
+        observer: Observer | None = None,
+    ) -> SolvedValues[V]:
+        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
+        if self.system.states:
+            return self._solved(known, settings, observer)
+        values = self.system.lift(self.system.full(0), None, known)
+        return SolvedValues(values, "", 0, 0)
+
+    def _solved(
+        self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
+    ) -> SolvedValues[V]:
+        """The solution over some unknowns."""
+        return solved_values(self.system, self.problem(), known, settings, observer)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearEquations(BaseEquations[S, V]):
+    """Equations x = A x + constant.
 
     Args:
         constant: float64 per row; `upper`: its upper bound where it is not known exactly.
@@ -269,39 +307,28 @@ class LinearEquations:
             rewards); it must not for least probabilities.
     """
 
-    system: LinearSystem
+    system: LinearSystem[S, V]
     constant: Numbers = field(repr=False)
     upper: Numbers | None = field(repr=False)
     probability: bool
     allow_stay: bool = False
 
-    @property
-    def n(self) -> int:
-        """Number of unknowns."""
-        return self.system.n
-
     def problem(self) -> LinearProblem:
         """The equations for a numerical method."""
         return self.system.problem(self.constant, self.upper, probability=self.probability)
 
-    def solve(
-        self,
-        known: Sequence[tuple[OwnSet, float]],
-        settings: Settings,
-        observer: Observer | None = None,
-    ) -> SolvedValues:
-        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
+    def _solved(
+        self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
+    ) -> SolvedValues[V]:
         from symcheck.numerics.linear.methods import solve_linear
 
-        if not self.system.states:
-            return _nothing_to_solve(self.system, known)
         problem, quotient = self.problem(), None
         if self.allow_stay and (not self.probability or self.system.has_end_components):
             # End components without reward become single states, as for least rewards. Rewards are
             # not negative, so that staying is never better than leaving and need not be a choice
             # there.
             against = Direction.MAX if self.probability else Direction.MIN
-            rows = self.system._probabilities()
+            rows = self.system.probabilities()
             quotient = collapse(replace(problem, matrix=rows, direction=against))
         if quotient is None:
             return solved_values(self.system, problem, known, settings, observer)
@@ -311,48 +338,36 @@ class LinearEquations:
 
 
 @dataclass(frozen=True, eq=False)
-class Reachability:
+class Reachability(BaseEquations[S, V]):
     """The probability of reaching `target` from the states of a system: x = A x + (probability of
     entering it).
     """
 
-    system: LinearSystem
-    target: OwnSet
-
-    @property
-    def n(self) -> int:
-        """Number of unknowns."""
-        return self.system.n
+    system: LinearSystem[S, V]
+    target: S
 
     def problem(self) -> LinearProblem:
         """The equations for a numerical method."""
         constant = self.system.embedded(self.system.one_step_probability(self.target))
         return self.system.problem(constant, None, probability=True)
 
-    def solve(
-        self,
-        known: Sequence[tuple[OwnSet, float]],
-        settings: Settings,
-        observer: Observer | None = None,
-    ) -> SolvedValues:
-        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
-        return _solved(self, known, settings, observer)
+    def _solved(
+        self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
+    ) -> SolvedValues[V]:
+        return _preprocessed(self, known, settings, observer) or super()._solved(
+            known, settings, observer
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class ExpectedReward:
+class ExpectedReward(BaseEquations[S, V]):
     """The expected reward until the states of a system are left; on the set `infinite` it is
     infinite.
     """
 
-    system: LinearSystem
+    system: LinearSystem[S, V]
     reward: Reward
-    infinite: OwnSet
-
-    @property
-    def n(self) -> int:
-        """Number of unknowns."""
-        return self.system.n
+    infinite: S
 
     @cached_property
     def usable_rows(self) -> Bools | None:
@@ -372,55 +387,51 @@ class ExpectedReward:
         usable = self.usable_rows
         return problem if usable is None else chosen_rows(problem, self.system.matrix, usable)
 
-    def solve(
-        self,
-        known: Sequence[tuple[OwnSet, float]],
-        settings: Settings,
-        observer: Observer | None = None,
-    ) -> SolvedValues:
-        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
-        return _solved(self, known, settings, observer)
+    def _solved(
+        self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
+    ) -> SolvedValues[V]:
+        return _preprocessed(self, known, settings, observer) or super()._solved(
+            known, settings, observer
+        )
 
 
-Query = Reachability | ExpectedReward
+Query = Reachability[S, V] | ExpectedReward[S, V]
 
 
-class Preprocessing(Protocol):
+class Preprocessing(Protocol[S, V]):
     """A step that shortens equations, or solves them without a numerical method."""
 
-    def accepts(self, query: Query, settings: Settings) -> bool:
+    def accepts(self, query: Query[S, V], settings: Settings) -> bool:
         """Whether the step can be tried."""
         ...
 
     def apply(
         self,
-        query: Query,
-        known: Sequence[tuple[OwnSet, float]],
+        query: Query[S, V],
+        known: Sequence[tuple[S, float]],
         settings: Settings,
         observer: Observer | None,
-    ) -> SolvedValues | None:
+    ) -> SolvedValues[V] | None:
         """The solution; None if the step does not pay."""
         ...
 
 
-def _solved(
-    query: Query,
-    known: Sequence[tuple[OwnSet, float]],
+def _preprocessed(
+    query: Query[S, V],
+    known: Sequence[tuple[S, float]],
     settings: Settings,
     observer: Observer | None,
-) -> SolvedValues:
-    """The solution by the first preprocessing step that has one, or else by a numerical method."""
-    if not query.system.states:
-        return _nothing_to_solve(query.system, known)
+) -> SolvedValues[V] | None:
+    """The solution by the first preprocessing step that has one."""
     for step in query.system.preprocessing:
         if step.accepts(query, settings):
-            found = step.apply(query, known, settings, observer)
-            if found is not None:
-                return found
-    return solved_values(query.system, query.problem(), known, settings, observer)
+            solution = step.apply(query, known, settings, observer)
+            if solution is not None:
+                return solution
+    return None
 
 
-class Lifts(Protocol):
+class Lifts(Protocol[S_contra, V_co]):
     """The part of a system that lifts solutions to all states."""
 
     @property
@@ -432,20 +443,20 @@ class Lifts(Protocol):
         self,
         lower: Numbers,
         upper: Numbers | None,
-        rest: Sequence[tuple[OwnSet, float]] = (),
+        rest: Sequence[tuple[S_contra, float]] = (),
         exact: bool = False,
-    ) -> Any:
+    ) -> V_co:
         """Values on all states."""
         ...
 
 
 def solved_values(
-    system: Lifts,
+    system: Lifts[S, V],
     problem: LinearProblem | MaskedProblem,
-    known: Sequence[tuple[OwnSet, float]],
+    known: Sequence[tuple[S, float]],
     settings: Settings,
     observer: Observer | None,
-) -> SolvedValues:
+) -> SolvedValues[V]:
     """The solution of a problem over the unknowns of a system, on all states."""
     from symcheck.numerics.linear.methods import solve_linear
 
@@ -453,11 +464,11 @@ def solved_values(
 
 
 def _lifted(
-    system: Lifts, solution: Solution, known: Sequence[tuple[OwnSet, float]], settings: Settings
-) -> SolvedValues:
+    system: Lifts[S, V], solution: Solution, known: Sequence[tuple[S, float]], settings: Settings
+) -> SolvedValues[V]:
     """A solution over the unknowns, on all states."""
     point = solution.exact or not solution.certified
-    values: Values = system.lift(
+    values = system.lift(
         solution.middle if point else solution.lower,
         None if point else solution.upper,
         known,
@@ -472,10 +483,6 @@ def _lifted(
         solution.certified,
         solution.width(settings.relative) if solution.certified else 0.0,
     )
-
-
-def _nothing_to_solve(system: LinearSystem, known: Sequence[tuple[OwnSet, float]]) -> SolvedValues:
-    return SolvedValues(system.lift(system.full(0), None, known), "", 0, 0)
 
 
 def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) -> LinearProblem:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from symcheck.engines.base import Engine
+from symcheck.engines.base import Engine, erased
 from symcheck.errors import converts_memory_error
 from symcheck.options import EngineName, Options
 from symcheck.semantics.model import BoundModel
@@ -30,7 +30,7 @@ def _explicit(model: BoundModel, options: Options, observer: Observer | None) ->
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.explicit.build import explore
 
-    return ExplicitEngine(explore(model, options, observer))
+    return erased(ExplicitEngine(explore(model, options, observer)))
 
 
 def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
@@ -40,7 +40,7 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     explored = explore_exactly(
         model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums
     )
-    return ExplicitEngine(explored, "exact")
+    return erased(ExplicitEngine(explored, "exact"))
 
 
 def _sparse(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
@@ -64,9 +64,10 @@ def _compressed(
     from symcheck.symbolic.matrix.transitions import transitions
 
     space = build_state_space(model, options, observer)
-    return enumerated_engine(space, options, kind.name) or kind.of(
-        transitions(space, options, observer)
-    )
+    enumerated = enumerated_engine(space, options, kind.name)
+    if enumerated is not None:
+        return erased(enumerated)
+    return erased(kind.of(transitions(space, options, observer)))
 
 
 def _mtbdd(model: BoundModel, options: Options, observer: Observer | None) -> Engine:

@@ -23,10 +23,10 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from symcheck.engines import tuning
-from symcheck.engines.base import Engine
+from symcheck.engines.base import Engine, erased
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 from symcheck.machine import memory
 from symcheck.options import Options
@@ -149,7 +149,7 @@ class _SearchInterrupted(TimeLimitError):
         self.found_states = found_states
 
 
-def _with_variable_order(model: BoundModel, options: Any, observer: Observer | None) -> Any:
+def _with_variable_order(model: BoundModel, options: Options, observer: Observer | None) -> Options:
     """The options with the requested order as variable names, so that it is computed only once."""
     from symcheck.symbolic.build import chosen_order
 
@@ -237,7 +237,7 @@ def _explicit_engine(exploration: Exploration, observer: Observer | None, reason
     from symcheck.engines.explicit.engine import ExplicitEngine
 
     _report_choice(observer, "explicit", reason)
-    return ExplicitEngine(exploration.finish())
+    return erased(ExplicitEngine(exploration.finish()))
 
 
 def _explore_symbolically(model: BoundModel, options: Options, lookups: int | None) -> StateSpace:
@@ -291,16 +291,16 @@ def _symbolic_engine(
             "sparse",
             f"{reason}, and its rows take only {size / 1e6:,.0f} MB",
         )
-        return materialize(engine)
+        return erased(materialize(engine))
     if size <= tuning.ROWS_MEMORY_SHARE * memory():
         _report_choice(
             observer, "sparse", f"{reason}, and the rows that properties need fit into memory"
         )
-        return engine
+        return erased(engine)
     _report_choice(
         observer, "hybrid", f"{reason}, and rows of {size / 1e6:,.0f} MB exceed the limit"
     )
-    return HybridEngine.of(built)
+    return erased(HybridEngine.of(built))
 
 
 def _report_choice(observer: Observer | None, engine: str, reason: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any, NoReturn, TextIO, Unpack
 from symcheck.api import Model, takes_options
 from symcheck.check.context import Context
 from symcheck.check.state_formulas import satisfying
-from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.base import Engine, StateSet, erased
 from symcheck.errors import UnsupportedError, UsageError, converts_memory_error
 from symcheck.exchange import export as targets
 from symcheck.exchange.explicit_data import ExplicitData, imported_engine, imported_program
@@ -49,7 +49,7 @@ class ImportedModel(Model):
         """The explicit engine, or the rational one. Raises ModelFault, UnsupportedError."""
         assert self.data is not None
         engine = imported_engine(self.data, fix_deadlocks=self.options.fix_deadlocks)
-        return engine.rational() if self.options.exact else engine
+        return engine.rational() if self.options.exact else erased(engine)
 
     def reduced_for(self, *_: object, **__: object) -> Model:
         """The model itself: reduction rewrites commands, and there are none."""

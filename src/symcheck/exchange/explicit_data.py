@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from symcheck.engines.base import Engine, erased
 from symcheck.engines.capabilities import HasImportedStates, HasRationalTwin
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -146,7 +147,7 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
         known = self.members.get(expression)
         return super().where(expression) if known is None else ArraySet(known)
 
-    def rational(self) -> ImportedEngine:
+    def rational(self) -> Engine:
         """The same model in rational arithmetic.
 
         A double becomes the fraction with a denominator of at most 10**6 that rounds to it, if
@@ -175,7 +176,7 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
             [_rationals(r.rows) for r in rewards],
         )
         entries = [None if r.entries is None else _rationals(r.entries) for r in rewards]
-        return replace(self, explored=exact, name="exact", entry_rewards=entries)
+        return erased(replace(self, explored=exact, name="exact", entry_rewards=entries))
 
 
 def _rationals(values: Numbers) -> Rationals:

@@ -5,10 +5,10 @@ Source: Baier & Katoen (2008), 10.4.2; Derisavi, Hermanns & Sanders (2003).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from symcheck.check.bisimulation.atomic_observations import (
     AtomicObservations,
@@ -16,28 +16,32 @@ from symcheck.check.bisimulation.atomic_observations import (
     union,
 )
 from symcheck.check.bisimulation.quotient import (
-    ArrayQuotient,
-    DiagramQuotient,
-    ExplicitQuotient,
-    MaterializedQuotient,
+    ArrayLifting,
+    Lifting,
+    MaterializedLifting,
     Quotient,
+    lumped_diagrams_engine,
+    lumped_engine,
 )
 from symcheck.check.context import Context
-from symcheck.check.filters import FilterResult, apply_filter
+from symcheck.check.filters import AppliedFilter
 from symcheck.check.state_formulas import is_plain, modern_filter, numbers, satisfying, states_of
-from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.base import Engine, StateSet, V, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, NumericalError, UnsupportedError
+from symcheck.matrices.numbers import doubles
+from symcheck.matrices.rows import Bools, Floats
 from symcheck.numerics.bisimulation import lump
 from symcheck.options import Options
 from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import Expression, Filter, LabelReference, Name, StateFilter, Type
 
 if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd, Mtbdd
     from symcheck.engines.symbolic.bisimulation import LumpedDiagrams
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
-__all__ = ["SharedQuotient", "filtered", "quotient", "shared_quotient"]
+__all__ = ["SharedQuotient", "applied_filter", "quotient", "shared_quotient"]
 
 _ENTRY_BYTES = 12
 """Memory of an entry of compressed rows."""
@@ -154,7 +158,7 @@ def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
         )
     explicit = engine.capability(ExplicitEngine)
     if explicit is not None and engine.states <= _DIAGRAMS_FIRST_STATES:
-        return _lump_explicit(context, explicit, observed, ExplicitQuotient)
+        return _on_rows(context, explicit, observed)
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
     symbolic = engine.capability(SymbolicEngine)
@@ -165,57 +169,60 @@ def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
     if symbolic is not None:
         try:
             lumped = _lump_diagrams(context, symbolic, observed, engine.states // _STATES_PER_BLOCK)
-            return ArrayQuotient(symbolic, lumped)
+            return _of_diagrams(symbolic, lumped, ArrayLifting(lumped.block_of_states()))
         except UnsupportedError:
             pass
-    return _lump_explicit(context, explicit, observed, ExplicitQuotient)
+    return _on_rows(context, explicit, observed)
 
 
-def filtered(context: Context, smaller: Quotient, formula: Filter | StateFilter) -> FilterResult:
-    """Apply a filter to all states, with the values of its formula computed on a quotient."""
+def applied_filter(
+    context: Context, smaller: Quotient, formula: Filter | StateFilter
+) -> AppliedFilter:
+    """A filter on all states, with the values of its formula computed on a quotient."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     inner = replace(context, engine=smaller.engine)
-    kind = context.type(node.formula)
     states = (
         context.engine.all if node.states is None else _condition(context, smaller, node.states)
     )
-    if kind is Type.BOOL:
-        return apply_filter(
-            context,
-            node,
-            smaller.lift_set(satisfying(inner, node.formula, inner.engine.all)),
-            states,
-            kind,
-        )
-    return apply_filter(
-        context, node, smaller.lift(numbers(inner, node.formula, inner.engine.all)), states, kind
+    return AppliedFilter(
+        context,
+        node,
+        states,
+        lambda f: smaller.lift_set(satisfying(inner, f, inner.engine.all)),
+        lambda f: smaller.lift(numbers(inner, f, inner.engine.all)),
     )
 
 
 def _condition(context: Context, smaller: Quotient, condition: Expression) -> StateSet:
     if is_plain(condition) or isinstance(condition, LabelReference):
         return states_of(context)(condition)
-    found: StateSet = smaller.lift_set(
-        states_of(replace(context, engine=smaller.engine))(condition)
-    )
-    return found
+    return smaller.lift_set(states_of(replace(context, engine=smaller.engine))(condition))
 
 
-def _lump_explicit(
+def _on_rows(
     context: Context,
     engine: ExplicitEngine,
     observed: AtomicObservations,
-    make: Callable[..., ExplicitQuotient],
-    **more: Any,
-) -> ExplicitQuotient:
-    sets, values = _observed_parts(context, engine, observed)
-    colours: list[Any] = [
-        *(s.members for s in sets),
-        *(engine.values(part, context.type(part)).lower for part in values),
+    source: SymbolicEngine | None = None,
+) -> Quotient:
+    """A quotient on rows. source: the engine that they were materialized from, if any."""
+    erased_engine = erased(engine)
+    sets, values = _observed_parts(context, erased_engine, observed)
+    colours: list[Bools | Floats] = [
+        *(erased_engine.to_bools(states) for states in sets),
+        *(doubles(engine.values(part, context.type(part)).lower) for part in values),
     ]
     rewards = [engine.rewards(Structure(i)) for i in sorted(observed.structures)]
     colours += [states for states, _ in rewards]
-    return make(engine, lump(engine.matrix, colours, [rows for _, rows in rewards]), **more)
+    lumping = lump(engine.matrix, colours, [rows for _, rows in rewards])
+    return Quotient.of(
+        lumped_engine(engine, lumping),
+        lumping.rounds,
+        f"{lumping.rounds} rounds on listed states",
+        ArrayLifting(lumping.block)
+        if source is None
+        else MaterializedLifting(source, lumping.block),
+    )
 
 
 def _on_diagrams(
@@ -225,28 +232,37 @@ def _on_diagrams(
     from symcheck.engines.symbolic.materialized import materialize
 
     fits = engine.states <= _ROWS_STATES and engine.transitions * _ENTRY_BYTES <= _ROWS_BYTES
+    most = engine.states // _STATES_PER_BLOCK if fits else None
     try:
-        return DiagramQuotient(
-            engine,
-            _lump_diagrams(
-                context, engine, observed, engine.states // _STATES_PER_BLOCK if fits else None
-            ),
-        )
+        lumped = _lump_diagrams(context, engine, observed, most)
+        return _of_diagrams(engine, lumped, lumped)
     except UnsupportedError:
         if not fits:
             raise
-    return _lump_explicit(
-        context, materialize(engine), observed, MaterializedQuotient, source=engine
+    return _on_rows(context, materialize(engine), observed, engine)
+
+
+def _of_diagrams(
+    source: SymbolicEngine, lumped: LumpedDiagrams, lifting: Lifting[StateSet, V]
+) -> Quotient:
+    cost = (
+        f"{lumped.rounds} rounds on diagrams, {lumped.nodes:,} nodes and signatures, "
+        f"{lumped.seconds:.2f} s"
     )
+    return Quotient.of(lumped_diagrams_engine(source, lumped), lumped.rounds, cost, lifting)
 
 
 def _lump_diagrams(
     context: Context, engine: SymbolicEngine, observed: AtomicObservations, most: int | None
 ) -> LumpedDiagrams:
     from symcheck.engines.symbolic.bisimulation import lump_diagrams
+    from symcheck.engines.symbolic.sets import SymbolicSet
 
-    sets, values = _observed_parts(context, engine, observed)
-    colours: list[Any] = [s.bdd for s in sets]
+    sets, values = _observed_parts(context, erased(engine), observed)
+    colours: list[Bdd | Mtbdd] = []
+    for states in sets:
+        assert isinstance(states, SymbolicSet)  # of this engine
+        colours.append(states.bdd)
     for part in values:
         colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
     default = _LUMPING_SECONDS if most is not None else _LUMPING_SECONDS_WITHOUT_ALTERNATIVE
@@ -259,9 +275,9 @@ def _lump_diagrams(
 
 def _observed_parts(
     context: Context, engine: Engine, observed: AtomicObservations
-) -> tuple[list[Any], list[Expression]]:
+) -> tuple[list[StateSet], list[Expression]]:
     """The observations as sets of the engine, and as numeric expressions."""
-    sets: list[Any] = [engine.initial] if "init" in observed.names else []
+    sets = [engine.initial] if "init" in observed.names else []
     sets += [engine.deadlocks] if "deadlock" in observed.names else []
     values = []
     for part in observed.expressions.values():

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.engines.base import Engine, OwnSet, OwnValues
+from symcheck.engines.base import Engine, StateSet, V, V_co, Values, erased
 from symcheck.engines.capabilities import HasBlocks, HasRationalTwin
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -18,7 +18,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.explicit.explored import States
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import StateLayout, StateTable
-from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.bisimulation import Lumping
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
@@ -26,41 +26,98 @@ from symcheck.syntax.ast import Expression
 if TYPE_CHECKING:
     from symcheck.engines.symbolic.bisimulation import LumpedDiagrams
     from symcheck.engines.symbolic.engine import SymbolicEngine
+    from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues
 
 __all__ = [
-    "ArrayQuotient",
-    "DiagramQuotient",
-    "ExplicitQuotient",
-    "MaterializedQuotient",
+    "ArrayLifting",
+    "Lifting",
+    "MaterializedLifting",
     "Quotient",
+    "lumped_diagrams_engine",
+    "lumped_engine",
 ]
 
+S_co = TypeVar("S_co", bound=StateSet, covariant=True)
 
-class Quotient(Protocol):
-    """A quotient as an engine, with lifting of its values and sets to the model."""
 
-    @property
-    def engine(self) -> ExplicitEngine:
-        """The engine of the blocks."""
+class Lifting(Protocol[S_co, V_co]):
+    """Lifts sets and values of blocks to the states of the engine that was reduced."""
+
+    def lift(self, values: ArrayValues) -> V_co:
+        """The value of each state: that of its block."""
         ...
 
-    @property
-    def rounds(self) -> int:
-        """Number of refinement rounds."""
+    def lift_set(self, blocks: Bools) -> S_co:
+        """The states of some blocks, bool[blocks]."""
         ...
 
-    @property
-    def cost(self) -> str:
-        """How the quotient was computed, in words."""
-        ...
 
-    def lift(self, values: OwnValues) -> OwnValues:
+@dataclass(frozen=True, eq=False)
+class Quotient:
+    """A quotient: the engine of the blocks, with lifting of its values and sets to the model.
+
+    Attributes:
+        engine: the engine of the blocks.
+        rounds: number of refinement rounds.
+        cost: how the quotient was computed, in words.
+        lifting: to the states of the model's engine.
+    """
+
+    engine: Engine
+    rounds: int
+    cost: str
+    lifting: Lifting[StateSet, Values] = field(repr=False)
+
+    @classmethod
+    def of(
+        cls, engine: ExplicitEngine, rounds: int, cost: str, lifting: Lifting[StateSet, V]
+    ) -> Quotient:
+        """The quotient. What it lifts to are sets and values of the engine that was reduced."""
+        # As in `engines.base.erased`: only that engine receives the values.
+        return cls(erased(engine), rounds, cost, cast(Lifting[StateSet, Values], lifting))
+
+    def lift(self, values: Values) -> Values:
         """Lift values of blocks to states."""
-        ...
+        assert isinstance(values, ArrayValues)  # the engine of the blocks has doubles
+        return self.lifting.lift(values)
 
-    def lift_set(self, states: OwnSet) -> OwnSet:
+    def lift_set(self, states: StateSet) -> StateSet:
         """Lift a set of blocks to states."""
-        ...
+        return self.lifting.lift_set(self.engine.to_bools(states))
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayLifting:
+    """To arrays over the states. block: the block of each state, int[states]."""
+
+    block: Int32s | Int64s = field(repr=False)
+
+    def lift(self, values: ArrayValues) -> ArrayValues:
+        """The value of each state: that of its block."""
+        return values.gather(self.block)
+
+    def lift_set(self, blocks: Bools) -> ArraySet:
+        """The states of some blocks."""
+        return ArraySet(blocks[self.block])
+
+
+@dataclass(frozen=True, eq=False)
+class MaterializedLifting:
+    """To sets and values of a symbolic engine whose states have a block each, int[states]."""
+
+    source: SymbolicEngine = field(repr=False)
+    block: Int32s = field(repr=False)
+
+    def lift(self, values: ArrayValues) -> SymbolicValues:
+        """The value of each state: that of its block."""
+        from symcheck.engines.symbolic.sets import Piece, SymbolicValues
+
+        d = self.source.diagrams
+        return SymbolicValues(d, (Piece(d.states, values.gather(self.block), d.odd),))
+
+    def lift_set(self, blocks: Bools) -> SymbolicSet:
+        """The states of some blocks."""
+        return self.source.from_bools(blocks[self.block])
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +174,7 @@ class QuotientModel:
         actions: Int32s = self.base.explored.choice_actions
         return actions[self.lumping.rows]
 
-    def evaluate(self, expression: Expression) -> NDArray[Any]:
+    def evaluate(self, expression: Expression) -> NDArray[np.generic]:
         """The value of an expression in the first state of each block."""
         value = np.asarray(self.base.explored.evaluate(expression))
         return value if value.ndim == 0 else value[self.lumping.first]
@@ -151,65 +208,6 @@ class QuotientEngine(BlockEngine):
         return ArraySet(self.base.where(expression).members[self.lumping.first])
 
 
-@dataclass(frozen=True, eq=False)
-class ExplicitQuotient:
-    """The quotient of an explicit engine."""
-
-    base: ExplicitEngine = field(repr=False)
-    lumping: Lumping = field(repr=False)
-
-    @cached_property
-    def engine(self) -> ExplicitEngine:
-        """The engine of the blocks."""
-        model: Any = QuotientModel(self.base, self.lumping)
-        return QuotientEngine(model, base=self.base, lumping=self.lumping)
-
-    @property
-    def rounds(self) -> int:
-        """Number of refinement rounds."""
-        return self.lumping.rounds
-
-    @property
-    def cost(self) -> str:
-        """How the quotient was computed, in words."""
-        return f"{self.rounds} rounds on listed states"
-
-    def lift(self, values: ArrayValues) -> ArrayValues:
-        """Lift values of blocks to states."""
-        return _spread(values, self.lumping.block)
-
-    def lift_set(self, states: ArraySet) -> ArraySet:
-        """Lift a set of blocks to states."""
-        return ArraySet(states.members[self.lumping.block])
-
-
-def _spread(values: ArrayValues, block: Int32s | Int64s) -> ArrayValues:
-    """The value of each state: that of its block."""
-    lower = values.lower[block]
-    upper = lower if values.upper is values.lower else values.upper[block]
-    return ArrayValues(
-        lower, upper, None if values.computed is None else values.computed[block], values.slack
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class MaterializedQuotient(ExplicitQuotient):
-    """The quotient of a symbolic engine, computed on materialized rows."""
-
-    source: SymbolicEngine = field(repr=False)
-
-    def lift(self, values: ArrayValues) -> Any:
-        """Lift values of blocks to states."""
-        from symcheck.engines.symbolic.sets import Piece, SymbolicValues
-
-        d = self.source.diagrams
-        return SymbolicValues(d, (Piece(d.states, super().lift(values), d.odd),))
-
-    def lift_set(self, states: ArraySet) -> Any:
-        """Lift a set of blocks to states."""
-        return self.source.from_bools(super().lift_set(states).members)
-
-
 class _Chosen(list[Floats]):
     """Rewards of the structures that the partition respects; others are empty."""
 
@@ -217,67 +215,24 @@ class _Chosen(list[Floats]):
         super().__init__(rewards.get(i, np.empty(0)) for i in range(max(rewards, default=-1) + 1))
 
 
-@dataclass(frozen=True, eq=False)
-class DiagramQuotient:
-    """The quotient of a symbolic engine, computed on diagrams."""
-
-    source: SymbolicEngine = field(repr=False)
-    lumped: LumpedDiagrams
-
-    @cached_property
-    def engine(self) -> ExplicitEngine:
-        """The engine of the blocks, with values of their first states; choices have no actions."""
-        lumped, encoding = self.lumped, self.source.space.symbolic.encoding
-        layout = StateLayout.of(self.source.model.variables)
-        codes = encoding.codes(lumped.members)
-        table = StateTable(layout, layout.pack(list(np.ascontiguousarray(codes.T))))
-        d = lumped.diagrams
-        model = ExplicitModel(
-            self.source.model,
-            table,
-            lumped.matrix,
-            np.full(lumped.matrix.rows, -1, np.int32),
-            lumped.meeting(d.initial),
-            lumped.meeting(d.deadlocks),
-            _Chosen({i: lumped.at_members(d.state_rewards[i]) for i in lumped.rewards}),
-            _Chosen(lumped.rewards),
-        )
-        return BlockEngine(model)
-
-    @property
-    def rounds(self) -> int:
-        """Number of refinement rounds."""
-        return self.lumped.rounds
-
-    @property
-    def cost(self) -> str:
-        """How the quotient was computed, in words."""
-        return (
-            f"{self.rounds} rounds on diagrams, {self.lumped.nodes:,} nodes and signatures, "
-            f"{self.lumped.seconds:.2f} s"
-        )
-
-    def lift(self, values: ArrayValues) -> Any:
-        """Lift values of blocks to states."""
-        return self.lumped.lift(values)
-
-    def lift_set(self, states: ArraySet) -> Any:
-        """Lift a set of blocks to states."""
-        return self.lumped.lift_set(states.members)
+def lumped_engine(base: ExplicitEngine, lumping: Lumping) -> ExplicitEngine:
+    """The engine of the blocks of explicit states."""
+    return QuotientEngine(QuotientModel(base, lumping), base=base, lumping=lumping)
 
 
-@dataclass(frozen=True, eq=False)
-class ArrayQuotient(DiagramQuotient):
-    """The quotient of an explicit engine, computed on its diagrams and lifted to arrays."""
-
-    @cached_property
-    def _block(self) -> Int64s:
-        return self.lumped.block_of_states()
-
-    def lift(self, values: ArrayValues) -> ArrayValues:
-        """Lift values of blocks to states."""
-        return _spread(values, self._block)
-
-    def lift_set(self, states: ArraySet) -> ArraySet:
-        """Lift a set of blocks to states."""
-        return ArraySet(states.members[self._block])
+def lumped_diagrams_engine(source: SymbolicEngine, lumped: LumpedDiagrams) -> ExplicitEngine:
+    """The engine of the blocks, with values of their first states; choices have no actions."""
+    layout = StateLayout.of(source.model.variables)
+    codes = source.space.symbolic.encoding.codes(lumped.members)
+    d = lumped.diagrams
+    model = ExplicitModel(
+        source.model,
+        StateTable(layout, layout.pack(list(np.ascontiguousarray(codes.T)))),
+        lumped.matrix,
+        np.full(lumped.matrix.rows, -1, np.int32),
+        lumped.meeting(d.initial),
+        lumped.meeting(d.deadlocks),
+        _Chosen({i: lumped.at_members(d.state_rewards[i]) for i in lumped.rewards}),
+        _Chosen(lumped.rewards),
+    )
+    return BlockEngine(model)

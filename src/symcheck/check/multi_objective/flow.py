@@ -15,8 +15,7 @@ from symcheck.check.measures.step_bounded import per_row
 from symcheck.check.omega_regular.ltl import linear_product
 from symcheck.check.path_formulas import StatesOf, TemporalPath, temporal
 from symcheck.check.reward_queries import reward_of
-from symcheck.engines.base import Engine, StateSet
-from symcheck.engines.product import Product
+from symcheck.engines.base import Engine, Product, StateSet
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.engines.base import StateSet
-from symcheck.engines.product import Product
+from symcheck.engines.base import Product, StateSet
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.numerics.graph import EndComponents, Incidence, maximal_end_components
 

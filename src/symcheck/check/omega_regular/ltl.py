@@ -19,8 +19,7 @@ from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.omega_regular.linear_time import read
 from symcheck.check.path_formulas import TemporalPath, UntilPath
 from symcheck.direction import Direction
-from symcheck.engines.base import StateSet, Values
-from symcheck.engines.product import Product
+from symcheck.engines.base import Product, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, ModelType

@@ -36,7 +36,7 @@ from symcheck.check.path_formulas import (
 from symcheck.check.reward_queries import reward_of
 from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
-from symcheck.engines.base import OwnSet
+from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import UnsupportedError
 from symcheck.kernels.rows import sparse
@@ -200,21 +200,22 @@ class _StrategyBuilder:
     """Chooses a row for each state; -1 if every row is as good."""
 
     def __init__(self, context: Context, direction: Direction) -> None:
-        engine = context.engine.capability(ExplicitEngine)
-        assert engine is not None
-        assert engine.matrix.groups is not None
-        self.context, self.engine, self.direction = context, engine, direction
-        self.edges = graph.Incidence(engine.matrix)
+        explicit = context.engine.capability(ExplicitEngine)
+        assert explicit is not None
+        assert explicit.matrix.groups is not None
+        self.context, self.explicit, self.direction = context, explicit, direction
+        self.engine = engine = context.engine
+        self.edges = graph.Incidence(explicit.matrix)
         self.rows: Int64s = np.full(engine.states, -1, dtype=np.int64)
 
     def strategy(self, direction: Direction) -> Strategy:
         """The strategy of the chosen rows, and of the first row in other states."""
         free = self.rows < 0
         return Strategy(
-            self.engine, np.where(free, self.edges.groups[:-1], self.rows), direction, ~free
+            self.explicit, np.where(free, self.edges.groups[:-1], self.rows), direction, ~free
         )
 
-    def next(self, target: OwnSet) -> None:
+    def next(self, target: StateSet) -> None:
         """Choose rows with maximal (minimal) probability of entering the target."""
         values = self.engine.system(self.engine.all).one_step_probability(target)
         values = values if self.direction is Direction.MAX else -values
@@ -222,7 +223,7 @@ class _StrategyBuilder:
         first = np.flatnonzero(values == np.repeat(best, np.diff(self.edges.groups)))
         self.rows[self.edges.owner[first[::-1]]] = first[::-1]
 
-    def until(self, left: OwnSet, right: OwnSet) -> None:
+    def until(self, left: StateSet, right: StateSet) -> None:
         """Choose rows with maximal (minimal) probability of left U right."""
         questions = self.engine.graph
         yes, no = (
@@ -238,7 +239,7 @@ class _StrategyBuilder:
         system = self.engine.system(~(yes | no), self.direction)
         self._solve(system.states, system.reachability(yes).problem())
 
-    def accept(self, pairs: Sequence[tuple[OwnSet, Sequence[OwnSet]]]) -> OwnSet:
+    def accept(self, pairs: Sequence[tuple[StateSet, Sequence[StateSet]]]) -> StateSet:
         """Choose rows that satisfy one of the pairs (avoid, visits), of at most one visit.
 
         Returns:
@@ -259,7 +260,7 @@ class _StrategyBuilder:
             known |= good
         return self.engine.from_bools(known)
 
-    def reward(self, reward: Reward, target: OwnSet) -> None:
+    def reward(self, reward: Reward, target: StateSet) -> None:
         """Choose rows with maximal (minimal) expected reward until the target."""
         everything = self.engine.all
         questions = self.engine.graph
@@ -287,7 +288,7 @@ class _StrategyBuilder:
         inside = np.flatnonzero(~leaves & where[self.edges.owner])
         self.rows[self.edges.owner[inside[::-1]]] = inside[::-1]
 
-    def _avoid(self, target: OwnSet) -> None:
+    def _avoid(self, target: StateSet) -> None:
         """In states that can avoid the target, choose rows that do so with positive probability."""
         to = self.engine.to_bools
         missed = to(self.engine.graph.prob0(self.engine.all, target, Direction.MIN))
@@ -305,7 +306,9 @@ class _StrategyBuilder:
             known = known | frontier
             ahead = len(rows) > 0
 
-    def _solve(self, states: OwnSet, problem: LinearProblem, origin: Int64s | None = None) -> None:
+    def _solve(
+        self, states: StateSet, problem: LinearProblem, origin: Int64s | None = None
+    ) -> None:
         """Choose the rows of a solution.
 
         origin: the index of each row of the problem among the rows of `states`.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.engines.base import ROUNDING, bracket
-from symcheck.matrices.rows import Bools, Floats, Int64s
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 
 __all__ = ["ArraySet", "ArrayValues"]
 
@@ -160,8 +160,8 @@ class ArrayValues:
         mine, theirs = (empty if c is None else c for c in (self.computed, other.computed))
         return ArrayValues(lower, upper, np.where(m, mine, theirs), max(self.slack, other.slack))
 
-    def gather(self, indices: Int64s) -> ArrayValues:
-        """The values at some states (int64, repetitions allowed), as values of as many states."""
+    def gather(self, indices: Int32s | Int64s) -> ArrayValues:
+        """The values at some states (repetitions allowed), as values of as many states."""
         lower = self.lower[indices]
         upper = lower if self.upper is self.lower else self.upper[indices]
         computed = None if self.computed is None else self.computed[indices]

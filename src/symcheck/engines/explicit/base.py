@@ -7,10 +7,14 @@ from functools import cached_property
 import numpy as np
 
 from symcheck.engines.capabilities import Capable, HasMatrix
-from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.explicit.rational_values import RationalValues
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 
-__all__ = ["Enumerated"]
+__all__ = ["Enumerated", "Numeric"]
+
+Numeric = ArrayValues | RationalValues
+"""Values of one of the two types of number."""
 
 
 class Enumerated(Capable, HasMatrix):

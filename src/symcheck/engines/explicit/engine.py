@@ -11,15 +11,16 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from math import isfinite
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.engines import tuning
+from symcheck.engines.base import Automaton, Number
 from symcheck.engines.capabilities import HasActions, HasExploredModel
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
-from symcheck.engines.explicit.base import Enumerated
+from symcheck.engines.explicit.base import Enumerated, Numeric
 from symcheck.engines.explicit.full_matrix import FullMatrix
 from symcheck.engines.explicit.graph import ExplicitGraph
 from symcheck.engines.explicit.rational_values import RationalValues
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
     from symcheck.engines.explicit.product import ExplicitProduct
 
 __all__ = ["ExplicitEngine", "ExplicitSystem"]
-
-Numeric = ArrayValues | RationalValues
-"""Values of one of the two types of number."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         return self._known(numbers(np.broadcast_to(value, (self.states,)), exact=self.exact))
 
     def constant(
-        self, lower: float, upper: float | None = None, *, rounded: bool = False
+        self, lower: Number, upper: Number | None = None, *, rounded: bool = False
     ) -> Numeric:
         """The same value (or bounds of it) everywhere."""
         low = full(self.states, lower, exact=self.exact)
@@ -168,7 +166,7 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         """The states' variable values, in index order."""
         return self.explored.states.valuations(np.flatnonzero(states.members)[:limit])
 
-    def product(self, letters: Sequence[ArraySet], automaton: Any) -> ExplicitProduct:
+    def product(self, letters: Sequence[ArraySet], automaton: Automaton) -> ExplicitProduct:
         """The product with a deterministic automaton whose letters are sets of states."""
         from symcheck.engines.explicit.product import product
 
@@ -177,7 +175,7 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
 
 
 @dataclass(frozen=True, eq=False)
-class ExplicitSystem(LinearSystem):
+class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     """The equations over some states (see `symcheck.engines.base.System`)."""
 
     engine: ExplicitEngine = field(repr=False)
@@ -227,7 +225,7 @@ class ExplicitSystem(LinearSystem):
         return next(self.engine.graph.end_components(self.states), None) is not None
 
     @property
-    def preprocessing(self) -> Sequence[Preprocessing]:
+    def preprocessing(self) -> Sequence[Preprocessing[ArraySet, Numeric]]:
         """Equations over most states are solved on the full matrix."""
         return (FullMatrix(self.engine, self.states.members),)
 

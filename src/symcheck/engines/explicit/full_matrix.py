@@ -9,7 +9,9 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from symcheck.engines import tuning
-from symcheck.engines.base import OwnSet, SolvedValues
+from symcheck.engines.base import SolvedValues
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.linear_system import ExpectedReward, Query, per_row, solved_values
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, SparseMatrix
@@ -41,7 +43,7 @@ class FullMatrix:
     engine: Owner = field(repr=False)
     unknown: Bools = field(repr=False)
 
-    def accepts(self, query: Query, settings: Settings) -> bool:  # noqa: ARG002
+    def accepts(self, query: Query[ArraySet, Numeric], settings: Settings) -> bool:  # noqa: ARG002
         """Whether most states are unknown, and all their rows are used. Masks save memory of
         doubles only.
         """
@@ -53,11 +55,11 @@ class FullMatrix:
 
     def apply(
         self,
-        query: Query,
-        known: Sequence[tuple[OwnSet, float]],
+        query: Query[ArraySet, Numeric],
+        known: Sequence[tuple[ArraySet, float]],
         settings: Settings,
         observer: Observer | None,
-    ) -> SolvedValues:
+    ) -> SolvedValues[Numeric]:
         """The solution of the masked problem."""
         system, matrix, constant = query.system, self.engine.matrix, None
         outside = [(where.members, value) for where, value in known]

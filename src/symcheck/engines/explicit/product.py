@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines import tuning
-from symcheck.engines.base import Engine
-from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.graph import Owner
 from symcheck.errors import MemoryLimitError
 from symcheck.explicit.explored import ExploredModel, States
@@ -24,7 +24,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
-    from symcheck.engines.product import Automaton
+    from symcheck.engines.base import Automaton, EngineOf
 
 __all__ = ["Base", "ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
 
@@ -105,11 +105,11 @@ class ProductModel:
 
 @dataclass(frozen=True, eq=False)
 class ExplicitProduct:
-    """See `symcheck.engines.product.Product`. `entry`: per base state, the pair with the
+    """See `symcheck.engines.base.Product`. `entry`: per base state, the pair with the
     automaton's initial state.
     """
 
-    engine: Engine
+    engine: EngineOf[ArraySet, Numeric]
     pairs: ProductModel = field(repr=False)
     entry: Int64s = field(repr=False)
     letter: Int32s = field(repr=False)
@@ -133,7 +133,7 @@ class ExplicitProduct:
                 requested[q, letter] = True
         return ArraySet(requested[self.pairs.automaton, self.letter[self.pairs.state]])
 
-    def project(self, values: ArrayValues) -> ArrayValues:
+    def project(self, values: Numeric) -> Numeric:
         """For each base state, the value at its pair with the automaton's initial state."""
         return values.gather(self.entry)
 
@@ -146,7 +146,7 @@ def product(
     base: Base,
     letters: Sequence[ArraySet],
     automaton: Automaton,
-    over: Callable[[ProductModel], Engine],
+    over: Callable[[ProductModel], EngineOf[ArraySet, Numeric]],
 ) -> ExplicitProduct:
     """The product of an engine with an automaton.
 

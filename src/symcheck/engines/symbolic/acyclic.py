@@ -104,7 +104,7 @@ class AcyclicSolution:
 
     diagrams: Diagrams = field(repr=False)
 
-    def accepts(self, query: Query, settings: Settings) -> bool:
+    def accepts(self, query: Query[SymbolicSet, SymbolicValues], settings: Settings) -> bool:
         """Whether very many states of a DTMC are unknown, and no other method was requested."""
         system, auto = query.system, settings.method == "auto"
         is_dtmc = self.diagrams.guards is None and not system.is_ctmc
@@ -112,11 +112,11 @@ class AcyclicSolution:
 
     def apply(
         self,
-        query: Query,
+        query: Query[SymbolicSet, SymbolicValues],
         known: Sequence[tuple[SymbolicSet, float]],
         settings: Settings,  # noqa: ARG002
         observer: Observer | None,  # noqa: ARG002
-    ) -> SolvedValues | None:
+    ) -> SolvedValues[SymbolicValues] | None:
         """The solution; None if there is a cycle, or the diagrams of the values are large."""
         reward = query.reward if isinstance(query, ExpectedReward) else None
         target = query.target if isinstance(query, Reachability) else None

@@ -31,7 +31,6 @@ from symcheck.engines.symbolic.sets import (
     Piece,
     SymbolicSet,
     SymbolicValues,
-    picked,
 )
 from symcheck.errors import UnsupportedError
 from symcheck.kernels.partition.refinement import Partition, largest_row_sum
@@ -114,7 +113,7 @@ class LumpedDiagrams:
             np.column_stack(columns), axis=0, return_index=True, return_inverse=True
         )
         if len(first) > tuning.FEW_LEAVES and d.count <= tuning.MANY_STATES:
-            return (Piece(d.states, picked(values, self.block_of_states()), d.odd),)
+            return (Piece(d.states, values.gather(self.block_of_states()), d.odd),)
         if len(first) > tuning.CONSTANT_PIECES:
             raise UnsupportedError(
                 f"{len(first):,} different values on {d.count:,} states are too many "
@@ -122,7 +121,7 @@ class LumpedDiagrams:
             )
         function = self.function((kind.reshape(-1) + 1).astype(np.float64))
         return tuple(
-            Piece(function.equal(i + 1.0), picked(values, first[i : i + 1]), None)
+            Piece(function.equal(i + 1.0), values.gather(first[i : i + 1]), None)
             for i in range(len(first))
         )
 

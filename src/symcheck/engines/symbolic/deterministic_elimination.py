@@ -461,7 +461,7 @@ class DeterministicElimination:
             self._last = None if found is None else ref(found)
         return found
 
-    def accepts(self, query: Query, settings: Settings) -> bool:  # noqa: ARG002
+    def accepts(self, query: Query[SymbolicSet, SymbolicValues], settings: Settings) -> bool:  # noqa: ARG002
         """Whether the unknowns are those of a reduced system, or many and mostly deterministic."""
         states: SymbolicSet = query.system.states
         if isinstance(states, ReducedSet):
@@ -474,11 +474,11 @@ class DeterministicElimination:
 
     def apply(
         self,
-        query: Query,
+        query: Query[SymbolicSet, SymbolicValues],
         known: Sequence[tuple[SymbolicSet, float]],
         settings: Settings,
         observer: Observer | None,
-    ) -> SolvedValues | None:
+    ) -> SolvedValues[SymbolicValues] | None:
         """The solution on the reduced system; None where memory does not suffice."""
         states: SymbolicSet = query.system.states
         reward = query.reward if isinstance(query, ExpectedReward) else None
@@ -490,7 +490,7 @@ class DeterministicElimination:
         return _solved(system, query, states, known, settings, observer)
 
     def _system_of(
-        self, query: Query, states: SymbolicSet, reward: Reward | None
+        self, query: Query[SymbolicSet, SymbolicValues], states: SymbolicSet, reward: Reward | None
     ) -> ReducedSystem | None:
         if isinstance(query, ExpectedReward):
             target: SymbolicSet = ~(states | query.infinite)
@@ -501,12 +501,12 @@ class DeterministicElimination:
 
 def _solved(
     system: ReducedSystem,
-    query: Query,
+    query: Query[SymbolicSet, SymbolicValues],
     states: SymbolicSet,
     known: Sequence[tuple[SymbolicSet, float]],
     settings: Settings,
     observer: Observer | None,
-) -> SolvedValues | None:
+) -> SolvedValues[SymbolicValues] | None:
     """The solution of a query on a reduced system that represents its sets."""
     n, sets = system.n, [states, _outside(query), *(where for where, _ in known)]
     chosen = [members for members in map(system.members, sets) if members is not None]
@@ -524,13 +524,15 @@ def _solved(
     return solved_values(unknowns, problem, known, settings, observer)
 
 
-def _outside(query: Query) -> SymbolicSet:
+def _outside(query: Query[SymbolicSet, SymbolicValues]) -> SymbolicSet:
     """The set of states outside of the unknowns that have a constant of their own."""
     states: SymbolicSet = query.infinite if isinstance(query, ExpectedReward) else query.target
     return states
 
 
-def _problem(system: ReducedSystem, query: Query, unknown: Bools, outside: Bools) -> LinearProblem:
+def _problem(
+    system: ReducedSystem, query: Query[SymbolicSet, SymbolicValues], unknown: Bools, outside: Bools
+) -> LinearProblem:
     """The equations among the unknowns, written over the rows of the reduced system."""
     direction, full = query.system.direction, system.take_matrix()
     reward = None

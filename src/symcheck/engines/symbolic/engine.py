@@ -7,27 +7,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symcheck.direction import Direction
 from symcheck.engines.capabilities import Capable, HasActions
-from symcheck.engines.linear_system import Preprocessing, refuse_infinite_minimum
+from symcheck.engines.linear_system import DivisibleOperator, Preprocessing, refuse_infinite_minimum
 from symcheck.engines.symbolic.acyclic import AcyclicSolution
 from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination, ReducedSet
 from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_of
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues, constant_piece, values_of
 from symcheck.engines.symbolic.system import SymbolicSystem
-from symcheck.matrices.rows import Bools, Int32s
+from symcheck.matrices.rows import Bools, Int32s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, Type
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
-    from symcheck.engines.product import Automaton
+    from symcheck.engines.base import Automaton, Number
     from symcheck.engines.symbolic.product import SymbolicProduct
     from symcheck.symbolic.model import StateSpace, Transitions
 
@@ -62,7 +63,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         """The same kind of engine over other diagrams, of which those of the space are a part."""
         return type(self)(diagrams, self.space)
 
-    def operator(self, system: SymbolicSystem) -> Any:
+    def operator(self, system: SymbolicSystem) -> SparseMatrix | DivisibleOperator:
         """The matrix of a system in this engine's form."""
         raise NotImplementedError
 
@@ -132,7 +133,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         return values_of(self.diagrams, function, undefined or None)
 
     def constant(
-        self, lower: float, upper: float | None = None, *, rounded: bool = False
+        self, lower: Number, upper: Number | None = None, *, rounded: bool = False
     ) -> SymbolicValues:
         """The same value (or bounds of it) everywhere."""
         return SymbolicValues(
@@ -191,7 +192,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         return DeterministicElimination(self)
 
     @cached_property
-    def preprocessing(self) -> Sequence[Preprocessing]:
+    def preprocessing(self) -> Sequence[Preprocessing[SymbolicSet, SymbolicValues]]:
         """Steps that may shorten equations, in the order in which they are tried."""
         return self.elimination, AcyclicSolution(self.diagrams)
 
@@ -221,7 +222,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         for start in range(0, len(numbers), 65536):
             yield from self._decoded(odd.unrank(numbers[start : start + 65536]))
 
-    def _decoded(self, bits: Any) -> Iterator[tuple[bool | int, ...]]:
+    def _decoded(self, bits: NDArray[np.uint8]) -> Iterator[tuple[bool | int, ...]]:
         encoding = self.space.symbolic.encoding
         own = (
             [self.diagrams.rows.index(name) for name in encoding.rows]
@@ -237,9 +238,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         yield from zip(*lists, strict=True) if lists else iter([()] * len(bits))
 
     def product(self, letters: Sequence[SymbolicSet], automaton: Automaton) -> SymbolicProduct:
-        """The product with a deterministic automaton that reads which of `letters` hold (see
-        engines/product.py).
-        """
+        """The product with a deterministic automaton that reads which of `letters` hold"""
         from symcheck.engines.symbolic.product import product
 
         return product(self, letters, automaton)

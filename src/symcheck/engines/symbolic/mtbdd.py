@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -97,15 +97,10 @@ class DiagramOperator:
         if guards is None:
             return rows[0].times_bdd(states)
         worst = -np.inf if direction == Direction.MAX else np.inf
-        best: Any = None
-        for row, guard in zip(rows, guards, strict=True):
-            here = guard.ite(row, worst)
-            if best is None:
-                best = here
-            else:
-                best = best.maximum(here) if direction == Direction.MAX else best.minimum(here)
-        found: Mtbdd = states.ite(best, 0.0)
-        return found
+        best, *others = [guard.ite(row, worst) for row, guard in zip(rows, guards, strict=True)]
+        for other in others:
+            best = best.maximum(other) if direction == Direction.MAX else best.minimum(other)
+        return states.ite(best, 0.0)
 
 
 class MtbddEngine(SymbolicEngine):

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from symcheck.dd.odd import Odd
-from symcheck.engines.base import Engine
+from symcheck.engines.base import EngineOf
 from symcheck.engines.symbolic.diagrams import Diagrams, TransitionPart
 from symcheck.engines.symbolic.graph import SymbolicGraph
-from symcheck.engines.symbolic.sets import Piece, SymbolicSet, SymbolicValues, merged, picked
+from symcheck.engines.symbolic.sets import Piece, SymbolicSet, SymbolicValues, merged
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager
-    from symcheck.engines.product import Automaton
+    from symcheck.engines.base import Automaton
 
 __all__ = ["Base", "SymbolicProduct", "product"]
 
 
-class Base(Engine, Protocol):
+class Base(EngineOf[SymbolicSet, SymbolicValues], Protocol):
     """The engine that a product is built from."""
 
     @property
@@ -65,7 +65,7 @@ class Counter:
 
 @dataclass(frozen=True, eq=False)
 class SymbolicProduct:
-    """See `symcheck.engines.product.Product`. `letters`: the base states with each letter that
+    """See `symcheck.engines.base.Product`. `letters`: the base states with each letter that
     occurs.
     """
 
@@ -112,9 +112,7 @@ class SymbolicProduct:
             else:  # the top bits are equal in all pairs, so the base states keep their order
                 places = Odd(base.manager, pairs, self.engine.diagrams.rows).indices_in(piece.odd)
                 pieces.append(
-                    Piece(
-                        states, picked(piece.values, places), Odd(base.manager, states, base.rows)
-                    )
+                    Piece(states, piece.values.gather(places), Odd(base.manager, states, base.rows))
                 )
         return SymbolicValues(base, merged(base, pieces))
 

@@ -17,9 +17,10 @@ import numpy as np
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.engines import tuning
+from symcheck.engines.base import Number
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.symbolic.diagrams import Diagrams
-from symcheck.matrices.rows import Bools, Floats, Int64s
+from symcheck.matrices.rows import Bools, Floats
 
 __all__ = [
     "LazyValues",
@@ -31,7 +32,6 @@ __all__ = [
     "constant_piece",
     "constants_on",
     "merged",
-    "picked",
     "values_of",
 ]
 
@@ -118,20 +118,11 @@ class Piece:
             )
         if states == self.states:
             return v
-        return picked(v, odd.indices_in(self.odd))
-
-
-def picked(values: ArrayValues, places: Int64s) -> ArrayValues:
-    """The values at some indices."""
-    low = values.lower[places]
-    high = low if values.upper is values.lower else values.upper[places]
-    return ArrayValues(
-        low, high, None if values.computed is None else values.computed[places], values.slack
-    )
+        return v.gather(odd.indices_in(self.odd))
 
 
 def constant_piece(
-    states: Bdd, lower: float, upper: float | None = None, computed: bool = False
+    states: Bdd, lower: Number, upper: Number | None = None, computed: bool = False
 ) -> Piece:
     """One value (or bounds of it) on a set."""
     low = np.array([float(lower)])

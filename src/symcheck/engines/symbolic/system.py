@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class Owner(Protocol):
         """
         ...
 
-    def operator(self, system: SymbolicSystem) -> Any:
+    def operator(self, system: SymbolicSystem) -> SparseMatrix | DivisibleOperator:
         """The matrix of a system in the engine's form."""
         ...
 
@@ -67,13 +67,13 @@ class Owner(Protocol):
         ...
 
     @property
-    def preprocessing(self) -> Sequence[Preprocessing]:
+    def preprocessing(self) -> Sequence[Preprocessing[SymbolicSet, SymbolicValues]]:
         """Steps that may shorten equations, in the order in which they are tried."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class SymbolicSystem(LinearSystem):
+class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
     """See `symcheck.engines.base.System`. States are numbered by an ODD of their own."""
 
     engine: Owner = field(repr=False)
@@ -155,14 +155,15 @@ class SymbolicSystem(LinearSystem):
         return blocks(self.dag, self.layout)
 
     @cached_property
-    def operator(self) -> Any:
+    def operator(self) -> SparseMatrix | DivisibleOperator:
         """The matrix in the engine's own form."""
         return self.engine.operator(self)
 
     def embedded_operator(self) -> SweepOperator:
         """`operator` of one-step probabilities, also in a CTMC."""
+        operator = self.operator
+        assert not isinstance(operator, SparseMatrix)  # an engine with rows has no need of it
         rates = self.exit_rates
-        operator: DivisibleOperator = self.operator
         return operator if rates is None else DividedOperator(operator, rates)
 
     @property
@@ -176,7 +177,7 @@ class SymbolicSystem(LinearSystem):
         return self.engine.has_end_components(self.states)
 
     @property
-    def preprocessing(self) -> Sequence[Preprocessing]:
+    def preprocessing(self) -> Sequence[Preprocessing[SymbolicSet, SymbolicValues]]:
         """Steps that may shorten the equations, in the order in which they are tried."""
         return self.engine.preprocessing
 
