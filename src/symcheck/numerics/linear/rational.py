@@ -7,7 +7,7 @@ Source: Dixon (1982), 'Exact solution of linear equations using p-adic expansion
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
-from symcheck.matrices.rows import SparseMatrix
+from symcheck.matrices.rows import SparseMatrix, starts_of
 from symcheck.numerics import graph
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "flint_rows",
     "from_flint",
     "least_solution",
+    "restrict_rows",
     "solve_chain",
     "stationary_distribution",
 ]
@@ -69,9 +70,7 @@ def solve_chain(matrix: SparseMatrix, constant: Numbers) -> Rationals:
     Raises:
         NumericalError: the solution is not finite, or not unique.
     """
-    rows = flint_rows(matrix)
-    x = least_solution(rows, [flint_number(c) for c in constant], matrix)
-    return from_flint(x)
+    return from_flint(least_solution(flint_rows(matrix), [flint_number(c) for c in constant]))
 
 
 def from_flint(values: Sequence[Number]) -> Rationals:
@@ -79,24 +78,39 @@ def from_flint(values: Sequence[Number]) -> Rationals:
     return rationals(Fraction(int(v.p), int(v.q)) for v in values)
 
 
-def least_solution(
-    rows: Sequence[Row], constant: Sequence[Number], shape: SparseMatrix
-) -> list[Number]:
-    """The least solution of x = A x + b; `shape` has the positions of the entries of `rows`."""
+def least_solution(rows: Sequence[Row], constant: Sequence[Number]) -> list[Number]:
+    """The least solution of x = A x + b, where every row is a state."""
+    starts = starts_of([len(row) for row in rows])
+    columns = np.array([t for row in rows for t in row], dtype=np.int32)
+    shape = SparseMatrix(starts, columns, np.ones(len(columns)), len(rows))
     source = np.array([c != 0 for c in constant], dtype=np.bool_)
     parts = graph.sccs(shape, graph.backward_reachable(shape, source))
     x: list[Number] = [flint_number(Fraction(0))] * len(rows)
     for c in range(parts.count):
-        members = [int(s) for s in parts.members(c)]
-        place = {s: i for i, s in enumerate(members)}
-        inner = [{place[t]: a for t, a in rows[s].items() if t in place} for s in members]
-        outer = [
-            sum((a * x[t] for t, a in rows[s].items() if t not in place), constant[s])
-            for s in members
-        ]
+        members = parts.members(c).tolist()
+        inner, outer = restrict_rows(rows, constant, members, members, x)
         for s, value in zip(members, _solve(inner, outer), strict=True):
             x[s] = value
     return x
+
+
+def restrict_rows(
+    rows: Sequence[Row],
+    constant: Sequence[Number],
+    chosen: Iterable[int],
+    members: Sequence[int],
+    x: Sequence[Number],
+) -> tuple[list[Row], list[Number]]:
+    """The chosen rows over the unknowns `members`, numbered from 0, and their constants.
+
+    The constants include what the rows get from other states, whose values are those of x.
+    """
+    local = {s: i for i, s in enumerate(members)}
+    inner, outer = [], []
+    for r in chosen:
+        inner.append({local[t]: a for t, a in rows[r].items() if t in local})
+        outer.append(sum((a * x[t] for t, a in rows[r].items() if t not in local), constant[r]))
+    return inner, outer
 
 
 def _solve(rows: list[Row], right: list[Number]) -> list[Number]:
@@ -154,12 +168,12 @@ def _lift(states: list[int], rows: list[Row], right: list[Number], x: list[Numbe
     n = len(states)
     if n == 0:
         return
-    place = {s: i for i, s in enumerate(states)}
+    index = {s: i for i, s in enumerate(states)}
     system = flint.fmpq_mat(n, n)
     for i, s in enumerate(states):
         system[i, i] = 1
         for t, a in rows[s].items():
-            system[i, place[t]] -= a
+            system[i, index[t]] -= a
     try:
         solution = system.solve(flint.fmpq_mat(n, 1, [right[s] for s in states]), "dixon")
     except ZeroDivisionError:
@@ -172,12 +186,12 @@ def _lift(states: list[int], rows: list[Row], right: list[Number], x: list[Numbe
 
 def _eliminate(k: int, rows: list[Row], right: list[Number], above: list[set[int]]) -> None:
     """Solve row k for its own unknown and put it into all rows that use it."""
-    own = 1 - rows[k].pop(k, 0)
-    if own == 0:
+    leaving = 1 - rows[k].pop(k, 0)
+    if leaving == 0:
         raise NumericalError("the equations have no unique solution: some states never leave")
-    if own != 1:
-        rows[k] = {j: a / own for j, a in rows[k].items()}
-        right[k] = right[k] / own
+    if leaving != 1:
+        rows[k] = {j: a / leaving for j, a in rows[k].items()}
+        right[k] = right[k] / leaving
     for j in rows[k]:
         above[j].discard(k)
     above[k].discard(k)

@@ -30,7 +30,6 @@ from symcheck.numerics.reward_bounds.epoch_system import (
     RewardBoundedReachability,
     epoch_system,
 )
-from symcheck.numerics.reward_bounds.rational_epochs import rational_epochs
 from symcheck.numerics.settings import ROUNDING, Settings
 
 __all__ = ["EpochValues", "solve_epochs", "unfold_reward_dimension"]
@@ -72,9 +71,11 @@ def solve_epochs(
     slots = int(rewards[rewards <= reach].max(initial=0)) + 1
     problem = replace(problem, rewards=rewards)
     if problem.matrix.exact:
-        unbounded = None if problem.upper is not None else _unbounded(problem, settings)[0]
-        values, levels = rational_epochs(problem, unbounded)
-        return EpochValues(values, values, levels, 0, 0)
+        # Rationals are slow compared with graph analysis, which the epochs save.
+        copies, _ = unfold_reward_dimension(problem, rewards, problem.lower, problem.upper)
+        values, _ = _unbounded(copies, settings)
+        values = values[:: copies.matrix.states // n]
+        return EpochValues(values, values, reach + 1, 0, 0)
     if problem.upper is not None and problem.lower == 0:
         return _upper_only(problem, problem.upper, slots, settings, observer)
     if slots * n * 16 > tuning.EPOCH_BYTES:
@@ -206,7 +207,10 @@ def _unbounded(problem: RewardBoundedReachability, settings: Settings) -> tuple[
     from symcheck.numerics.linear.methods import solve_linear
 
     source = graph.Incidence(problem.matrix)
-    yes = graph.prob1(source, problem.left, problem.right, problem.direction)
+    # Rows that leave do not sum to 1, as the analysis of probability 1 assumes.
+    yes = problem.right
+    if not (problem.exit > 0).any():
+        yes = graph.prob1(source, problem.left, problem.right, problem.direction)
     no = graph.prob0(source, problem.left, problem.right, problem.direction)
     exact = problem.matrix.exact
     low = numbers(yes, exact=exact)

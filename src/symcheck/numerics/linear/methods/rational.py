@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from symcheck.numerics.linear.rational import (
     flint_rows,
     from_flint,
     least_solution,
+    restrict_rows,
 )
 from symcheck.numerics.settings import Accuracy, Settings
 
@@ -49,12 +51,11 @@ def solve(
     rows = flint_rows(problem.rows)
     constant = [flint_number(c) for c in problem.constant]
     if problem.mode == 0:
-        x, policy, rounds = least_solution(rows, constant, problem.rows), None, 1
+        x, policy, rounds = least_solution(rows, constant), None, 1
         note = f"{problem.n} states: rational elimination"
     else:
-        x, policy, rounds = _policy_iteration(
-            problem, rows, constant, _first_policy(problem, chooser), observer
-        )
+        policy = _first_policy(problem, chooser)
+        x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
         note = f"{problem.n} states: rational policy iteration, {rounds} policies"
     values = from_flint(x)
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
@@ -66,27 +67,46 @@ def _policy_iteration(
     constant: Sequence[Number],
     policy: Int64s,
     observer: Observer | None,
-) -> tuple[list[Number], Int64s, int]:
-    """Evaluate a policy exactly and take better rows, until no row is better."""
+) -> tuple[list[Number], int]:
+    """Per component, evaluate the policy exactly and take better rows, until no row is better.
+
+    Returns:
+        The solution, and the largest number of policies of a component.
+    """
     groups = problem.choices
     assert groups is not None
     starts = groups.tolist()
     sign = 1 if problem.direction is Direction.MAX else -1
-    for rounds in range(1, _POLICIES):
-        x = least_solution(
-            [rows[r] for r in policy], [constant[r] for r in policy], problem.rows.choose(policy)
+    x: list[Number] = [flint_number(Fraction(0))] * problem.n
+    parts = graph.sccs(problem.rows)
+    most = 0
+    for c in range(parts.count):
+        members = parts.members(c).tolist()
+        choices = [range(starts[s], starts[s + 1]) for s in members]
+        chosen = [r for group in choices for r in group]
+        inner, outer = (
+            dict(zip(chosen, part, strict=True))
+            for part in restrict_rows(rows, constant, chosen, members, x)
         )
-        if observer is not None:
-            observer(Progress("policy iteration", rounds, 0.0, problem.n))
-        changed = False
-        for s, best in enumerate(x):
-            for r in range(starts[s], starts[s + 1]):
-                value = sum((a * x[t] for t, a in rows[r].items()), constant[r])
-                if sign * (value - best) > 0:
-                    best, policy[s], changed = value, r, True
-        if not changed:
-            return x, policy, rounds
-    raise NumericalError("policy iteration in rational arithmetic did not end")
+        for rounds in range(1, _POLICIES):
+            taken = policy[members].tolist()
+            values = least_solution([inner[r] for r in taken], [outer[r] for r in taken])
+            most = max(most, rounds)
+            if observer is not None:
+                observer(Progress("policy iteration", rounds, 0.0, problem.n))
+            changed = False
+            for s, best, group in zip(members, values, choices, strict=True):
+                for r in group:
+                    value = sum((a * values[t] for t, a in inner[r].items()), outer[r])
+                    if sign * (value - best) > 0:
+                        best, policy[s], changed = value, r, True
+            if not changed:
+                break
+        else:
+            raise NumericalError("policy iteration in rational arithmetic did not end")
+        for s, value in zip(members, values, strict=True):
+            x[s] = value
+    return x, most
 
 
 def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
