@@ -148,6 +148,16 @@ class EndComponents:
     rows: Bools
     count: int
 
+    def meeting(self, sets: Sequence[Bools]) -> Bools:
+        """The states of the components that meet all of some sets."""
+        inside = self.of >= 0
+        good = np.ones(self.count, dtype=np.bool_)
+        for states in sets:
+            good &= np.bincount(self.of[states & inside], minlength=self.count) > 0
+        accepted = np.zeros(len(self.of), dtype=np.bool_)
+        accepted[inside] = good[self.of[inside]]
+        return accepted
+
 
 Source = SparseMatrix | Incidence
 
@@ -284,21 +294,17 @@ def maximal_end_components(
 
 
 def accepting_end_components(
-    source: Source, pairs: Sequence[tuple[Bools, Sequence[Bools]]]
+    source: Source, pairs: Sequence[tuple[Bools, Sequence[Bools]]], rows: Bools | None = None
 ) -> Bools:
-    """States in an end component that, for some pair, avoids `avoid` and meets all `visits`."""
+    """States in an end component that, for some pair, avoids `avoid` and meets all `visits`.
+
+    rows: the rows that may be taken in an end component, bool[rows]; None: all.
+    """
     graph = _incidence(source)
-    found = np.zeros(graph.matrix.states, dtype=np.bool_)
+    accepting = np.zeros(graph.matrix.states, dtype=np.bool_)
     for avoid, visits in pairs:
-        parts = maximal_end_components(graph, ~avoid)
-        good = np.ones(parts.count, dtype=np.bool_)
-        for visit in visits:
-            met = np.zeros(parts.count, dtype=np.bool_)
-            met[parts.of[visit & (parts.of >= 0)]] = True
-            good &= met
-        inside = parts.of >= 0
-        found[inside] |= good[parts.of[inside]]
-    return found
+        accepting |= maximal_end_components(graph, ~avoid, rows).meeting(visits)
+    return accepting
 
 
 def shortest_path(

@@ -51,12 +51,7 @@ def fair_end_components(
             if not unfair.any():
                 break
             within = (parts.of >= 0) & ~unfair
-        satisfied = np.ones(parts.count, dtype=bool)
-        for visit in visits:
-            visited = parts.of[engine.to_bools(visit) & (parts.of >= 0)]
-            satisfied &= np.isin(np.arange(parts.count), visited)
-        inside = parts.of >= 0
-        accepting[inside] |= satisfied[parts.of[inside]]
+        accepting |= parts.meeting([engine.to_bools(visit) for visit in visits])
     return engine.from_bools(accepting)
 
 

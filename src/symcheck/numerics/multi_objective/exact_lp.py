@@ -1,8 +1,8 @@
-"""Linear programs solved exactly: HiGHS finds an optimal vertex, rational arithmetic proves it.
+"""Linear programs: HiGHS finds an optimal vertex, and rational arithmetic proves it.
 
 The positive columns of the vertex, completed to a basis by columns of reduced cost 0, determine the
 vertex and the dual solution exactly. Both are optimal if the vertex is not negative and no reduced
-cost has the wrong sign.
+cost has the wrong sign. Otherwise a few exact steps of the simplex method lead to such a vertex.
 Sources: Dhiflaoui et al. (2003), 'Certifying and repairing solutions to large LPs'; Applegate,
 Cook, Dash & Espinoza (2007), 'Exact solutions to linear programming problems'.
 """
@@ -11,318 +11,293 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
+from functools import cached_property
 from math import inf
 from typing import Any
 
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.matrices.rows import Floats, Int64s, starts_of
+from symcheck.matrices.numbers import Numbers, doubles, full, is_exact
+from symcheck.matrices.rows import Floats, Int64s
+from symcheck.numerics.linear.rational import Number, Row, flint_number, from_flint
 
-__all__ = ["ROWS", "Column", "Optimum", "Program", "solve_program"]
+__all__ = ["ROWS", "Optimum", "Program", "solve_program"]
 
 ROWS = 1_000
-"""Equations up to which programs are solved: rational solutions take cubic time."""
+"""Equations up to which programs are solved exactly: rational solutions take cubic time."""
 _PRIME = 2**61 - 1
 _SMALL = 1e-9
 _TRIES = (1e-11, 1e-9, 1e-7)
 """Reduced costs up to which a column may be in the basis, tried in turn."""
-
 _PIVOTS = 50
 """Exact steps of the simplex method from the vertex that floating point gives."""
-
-Column = dict[int, Fraction]
+_SETTINGS = (
+    {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+    {"presolve": False},
+)
+"""Settings of HiGHS; the second ones are used if the first lead to numerical difficulties."""
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Maximise cost · x subject to sum of x_j columns[j] = right and x >= 0."""
+    """Maximise cost · x subject to A x = right and x >= 0: doubles, or all of them rationals.
 
-    columns: Sequence[Column] = field(repr=False)
-    cost: Sequence[Fraction] = field(repr=False)
-    right: Sequence[Fraction] = field(repr=False)
+    rows, columns, values: the entries of A; those at the same place are added.
+    """
+
+    rows: Int64s = field(repr=False)
+    columns: Int64s = field(repr=False)
+    values: Numbers = field(repr=False)
+    right: Numbers = field(repr=False)
+    cost: Numbers = field(repr=False)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the numbers are rationals."""
+        return is_exact(self.cost)
+
+    def extended(
+        self, rows: Int64s, columns: Int64s, values: Numbers, right: Numbers, cost: Numbers
+    ) -> Program:
+        """The program with more entries, another right-hand side and another cost."""
+        return Program(
+            np.concatenate((self.rows, rows)),
+            np.concatenate((self.columns, columns)),
+            np.concatenate((self.values, values)),
+            right,
+            cost,
+        )
+
+    @cached_property
+    def exact_columns(self) -> list[Row]:
+        """The columns of A over the rationals."""
+        columns: list[Row] = [{} for _ in self.cost]
+        entries = zip(self.rows.tolist(), self.columns.tolist(), self.values, strict=True)
+        for i, j, value in entries:
+            columns[j][i] = columns[j].get(i, 0) + flint_number(value)
+        return columns
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The exact optimum (inf: unbounded), and the columns that are not 0 there."""
+    """The optimum (inf: unbounded), where it is attained, and the gap to the dual bound."""
 
-    value: Fraction | float
-    x: dict[int, Fraction]
-    iterations: int = 0
+    value: Any
+    x: Numbers | None = None
+    gap: float = 0.0
 
 
 def solve_program(program: Program) -> Optimum | None:
-    """The exact optimum; None if the program is infeasible.
+    """The optimum, which is exact for rationals; None if the program is infeasible.
 
     Raises:
-        NumericalError: the vertex that HiGHS finds could not be proved optimal, or there are more
-            than ROWS rows.
+        NumericalError: HiGHS does not solve the program, the vertex that it finds could not be
+            proved optimal, or there are more than ROWS rows.
     """
-    if len(program.right) > ROWS:
+    if program.exact and len(program.right) > ROWS:
         raise NumericalError(
             f"linear programs are solved exactly up to {ROWS:,} equations, and this one has "
             f"{len(program.right):,}"
         )
-    status, answer = _float(program)
-    if status == 0:
-        for threshold in _TRIES:
-            found = _proved(program, answer, threshold)
-            if found is not None:
-                return found
-        raise NumericalError(
-            "the vertex that the linear program's solver finds could not be proved optimal in "
-            "rational arithmetic"
-        )
-    if status == 2:
-        _prove_infeasible(program)
-        return None
-    if status == 3:
-        _prove_unbounded(program)
-        return Optimum(inf, {})
-    raise NumericalError(f"the linear program was not solved: {answer.message}")
+    answer = _by_highs(program)
+    match answer.status:
+        case 0:
+            return _proved(program, answer) if program.exact else _estimated(program, answer)
+        case 2:
+            if program.exact:
+                _prove_infeasible(program)
+            return None
+        case 3:
+            if program.exact:
+                _prove_unbounded(program)
+            return Optimum(inf)
+        case _:
+            raise NumericalError(f"the linear program was not solved: {answer.message}")
 
 
-def _float(program: Program) -> tuple[int, Any]:
+def _by_highs(program: Program) -> Any:
+    """The answer of HiGHS, which minimises."""
     from scipy.optimize import linprog
     from scipy.sparse import csc_array
 
-    indptr = starts_of([len(c) for c in program.columns])
-    rows = np.array([i for c in program.columns for i in c], dtype=np.int64)
-    data = np.array([float(v) for c in program.columns for v in c.values()])
-    matrix = csc_array((data, rows, indptr), shape=(len(program.right), len(program.columns)))
-    cost, right = (
-        np.array([float(v) for v in program.cost]),
-        np.array([float(v) for v in program.right]),
-    )
-    settings = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-    answer = linprog(
-        -cost, None, None, matrix, right, (0, None), method="highs-ds", options=settings
-    )
-    if answer.status == 4:
-        answer = linprog(
-            -cost,
-            None,
-            None,
-            matrix,
-            right,
-            (0, None),
-            method="highs-ds",
-            options={"presolve": False},
-        )
-    return int(answer.status), answer
+    cost, right = -doubles(program.cost), doubles(program.right)
+    entries = (doubles(program.values), (program.rows, program.columns))
+    matrix = csc_array(entries, shape=(len(right), len(cost)))
+    for settings in _SETTINGS:
+        answer = linprog(cost, A_eq=matrix, b_eq=right, method="highs-ds", options=settings)
+        if answer.status != 4:
+            break
+    return answer
 
 
-def _proved(program: Program, answer: Any, threshold: float) -> Optimum | None:
-    """The exact vertex and its value if it is feasible and optimal."""
+def _estimated(program: Program, answer: Any) -> Optimum:
+    dual = float(program.right @ answer.eqlin.marginals)
+    return Optimum(-answer.fun, answer.x, abs(dual - answer.fun))
+
+
+def _proved(program: Program, answer: Any) -> Optimum:
+    """The exact optimum near the vertex of HiGHS."""
+    for threshold in _TRIES:
+        vertex = _optimal_vertex(program, answer, threshold)
+        if vertex is not None:
+            return Optimum((program.cost * vertex).sum(), vertex)
+    raise NumericalError(
+        "the vertex that the linear program's solver finds could not be proved optimal in "
+        "rational arithmetic"
+    )
+
+
+def _optimal_vertex(program: Program, answer: Any, threshold: float) -> Numbers | None:
+    """An exact vertex that is proved optimal, or None."""
     x: Floats = np.asarray(answer.x)
     reduced: Floats = np.abs(np.asarray(answer.lower.marginals))
-    scale = max(1.0, float(np.abs(x).max(initial=0.0)))
-    positive = np.flatnonzero(x > _SMALL * scale)
-    others = np.flatnonzero(
-        (x <= _SMALL * scale) & (reduced <= threshold * max(1.0, float(reduced.max(initial=0.0))))
-    )
-    candidates = np.concatenate(
-        (
-            positive[np.argsort(-x[positive], kind="stable")],
-            others[np.argsort(reduced[others], kind="stable")],
-        )
-    )
-    basis, rows = _independent(program, candidates)
-    if len(basis) != len(rows):
-        return None
+    positive = x > _SMALL * max(1.0, float(np.abs(x).max(initial=0.0)))
+    free = ~positive & (reduced <= threshold * max(1.0, float(reduced.max(initial=0.0))))
+    # Positive columns first, by decreasing value, then the others by increasing reduced cost.
+    order = np.lexsort((np.where(positive, -x, reduced), ~positive))
+    candidates = order[(positive | free)[order]].tolist()
+    columns = program.exact_columns
+    basis = [candidates[k] for k in _independent([columns[j] for j in candidates])]
+    by_row: list[Row] = [{} for _ in program.right]
+    for k, j in enumerate(basis):
+        for i, v in columns[j].items():
+            by_row[i][k] = v
+    rows = _independent(by_row)
     for _ in range(_PIVOTS):
-        vertex = _Vertex.at(program, basis, rows)
-        if vertex is None:
+        vertex = _Vertex(program, basis, rows)
+        step = vertex.improving_step()
+        if step is None:
+            return vertex.solution()
+        leaving, entering = step
+        if entering is None:
             return None
-        if vertex.feasible and vertex.optimal:
-            values = dict(zip(basis, vertex.x, strict=True))
-            if not _satisfied(program, values):
-                return None
-            value = sum((program.cost[j] * v for j, v in values.items()), Fraction(0))
-            return Optimum(value, {j: v for j, v in values.items() if v}, int(answer.nit))
-        pivot = (
-            vertex.primal_pivot()
-            if vertex.feasible
-            else vertex.dual_pivot()
-            if vertex.optimal
-            else None
-        )
-        if pivot is None:
-            return None
-        place, entering = pivot
-        basis = [*basis[:place], entering, *basis[place + 1 :]]
+        basis = [*basis[:leaving], entering, *basis[leaving + 1 :]]
     return None
 
 
-@dataclass(frozen=True, eq=False)
-class _Vertex:
-    """A basis with its exact solution, and the exact reduced cost (cost - y A) of every column."""
-
-    program: Program
-    basis: Sequence[int]
-    rows: Sequence[int]
-    x: list[Fraction]
-    reduced: list[Fraction]
-
-    @classmethod
-    def at(cls, program: Program, basis: Sequence[int], rows: Sequence[int]) -> _Vertex | None:
-        """None where the basis is singular."""
-        x = _solved(
-            _basis_matrix(program, basis, rows, transposed=False), [program.right[i] for i in rows]
-        )
-        y = _solved(
-            _basis_matrix(program, basis, rows, transposed=True), [program.cost[j] for j in basis]
-        )
-        if x is None or y is None:
-            return None
-        dual = {i: v for i, v in zip(rows, y, strict=True) if v}
-        return cls(
-            program,
-            basis,
-            rows,
-            x,
-            [c - _dot(a, dual) for a, c in zip(program.columns, program.cost, strict=True)],
-        )
-
-    @property
-    def feasible(self) -> bool:
-        """Whether nothing is negative."""
-        return all(v >= 0 for v in self.x)
-
-    @property
-    def optimal(self) -> bool:
-        """Whether no column would gain."""
-        return all(v <= 0 for v in self.reduced)
-
-    def primal_pivot(self) -> tuple[int, int] | None:
-        """The position of the basis that leaves, and the column that enters (Bland's rule)."""
-        entering = next(j for j, v in enumerate(self.reduced) if v > 0)
-        column = self.program.columns[entering]
-        step = _solved(
-            _basis_matrix(self.program, self.basis, self.rows, transposed=False),
-            [column.get(i, Fraction(0)) for i in self.rows],
-        )
-        assert step is not None
-        ratios = [
-            (x / d, self.basis[k], k)
-            for k, (x, d) in enumerate(zip(self.x, step, strict=True))
-            if d > 0
-        ]
-        return (min(ratios)[2], entering) if ratios else None
-
-    def dual_pivot(self) -> tuple[int, int] | None:
-        """A negative position of the basis, and the column that keeps the basis optimal there."""
-        place = next(k for k, v in enumerate(self.x) if v < 0)
-        unit = [Fraction(int(k == place)) for k in range(len(self.basis))]
-        weights = _solved(_basis_matrix(self.program, self.basis, self.rows, transposed=True), unit)
-        assert weights is not None
-        row = {i: v for i, v in zip(self.rows, weights, strict=True) if v}
-        taken = set(self.basis)
-        ratios = []
-        for j, a in enumerate(self.program.columns):
-            slope = _dot(a, row) if j not in taken else Fraction(0)
-            if slope < 0:
-                ratios.append((self.reduced[j] / slope, j))
-        return (place, min(ratios)[1]) if ratios else None
-
-
-def _dot(column: Column, weights: dict[int, Fraction]) -> Fraction:
-    return sum((v * weights[i] for i, v in column.items() if i in weights), Fraction(0))
-
-
-def _independent(program: Program, candidates: Int64s) -> tuple[list[int], list[int]]:
-    """The first independent columns, and rows on which they are independent, modulo a prime."""
+def _independent(vectors: Sequence[Row]) -> list[int]:
+    """The numbers of the first independent vectors, modulo a prime."""
     import flint
 
-    n = len(program.right)
-    matrix = flint.nmod_mat(n, len(candidates), _PRIME)
-    for k, j in enumerate(candidates.tolist()):
-        for i, v in program.columns[j].items():
-            matrix[i, k] = _residue(v)
+    length = 1 + max((i for v in vectors for i in v), default=0)
+    matrix = flint.nmod_mat(length, len(vectors), _PRIME)
+    for k, vector in enumerate(vectors):
+        for i, value in vector.items():
+            matrix[i, k] = int(value.p) * pow(int(value.q), -1, _PRIME) % _PRIME
     reduced, rank = matrix.rref()
     pivots, k = [], 0
     for i in range(rank):
         while int(reduced[i, k]) == 0:
             k += 1
-        pivots.append(int(candidates[k]))
-    if rank == n:
-        return pivots, list(range(n))
-    turned = flint.nmod_mat(rank, n, _PRIME)
-    for k, j in enumerate(pivots):
-        for i, v in program.columns[j].items():
-            turned[k, i] = _residue(v)
-    reduced, _ = turned.rref()
-    rows, i = [], 0
-    for k in range(rank):
-        while int(reduced[k, i]) == 0:
-            i += 1
-        rows.append(i)
-    return pivots, rows
+        pivots.append(k)
+    return pivots
 
 
-def _residue(value: Fraction) -> int:
-    return value.numerator % _PRIME * pow(value.denominator, -1, _PRIME) % _PRIME
+class _Vertex:
+    """A basis (columns) that is regular on some rows, with its exact solution.
+
+    x: the values of the basis. reduced: the exact reduced cost (cost - y A) of every column.
+    """
+
+    def __init__(self, program: Program, basis: Sequence[int], rows: Sequence[int]) -> None:
+        import flint
+
+        self.program, self.basis, self.rows = program, basis, rows
+        index = {r: i for i, r in enumerate(rows)}
+        self.matrix = flint.fmpq_mat(len(rows), len(rows))
+        for k, j in enumerate(basis):
+            for i, value in program.exact_columns[j].items():
+                if i in index:
+                    self.matrix[index[i], k] = value
+        cost = [flint_number(c) for c in program.cost]
+        self.x = self._solved(self.matrix, [flint_number(program.right[i]) for i in rows])
+        dual = self._dual([cost[j] for j in basis])
+        self.reduced = [c - _dot(a, dual) for a, c in zip(program.exact_columns, cost, strict=True)]
+
+    @staticmethod
+    def _solved(matrix: Any, right: Sequence[Number]) -> list[Number]:
+        import flint
+
+        return list(matrix.solve(flint.fmpq_mat(len(right), 1, right)).entries()) if right else []
+
+    def _dual(self, weights: Sequence[Number]) -> Row:
+        """The y with y B = weights, by row."""
+        return dict(zip(self.rows, self._solved(self.matrix.transpose(), weights), strict=True))
+
+    def improving_step(self) -> tuple[int, int | None] | None:
+        """The position of the basis that leaves and the column that enters (Bland's rule).
+
+        Returns:
+            None at an optimal vertex. The column is None if the basis is neither feasible nor dual
+            feasible, or there is no such column.
+        """
+        entering = next((j for j, v in enumerate(self.reduced) if v > 0), None)
+        negative = next((k for k, v in enumerate(self.x) if v < 0), None)
+        if negative is None:
+            return None if entering is None else self._primal_step(entering)
+        return (negative, None) if entering is not None else self._dual_step(negative)
+
+    def _primal_step(self, entering: int) -> tuple[int, int | None]:
+        column = self.program.exact_columns[entering]
+        step = self._solved(self.matrix, [column.get(i, 0) for i in self.rows])
+        ratios = [
+            (x / d, self.basis[k], k)
+            for k, (x, d) in enumerate(zip(self.x, step, strict=True))
+            if d > 0
+        ]
+        return (min(ratios)[2], entering) if ratios else (0, None)
+
+    def _dual_step(self, leaving: int) -> tuple[int, int | None]:
+        row = self._dual([int(k == leaving) for k in range(len(self.basis))])
+        slopes = [_dot(a, row) for a in self.program.exact_columns]
+        ratios = [(self.reduced[j] / s, j) for j, s in enumerate(slopes) if s < 0]
+        # The slope of columns of the basis is 0 or 1.
+        return leaving, min(ratios)[1] if ratios else None
+
+    def solution(self) -> Numbers | None:
+        """All values; None if they violate an equation outside of the rows."""
+        left: list[Number] = [0] * len(self.program.right)
+        for j, x in zip(self.basis, self.x, strict=True):
+            for i, value in self.program.exact_columns[j].items():
+                left[i] += value * x
+        if any(v != flint_number(b) for v, b in zip(left, self.program.right, strict=True)):
+            return None
+        values = full(len(self.program.cost), 0, exact=True)
+        values[list(self.basis)] = from_flint(self.x)
+        return values
 
 
-def _basis_matrix(
-    program: Program, basis: Sequence[int], rows: Sequence[int], *, transposed: bool
-) -> Any:
-    import flint
-
-    place = {r: i for i, r in enumerate(rows)}
-    matrix = flint.fmpq_mat(len(rows), len(rows))
-    for k, j in enumerate(basis):
-        for i, v in program.columns[j].items():
-            if i in place:
-                matrix[(k, place[i]) if transposed else (place[i], k)] = flint.fmpq(
-                    v.numerator, v.denominator
-                )
-    return matrix
-
-
-def _solved(matrix: Any, right: Sequence[Fraction]) -> list[Fraction] | None:
-    import flint
-
-    if not right:
-        return []
-    vector = flint.fmpq_mat(len(right), 1, [flint.fmpq(v.numerator, v.denominator) for v in right])
-    try:
-        solution = matrix.solve(vector)
-    except ZeroDivisionError:
-        return None
-    return [Fraction(int(v.p), int(v.q)) for v in solution.entries()]
-
-
-def _satisfied(program: Program, values: dict[int, Fraction]) -> bool:
-    left = [Fraction(0)] * len(program.right)
-    for j, x in values.items():
-        for i, v in program.columns[j].items():
-            left[i] += v * x
-    return left == list(program.right)
+def _dot(column: Row, weights: Row) -> Number:
+    return sum((v * weights[i] for i, v in column.items() if i in weights), 0)
 
 
 def _prove_infeasible(program: Program) -> None:
     """Prove that the least violation is not 0. Raises NumericalError otherwise."""
-    columns, cost = list(program.columns), [Fraction(0)] * len(program.columns)
-    for i, b in enumerate(program.right):
-        columns.append({i: Fraction(1 if b >= 0 else -1)})
-        cost.append(Fraction(-1))
-    found = solve_program(Program(columns, cost, program.right))
-    if found is None or not found.value < 0:
+    n, size = len(program.right), len(program.cost)
+    sign = np.where(program.right >= 0, full(n, 1, exact=True), full(n, -1, exact=True))
+    cost = np.concatenate((full(size, 0, exact=True), full(n, -1, exact=True)))
+    violation = solve_program(
+        program.extended(np.arange(n), size + np.arange(n), sign, program.right, cost)
+    )
+    if violation is None or not violation.value < 0:
         raise NumericalError("a linear program that its solver takes for infeasible is not")
 
 
 def _prove_unbounded(program: Program) -> None:
     """Find an improving ray and a solution, exactly. Raises NumericalError otherwise."""
-    n = len(program.right)
-    columns = [{**c, n: Fraction(1)} for c in program.columns] + [{n: Fraction(1)}]
+    n, size = len(program.right), len(program.cost)
+    one, nothing = full(size + 1, 1, exact=True), full(n + size, 0, exact=True)
     ray = solve_program(
-        Program(columns, [*program.cost, Fraction(0)], [Fraction(0)] * n + [Fraction(1)])
+        program.extended(
+            np.full(size + 1, n),
+            np.arange(size + 1),
+            one,
+            np.append(nothing[:n], one[0]),
+            np.append(program.cost, nothing[0]),
+        )
     )
-    point = solve_program(
-        Program(program.columns, [Fraction(0)] * len(program.columns), program.right)
-    )
+    none = np.empty(0, dtype=np.int64)
+    point = solve_program(program.extended(none, none, nothing[:0], program.right, nothing[:size]))
     if ray is None or not ray.value > 0 or point is None:
         raise NumericalError("a linear program that its solver takes for unbounded is not")

@@ -25,17 +25,15 @@ from typing import Any
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers, rationals
+from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans
 from symcheck.numerics import graph
-from symcheck.numerics.multi_objective.exact_lp import Column, Program, solve_program
+from symcheck.numerics.multi_objective.exact_lp import Optimum, Program, solve_program
 
 __all__ = ["TOLERANCE", "Flow", "Outcome", "Stay", "pareto_vertices", "settling"]
 
 TOLERANCE = 1e-8
 """Accuracy of sums over a solution; HiGHS meets feasibility and optimality within 1e-10."""
-
-_SETTINGS = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 Acceptance = Sequence[tuple[Bools, Sequence[Bools]]]
 """Pairs (avoid, visits), one of which is to be met: see `graph.accepting_end_components`."""
@@ -56,13 +54,11 @@ class Outcome:
     Args:
         value: the optimal value; inf if the program is unbounded.
         gains: the value of each objective at the optimum; NaN if the program is unbounded.
-        iterations: of the solver.
         gap: distance to the bound of the dual program; 0 for rationals.
     """
 
     value: Any
     gains: Numbers
-    iterations: int = 0
     gap: float = 0.0
 
 
@@ -85,16 +81,15 @@ def settling(
     stays: list[Stay] = []
     for subset in sorted(range(1 << len(chosen)), key=lambda s: -s.bit_count()):
         members = [i for j, i in enumerate(chosen) if subset >> j & 1]
-        found = np.zeros(n, dtype=np.bool_)
-        for avoid, visits in _conjunction([acceptances[i] or [] for i in members], n):
-            found |= _accepting(source, avoid, visits, costless)
+        pairs = _conjunction([acceptances[i] or [] for i in members], n)
+        states = graph.accepting_end_components(source, pairs, costless)
         for other in stays:
             if all(other.gains[i] for i in members):
-                found &= ~other.states
-        if found.any():
+                states &= ~other.states
+        if states.any():
             gains = np.zeros(len(acceptances))
             gains[members] = 1.0
-            stays.append(Stay(found, gains))
+            stays.append(Stay(states, gains))
     return stays
 
 
@@ -103,19 +98,6 @@ def _conjunction(acceptances: Sequence[Acceptance], n: int) -> list[tuple[Bools,
     for pairs in acceptances:
         result = [(avoid | a, [*visits, *v]) for avoid, visits in result for a, v in pairs]
     return result
-
-
-def _accepting(source: graph.Source, avoid: Bools, visits: Sequence[Bools], rows: Bools) -> Bools:
-    parts = graph.maximal_end_components(source, ~avoid, rows)
-    inside = parts.of >= 0
-    good = np.ones(parts.count, dtype=np.bool_)
-    for visit in visits:
-        met = np.zeros(parts.count, dtype=np.bool_)
-        met[parts.of[visit & inside]] = True
-        good &= met
-    found = np.zeros(len(inside), dtype=np.bool_)
-    found[inside] = good[parts.of[inside]]
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +169,9 @@ class Flow:
     def _full(self, n: int, value: float) -> Numbers:
         return full(n, value, exact=self.exact)
 
+    def _zeros(self, rows: int, columns: int) -> Numbers:
+        return self._full(rows * columns, 0).reshape(rows, columns)
+
     @cached_property
     def _balance(self) -> tuple[Int64s, Int64s, Numbers]:
         """Rows, columns and entries: outflow + settling - inflow = begin, per live state."""
@@ -233,38 +218,45 @@ class Flow:
     def best(self, weights: Numbers, least: Numbers) -> Outcome | None:
         """The greatest weighted sum of objectives that are at least `least`; None if infeasible."""
         bounded = np.flatnonzero(~is_infinite(least))
-        found = self._solve(self.gains.T @ weights, -self.gains[bounded], -least[bounded])
-        if found is None:
+        optimum = self._solve(self.gains.T @ weights, -self.gains[bounded], -least[bounded])
+        if optimum is None:
             return None
-        x, value, iterations, gap = found
-        gains = np.full(self.objectives, np.nan) if x is None else self.gains @ x
-        return Outcome(value, gains, iterations, gap)
+        unbounded = optimum.x is None
+        gains = np.full(self.objectives, np.nan) if unbounded else self.gains @ optimum.x
+        return Outcome(optimum.value, gains, optimum.gap)
 
     def margin(self, least: Numbers) -> Outcome | None:
         """By how much all of `least` can be exceeded, at most 1; negative if it cannot be met."""
         bounded = np.flatnonzero(~is_infinite(least))
-        objective = np.concatenate((self._full(self.gains.shape[1], 0), self._full(1, 1)))
-        extra = self._full(len(bounded), 1)[:, None]
-        above = np.concatenate((-self.gains[bounded], extra), axis=1)
-        found = self._solve(objective, above, -least[bounded], extra=[(None, 1)])
-        if found is None:
+        one = self._full(len(bounded), 1)
+        # The last variable is what is missing to a margin of 1.
+        objective = np.append(self._full(self.gains.shape[1], 0), self._full(1, -1))
+        above = np.concatenate((-self.gains[bounded], -one[:, None]), axis=1)
+        optimum = self._solve(objective, above, -least[bounded] - one)
+        if optimum is None:
             return None
-        x, value, iterations, gap = found
-        assert x is not None
-        return Outcome(value, self.gains @ x[:-1], iterations, gap)
+        assert optimum.x is not None
+        return Outcome(1 + optimum.value, self.gains @ optimum.x[:-1], optimum.gap)
 
-    def _solve(
-        self,
-        objective: Numbers,
-        above: Numbers,
-        limit: Numbers,
-        extra: Sequence[tuple[int | None, int]] = (),
-    ) -> _Solved | None:
-        """Maximise; `extra`: bounds of variables after those of the flow. None if infeasible."""
+    def _solve(self, objective: Numbers, above: Numbers, limit: Numbers) -> Optimum | None:
+        """Maximise; above x <= limit, and no variable is negative. None if infeasible."""
         if not self.live[self.initial]:
             return None
-        solve = _proved if self.exact else _floating
-        return solve(objective, self._balance, self._begin, above, limit, extra)
+        rows, columns, values = self._balance
+        n, k, size = len(self._begin), len(limit), len(objective)
+        places = np.nonzero(above != 0)
+        slack = np.arange(k)
+        program = Program(
+            np.concatenate((rows, n + places[0], n + slack)),
+            np.concatenate((columns, places[1], size + slack)),
+            np.concatenate((values, above[places], self._full(k, 1))),
+            np.concatenate((self._begin, limit)),
+            np.concatenate((objective, self._full(k, 0))),
+        )
+        optimum = solve_program(program)
+        if optimum is None or optimum.x is None:
+            return optimum
+        return replace(optimum, x=optimum.x[:size])
 
     def connected(self, least: Numbers) -> Flow:
         """The flow without circulation that never comes from the initial state.
@@ -316,7 +308,7 @@ class Flow:
     def _entering(self, components: Sequence[Bools]) -> Numbers:
         """How much of each variable enters each component: [components, variables]."""
         owner = self.edges.owner_of_rows[self.usable]
-        out = self._full(len(components) * self.gains.shape[1], 0).reshape(len(components), -1)
+        out = self._zeros(len(components), self.gains.shape[1])
         for i, states in enumerate(components):
             outside = np.flatnonzero(~states[owner])
             out[i, outside] = self._row_sums(states)[self.usable[outside]]
@@ -325,119 +317,23 @@ class Flow:
     def _entered(self, components: Sequence[Bools], least: Numbers) -> Numbers | None:
         """How much the flow enters each, up to 1, where the sum is greatest; None if infeasible."""
         bounded = np.flatnonzero(~is_infinite(least))
-        k = len(components)
-        objective = np.concatenate((self._full(self.gains.shape[1], 0), self._full(k, 1)))
+        k, size = len(components), self.gains.shape[1]
         unit = numbers(np.eye(k).ravel(), exact=self.exact).reshape(k, k)
-        none = self._full(len(bounded) * k, 0).reshape(len(bounded), k)
         above = np.concatenate(
             (
                 np.concatenate((-self._entering(components), unit), axis=1),
-                np.concatenate((-self.gains[bounded], none), axis=1),
+                np.concatenate((self._zeros(k, size), unit), axis=1),
+                np.concatenate((-self.gains[bounded], self._zeros(len(bounded), k)), axis=1),
             )
         )
         slack = 0 if self.exact else TOLERANCE / 100
-        limit = np.concatenate((self._full(k, 0), -least[bounded] + slack))
-        found = self._solve(objective, above, limit, extra=[(0, 1)] * k)
-        if found is None:
+        zeros, ones = self._full(k, 0), self._full(k, 1)
+        limit = np.concatenate((zeros, ones, -least[bounded] + slack))
+        objective = np.concatenate((self._full(size, 0), ones))
+        optimum = self._solve(objective, above, limit)
+        if optimum is None:
             return None
-        return self._full(k, 0) if found[0] is None else found[0][-k:]
-
-
-_Solved = tuple[Numbers | None, Any, int, float]
-"""The point (None where unbounded), its value, iterations, and the gap to the dual bound."""
-
-_Balance = tuple[Int64s, Int64s, Numbers]
-_Extra = Sequence[tuple[int | None, int]]
-
-
-def _floating(
-    objective: Floats, balance: _Balance, begin: Floats, above: Floats, limit: Floats, extra: _Extra
-) -> _Solved | None:
-    """The solution by HiGHS."""
-    from scipy.optimize import linprog
-    from scipy.sparse import csr_array
-
-    rows, columns, values = balance
-    equations = csr_array((values, (rows, columns)), shape=(len(begin), len(objective)))
-    bounds = [(0.0, None)] * (len(objective) - len(extra)) + list(extra)
-    inequalities = (csr_array(above), limit) if len(limit) else (None, None)
-    answer = linprog(
-        -objective, *inequalities, equations, begin, bounds, method="highs", options=_SETTINGS
-    )
-    if answer.status == 4:  # numerical difficulties: the other algorithm, without simplification
-        answer = linprog(
-            -objective,
-            *inequalities,
-            equations,
-            begin,
-            bounds,
-            method="highs-ds",
-            options={"presolve": False},
-        )
-    match answer.status:
-        case 0:
-            dual = float(begin @ answer.eqlin.marginals) + float(
-                limit @ answer.ineqlin.marginals if len(limit) else 0.0
-            )
-            dual += float(
-                sum(
-                    b[1] * m
-                    for b, m in zip(bounds[::-1], answer.upper.marginals[::-1], strict=True)
-                    if b[1] is not None
-                )
-            )
-            return answer.x, -answer.fun, answer.nit, abs(dual - answer.fun)
-        case 2:
-            return None
-        case 3:
-            return None, np.inf, answer.nit, 0.0
-        case _:
-            raise NumericalError(f"the linear program was not solved: {answer.message}")
-
-
-def _proved(
-    objective: Rationals,
-    balance: _Balance,
-    begin: Rationals,
-    above: Rationals,
-    limit: Rationals,
-    extra: _Extra,
-) -> _Solved | None:
-    """The exact solution: with a slack per inequality, and variables that are not negative."""
-    n, size = len(begin), len(objective)
-    columns: list[Column] = [{} for _ in range(size)]
-    for i, j, v in zip(*(part.tolist() for part in balance), strict=True):
-        columns[j][i] = columns[j].get(i, Fraction(0)) + v
-    for k, row in enumerate(above):
-        for j in np.flatnonzero(row != 0).tolist():
-            columns[j][n + k] = row[j]
-    columns += [{n + k: Fraction(1)} for k in range(len(limit))]
-    right, cost = (
-        [*begin.tolist(), *limit.tolist()],
-        objective.tolist() + [Fraction(0)] * len(limit),
-    )
-    constant, free = Fraction(0), []
-    for j, (low, high) in enumerate(extra, size - len(extra)):
-        if low is None:  # the variable is its upper bound minus another one
-            free.append((j, high))
-            for i, v in columns[j].items():
-                right[i] -= high * v
-            columns[j] = {i: -v for i, v in columns[j].items()}
-            constant += high * cost[j]
-            cost[j] = -cost[j]
-        else:
-            columns[j][len(right)] = Fraction(1)
-            columns.append({len(right): Fraction(1)})
-            right.append(Fraction(high))
-            cost.append(Fraction(0))
-    program = Program([{i: v for i, v in c.items() if v} for c in columns], cost, right)
-    found = solve_program(program)
-    if found is None or isinf(found.value):
-        return None if found is None else (None, found.value, found.iterations, 0.0)
-    x = rationals(found.x.get(j, 0) for j in range(size))
-    for j, high in free:
-        x[j] = high - x[j]
-    return x, found.value + constant, found.iterations, 0.0
+        return zeros if optimum.x is None else optimum.x[size:]
 
 
 def pareto_vertices(
@@ -465,14 +361,14 @@ def pareto_vertices(
     def at(weights: Numbers, floor: Numbers) -> Numbers | None:
         w = full(flow.objectives, 0, exact=flow.exact)
         w[[first, second]] = weights
-        found = flow.best(w, floor)
-        if found is None:
+        optimum = flow.best(w, floor)
+        if optimum is None:
             return None
-        if isinf(found.value):
+        if isinf(optimum.value):
             raise NumericalError(
                 "a reward of this Pareto query has no bound: some strategy collects it for ever"
             )
-        return found.gains[[first, second]]
+        return optimum.gains[[first, second]]
 
     def extreme(main: int, other: int) -> Numbers | None:
         weights = numbers(np.eye(2).ravel(), exact=flow.exact).reshape(2, 2)
@@ -496,10 +392,10 @@ def pareto_vertices(
                 continue
             normal = np.abs(np.array([p[1] - q[1], q[0] - p[0]]))
             normal = normal / normal.max()
-            found = at(normal, least)
+            vertex = at(normal, least)
             slack = tolerance * max(1, np.abs(p).max())
-            if found is not None and normal @ found > normal @ p + slack:
-                points.insert(i + 1, found)
+            if vertex is not None and normal @ vertex > normal @ p + slack:
+                points.insert(i + 1, vertex)
                 done = False
                 break
     kept = [p for i, p in enumerate(points) if i == 0 or _apart(p, points[i - 1], tolerance)]
