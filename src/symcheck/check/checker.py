@@ -153,7 +153,7 @@ def _check_on_quotient(
     size = f"{context.engine.states} states -> {smaller.engine.states}"
     text = f"bisimulation: {size}, {smaller.cost}"
     context.log.runs.insert(
-        0, SolverRun("graph", "bisimulation", context.engine.states, smaller.rounds, 0.0, text)
+        0, SolverRun("graph", "bisimulation", context.engine.states, smaller.rounds, text)
     )
     return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
 

@@ -102,7 +102,6 @@ class SolverRun:
         method: the name of the method.
         unknowns: the number of equations or states.
         iterations: iterations, products or rounds.
-        seconds: its time.
         explanation: how the method proceeded, in words.
         certified: whether its error is proved.
     """
@@ -111,7 +110,6 @@ class SolverRun:
     method: str
     unknowns: int
     iterations: int
-    seconds: float = 0.0
     explanation: str = ""
     certified: bool = True
 

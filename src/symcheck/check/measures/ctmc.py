@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from time import perf_counter
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
+from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
@@ -248,7 +248,6 @@ def _transient_bounds(
     _refuse_rationals(context)
     if system.n == 0:
         return np.empty(0), np.empty(0)
-    started = perf_counter()
     rates = system.matrix if context.engine.has_rows else system.operator
     interest = None
     if context.relevant_states is not None:
@@ -263,31 +262,17 @@ def _transient_bounds(
         interest=interest,
         observer=context.observer,
     )
-    seconds = perf_counter() - started
     context.log.runs.append(
         SolverRun(
             "transient",
             "uniformisation",
             system.n,
             transient.iterations,
-            seconds,
             transient.explanation,
         )
     )
-    _note_width(context, system, transient.lower, transient.upper, transient.explanation)
+    relevant = slice(None) if interest is None else interest
+    lower, upper = transient.lower[relevant], transient.upper[relevant]
+    width = largest_width(lower, np.maximum(lower, upper - _TINY), context.options.relative)
+    context.warn_if_wide(width, transient.explanation)
     return transient.lower, transient.upper
-
-
-def _note_width(
-    context: Context, system: System, lower: Floats, upper: Floats, explanation: str
-) -> None:
-    """Warn if the bounds at relevant states are further apart than requested."""
-    width = upper - lower
-    if context.options.relative:
-        width = np.maximum(width - _TINY, 0.0) / np.maximum(np.abs(upper), _TINY)
-    if context.relevant_states is not None:
-        width = width[system.restrict(context.relevant_states) > 0]
-    if len(width) and width.max() > context.options.epsilon * (1 + 1e-9):
-        context.log.warn(
-            f"the bounds are {width.max():.1E} apart, further than asked for: {explanation}"
-        )

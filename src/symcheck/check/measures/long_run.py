@@ -6,7 +6,6 @@ Source: Baier & Katoen (2008), 10.1.2; Baier, Haverkort, Hermanns & Katoen (2003
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -100,16 +99,13 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
 
     if reward.min() == reward.max():
         return reward[0], reward[0]
-    started = perf_counter()
     average = long_run_average(system.matrix, reward, context.options, context.observer)
-    seconds = perf_counter() - started
     context.log.runs.append(
         SolverRun(
             "steady",
             "long-run average",
             system.n,
             average.iterations,
-            seconds,
             average.explanation,
             average.certified,
         )

@@ -6,7 +6,6 @@ See `symcheck.numerics.long_run.mean_payoff` for the method and its sources.
 from __future__ import annotations
 
 from dataclasses import replace
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,7 @@ from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.matrices.rows import Bools
+from symcheck.numerics.linear.problem import largest_width
 from symcheck.numerics.settings import Accuracy
 from symcheck.semantics.rewards import Reward
 
@@ -58,7 +58,7 @@ def _average(
         )
     if is_infinite(rewards).any():
         raise UnsupportedError("long-run averages of infinite rewards are not supported")
-    started, options, observer = perf_counter(), context.options, context.observer
+    options, observer = context.options, context.observer
     # With rewards of both signs, averages near 0 result from cancellation: use a smaller epsilon.
     finer = (
         replace(options, epsilon=1e-4 * options.epsilon)
@@ -102,12 +102,11 @@ def _average(
         "mean payoff",
         system.n,
         gains.iterations + found.iterations,
-        perf_counter() - started,
         explanation,
         found.certified,
     )
     context.log.runs.append(run)
-    _note_width(context, lower, upper)
+    context.warn_if_wide(largest_width(lower, upper, options.relative), explanation)
     values = system.lift(
         found.middle[quotient.state] if exact else lower, None if exact else upper, exact=exact
     )
@@ -138,12 +137,3 @@ def _members(context: Context, gains: Gains, chosen: Bools) -> StateSet:
     members = np.zeros(len(inside), np.bool_)
     members[inside] = chosen[gains.parts.of[inside]]
     return context.engine.from_bools(members)
-
-
-def _note_width(context: Context, lower: Numbers, upper: Numbers) -> None:
-    width = upper - lower
-    if context.options.relative:
-        width = width / np.maximum(np.maximum(np.abs(lower), np.abs(upper)), 1e-300)
-    apart = float(width.max(initial=0.0))
-    if apart > context.options.epsilon * (1 + 1e-9):
-        context.log.warn(f"the bounds are {apart:.1E} apart, further than asked for")

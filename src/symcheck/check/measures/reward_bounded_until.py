@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +26,7 @@ from symcheck.engines.capabilities import HasBlocks
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
+from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.model import BoundReward
 from symcheck.semantics.rewards import Reward, Steps, reward_items
 from symcheck.semantics.time_bounds import RewardWindow
@@ -84,7 +84,6 @@ def reward_bounded_until(
     system = engine.system(engine.graph.exists_until(left, right) if bounded else engine.all)
     if system.n == 0:
         return engine.constant(0)
-    started = perf_counter()
     bounds = [scale_bound(context, system, row_rewards(context, system, c), c) for c in counts]
     if any(bound.empty for bound in bounds):
         return engine.constant(0)
@@ -96,7 +95,7 @@ def reward_bounded_until(
         bounds[i + 1 :] = [replace(later, rewards=later.rewards[rows]) for later in bounds[i + 1 :]]
     found = solve_epochs(problem, context.options, context.observer)
     first = slice(None, None, problem.matrix.states // n)
-    _note(context, found, problem, perf_counter() - started)
+    _note(context, found, problem)
     return _lift(context, system, found.lower[first], found.upper[first])
 
 
@@ -249,9 +248,7 @@ def _problem(
     )
 
 
-def _note(
-    context: Context, found: EpochValues, problem: RewardBoundedReachability, seconds: float
-) -> None:
+def _note(context: Context, found: EpochValues, problem: RewardBoundedReachability) -> None:
     cycles = f", cycles without reward of up to {found.cycle} states" if found.cycle > 1 else ""
     about = f"{found.levels} levels of the budget{cycles}"
     context.log.runs.append(
@@ -260,7 +257,6 @@ def _note(
             "budget by budget",
             problem.matrix.states,
             found.levels + found.sweeps,
-            seconds,
             about,
         )
     )
@@ -270,13 +266,9 @@ def _lift(context: Context, system: System, lower: Numbers, upper: Numbers) -> V
     """Bounds as values: exact if only rounding separates them; warn if wider than requested."""
     if context.engine.exact:
         return system.lift(lower, None)
-    width = upper - lower
-    relative = width / np.maximum(upper, 1e-300)
-    options = context.options
-    apart = float((relative if options.relative else width).max(initial=0.0))
-    if apart > options.epsilon:
-        context.log.warn(f"the bounds are {apart:.1E} apart, further than asked for")
-    if float(relative.max(initial=0.0)) > ROUNDING:
+    width = largest_width(lower, upper, context.options.relative)
+    context.warn_if_wide(width, "reward bounds")
+    if largest_width(lower, upper, relative=True) > ROUNDING:
         return system.lift(lower, upper)
     values = system.lift(0.5 * (lower + upper), None, exact=True)
     # Bounds of 0 and 1 are exact without rounding.

@@ -17,7 +17,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf, isfinite, isinf, nan
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -77,9 +76,8 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
         NumericalError: the verdict is within the rounding error.
     """
     _supported(context, formula)
-    started = perf_counter()
     if context.engine.exact:
-        return _result(context, _solve(context, formula, states_of(context)), started)
+        return _result(context, _solve(context, formula, states_of(context)))
     own = to_explicit(context)
     found = _solve(own, formula, states_of(own))
     if found.equations <= (ROWS if found.close else PROVED) and own.engine.states <= _STATES:
@@ -91,7 +89,7 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
     elif found.close:
         raise _undecided(None)
     remark = "" if own is context else "; explored explicitly, because a linear program needs rows"
-    return _result(context, replace(found, about=found.about + remark), started)
+    return _result(context, replace(found, about=found.about + remark))
 
 
 def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) -> _Asked:
@@ -120,7 +118,7 @@ def _undecided(error: Exception | None) -> NumericalError:
     )
 
 
-def _result(context: Context, found: _Asked, started: float) -> Result:
+def _result(context: Context, found: _Asked) -> Result:
     proof = ", proved in rational arithmetic" if found.proved else ""
     note = f"linear program of {found.variables} variables{proof}: {found.about}"
     context.log.runs.append(
@@ -129,7 +127,6 @@ def _result(context: Context, found: _Asked, started: float) -> Result:
             "linear program",
             found.variables,
             0,
-            perf_counter() - started,
             note,
             certified=found.proved,
         )

@@ -11,10 +11,16 @@ from symcheck.direction import Direction
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics import tuning
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
+from symcheck.numerics.linear.problem import (
+    LinearProblem,
+    Observer,
+    Progress,
+    Solution,
+    largest_width,
+)
 from symcheck.numerics.settings import Settings
 
-__all__ = ["BellmanOperator", "iterate_to_estimate", "max_width"]
+__all__ = ["BellmanOperator", "iterate_bounds", "iterate_to_estimate"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,14 +113,37 @@ class BellmanOperator:
         return hits[first].astype(np.int64)
 
 
-def max_width(lower: Floats, upper: Floats, relative: bool) -> float:
-    """The largest width of the bounds, relative to the upper bound if `relative`."""
-    if not np.isfinite(upper).all():
-        return np.inf
-    width = upper - lower
-    if relative:
-        width = width / np.maximum(upper, tuning.SMALLEST_DIVISOR)
-    return float(np.max(width, initial=0.0))
+def iterate_bounds(
+    name: str,
+    bellman: BellmanOperator,
+    lower: Floats,
+    upper: Floats,
+    count: int,
+    settings: Settings,
+    observer: Observer | None,
+) -> Solution:
+    """Improve bounds until they have the requested width; `count` iterations were made before."""
+    problem = bellman.problem
+    width = largest_width(lower, upper, settings.relative)
+    while settings.epsilon < width < np.inf and count < settings.max_iterations:
+        before = lower, upper
+        lower, upper = bellman.improve_both(lower, upper)
+        width = largest_width(lower, upper, settings.relative)
+        count += 1
+        if observer is not None:
+            observer(Progress(name, count, width, problem.n, lower, upper))
+        if (
+            count % tuning.STALL_CHECK_INTERVAL == 0
+            and np.array_equal(lower, before[0])
+            and np.array_equal(upper, before[1])
+        ):
+            break  # rounding prevents closer bounds
+    if problem.probability:
+        upper = np.minimum(upper, 1.0)
+    note = f"{problem.n} states: {name}, {count} iterations"
+    note += "" if width <= settings.epsilon else ", accuracy not reached"
+    policy = bellman.greedy_policy(lower if problem.direction == Direction.MAX else upper)
+    return Solution(lower, upper, name, False, True, count, note, {"width": width}, policy)
 
 
 def iterate_to_estimate(
@@ -132,7 +161,7 @@ def iterate_to_estimate(
     count, change = 0, np.inf
     while count < settings.max_iterations and change > settings.epsilon:
         previous, x = x, step(x)
-        change = max_width(np.minimum(previous, x), np.maximum(previous, x), settings.relative)
+        change = largest_width(np.minimum(previous, x), np.maximum(previous, x), settings.relative)
         count += 1
         if observer is not None:
             observer(Progress(name, count, change, problem.n, x))

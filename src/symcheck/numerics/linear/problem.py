@@ -16,7 +16,15 @@ from symcheck.matrices.numbers import Numbers, is_exact, sum_segments
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import tuning
 
-__all__ = ["LinearProblem", "Observer", "Operator", "Progress", "Solution", "SweepOperator"]
+__all__ = [
+    "LinearProblem",
+    "Observer",
+    "Operator",
+    "Progress",
+    "Solution",
+    "SweepOperator",
+    "largest_width",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,35 +214,36 @@ class Solution:
             return self.lower
         out = np.empty(len(self.lower))
         with np.errstate(invalid="ignore"):
-            for part in self._slices():
+            for part in _slices(len(out)):
                 low, high = self.lower[part], self.upper[part]
                 out[part] = np.where(low == high, low, 0.5 * (low + high))
         return out
 
     def width(self, relative: bool = True) -> float:
-        """The largest width, relative to the larger absolute bound; 0 without states."""
-        if is_exact(self.lower):
-            return 0.0
-        return max(
-            (_width(self.lower[part], self.upper[part], relative) for part in self._slices()),
-            default=0.0,
-        )
-
-    def _slices(self) -> Iterator[slice]:
-        """Slices of the states: temporary arrays of a slice are small and stay in the cache."""
-        return (
-            slice(begin, begin + tuning.STATES_PER_SLICE)
-            for begin in range(0, len(self.lower), tuning.STATES_PER_SLICE)
-        )
+        """The largest width (see `largest_width`)."""
+        return largest_width(self.lower, self.upper, relative)
 
 
-def _width(lower: Numbers, upper: Numbers, relative: bool) -> float:
-    with np.errstate(invalid="ignore"):
-        width = np.where(lower == upper, 0.0, upper - lower)
-        if relative:
-            width = width / np.maximum(
-                np.maximum(np.abs(lower), np.abs(upper)), tuning.SMALLEST_DIVISOR
-            )
-    # An infinite upper bound has no relative width.
-    width[np.isnan(width)] = np.inf
-    return float(width.max())
+def largest_width(lower: Numbers, upper: Numbers, relative: bool) -> float:
+    """The largest width of bounds, relative to the larger absolute bound.
+
+    0 without states, and for rationals, whose bounds are equal.
+    """
+    largest = 0.0
+    if is_exact(lower):
+        return largest
+    for part in _slices(len(lower)):
+        low, high = lower[part], upper[part]
+        with np.errstate(invalid="ignore"):
+            width = np.where(low == high, 0.0, high - low)
+            if relative:
+                width /= np.maximum(np.maximum(np.abs(low), np.abs(high)), tuning.SMALLEST_DIVISOR)
+        # An infinite upper bound has no relative width.
+        width[np.isnan(width)] = np.inf
+        largest = max(largest, float(width.max()))
+    return largest
+
+
+def _slices(n: int) -> Iterator[slice]:
+    """Slices of n states: temporary arrays of a slice are small and stay in the cache."""
+    return (slice(at, at + tuning.STATES_PER_SLICE) for at in range(0, n, tuning.STATES_PER_SLICE))

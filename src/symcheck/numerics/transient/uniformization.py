@@ -25,7 +25,7 @@ from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
-from symcheck.numerics.linear.problem import Observer, Progress, SweepOperator
+from symcheck.numerics.linear.problem import Observer, Progress, SweepOperator, largest_width
 from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.rational_krylov import excess, importance, krylov_values
@@ -473,10 +473,7 @@ def _worth_computing(
 
 
 def _close_enough(below: Floats, above: Floats, settings: Settings) -> bool:
-    width = above - below
-    if settings.relative:
-        width = width / np.maximum(above, 1e-300)
-    return bool(np.all(width <= settings.epsilon))
+    return largest_width(below, above, settings.relative) <= settings.epsilon
 
 
 def _result(lower: Floats, upper: Floats, steps: int, all_steps: int, note: str) -> Transient:

@@ -8,6 +8,7 @@ from functools import partial
 
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.linear.masked_problem import MaskedProblem
+from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import (
     gauss_seidel,
     interval,
@@ -23,37 +24,6 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.settings import Settings
 
 __all__ = ["METHODS", "Method", "solve_linear"]
-
-_POLICY = Method(
-    "policy",
-    partial(policy.solve, chains=topological.solve),
-    "rows",
-    True,
-    "policy iteration; for values that converge slowly",
-)
-_RATIONAL = Method(
-    "rational",
-    partial(rational.solve, chooser=topological.solve),
-    "rows",
-    True,
-    "elimination and policy iteration over the rationals",
-    numbers="rational",
-)
-
-METHODS: Mapping[str, Method] = {
-    method.name: method
-    for method in (
-        topological.METHOD,
-        _POLICY,
-        interval.METHOD,
-        optimistic.METHOD,
-        gauss_seidel.METHOD,
-        jacobi.METHOD,
-        power_method.METHOD,
-        _RATIONAL,
-    )
-}
-"""All methods by name, as the option -method has them."""
 
 
 def solve_linear(
@@ -75,14 +45,22 @@ def solve_linear(
         UnsupportedError: the method is unknown or does not solve this problem.
     """
     if isinstance(problem, MaskedProblem):
-        if settings.method in ("auto", "topological") and problem.n:
+        in_place = settings.method in ("auto", "topological") and problem.n > 0
+        if in_place and not (problem.signed or problem.collapsible()):
             return topological.solve_masked(problem, settings, observer)
         problem = problem.extract()
     method = _select(problem, settings.method)
     if problem.n == 0:
         none = problem.constant[:0]
         return Solution(none, none, method.name, exact=True, explanation="nothing to solve")
-    return replace(method.solve(problem, settings, observer), method=method.name)
+    quotient = None
+    if method.sound and problem.matrix is not None and not problem.exact:
+        quotient = collapse(problem)
+    if quotient is None:
+        solution = method.solve(problem, settings, observer)
+    else:
+        solution = quotient.expand(method.solve(quotient.problem, settings, observer))
+    return replace(solution, method=method.name)
 
 
 def _select(problem: LinearProblem, name: str) -> Method:
@@ -109,3 +87,35 @@ def _select(problem: LinearProblem, name: str) -> Method:
             f"method '{name}' does not solve {' '.join(sorted(kinds - method.kinds))} problems"
         )
     return method
+
+
+_POLICY = Method(
+    "policy",
+    partial(policy.solve, chains=topological.solve),
+    "rows",
+    True,
+    "policy iteration; for values that converge slowly",
+)
+_RATIONAL = Method(
+    "rational",
+    partial(rational.solve, chooser=solve_linear),
+    "rows",
+    True,
+    "elimination and policy iteration over the rationals",
+    numbers="rational",
+)
+
+METHODS: Mapping[str, Method] = {
+    method.name: method
+    for method in (
+        topological.METHOD,
+        _POLICY,
+        interval.METHOD,
+        optimistic.METHOD,
+        gauss_seidel.METHOD,
+        jacobi.METHOD,
+        power_method.METHOD,
+        _RATIONAL,
+    )
+}
+"""All methods by name, as the option -method has them."""

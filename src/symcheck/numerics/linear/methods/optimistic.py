@@ -11,14 +11,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from symcheck.direction import Direction
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning
-from symcheck.numerics.linear.bellman import BellmanOperator, max_width
-from symcheck.numerics.linear.mec_quotient import collapse
+from symcheck.numerics.linear.bellman import BellmanOperator, iterate_bounds
 from symcheck.numerics.linear.methods.method import Method
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
+from symcheck.numerics.linear.problem import (
+    LinearProblem,
+    Observer,
+    Progress,
+    Solution,
+    largest_width,
+)
 from symcheck.numerics.settings import Settings
 
 __all__ = ["METHOD"]
@@ -28,16 +32,13 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     """Certified bounds; the upper bounds are infinite if no guess could be verified."""
     if problem.signed:
         raise UnsupportedError("method 'optimistic' requires non-negative rewards")
-    quotient = collapse(problem) if problem.matrix is not None else None
-    if quotient is not None:
-        return quotient.expand(solve(quotient.problem, settings, observer))
     bellman = BellmanOperator.of(problem)
     lower = np.zeros(problem.n)
     upper: Floats | None = None
     tolerance, rate, last_change, count = settings.epsilon, 0.5, 0.0, 0
     while count < settings.max_iterations and upper is None and tolerance > 1e-17:
         improved = bellman.improve_lower(lower)
-        change = max_width(lower, improved, settings.relative)
+        change = largest_width(lower, improved, settings.relative)
         count += 1
         if last_change > 0.0:
             rate = min(0.7 * rate + 0.3 * change / last_change, 1 - 1e-7)
@@ -51,7 +52,10 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
                 guess += 0.25 * settings.epsilon
             upper, used = _verify(bellman, lower, guess, tuning.GUESS_ROUNDS + count // 2)
             count += used
-    return _narrow(bellman, settings, lower, upper, count)
+    if upper is None:
+        upper = np.full(problem.n, 1.0 if problem.probability else np.inf)
+    name = "optimistic value iteration"
+    return iterate_bounds(name, bellman, lower, upper, count, settings, observer)
 
 
 def _verify(
@@ -69,33 +73,6 @@ def _verify(
             return None, count
         guess = following
     return None, rounds
-
-
-def _narrow(
-    bellman: BellmanOperator, settings: Settings, lower: Floats, upper: Floats | None, count: int
-) -> Solution:
-    """Improve proved bounds until they have the requested width."""
-    problem = bellman.problem
-    if upper is None:
-        upper = np.ones(problem.n) if problem.probability else np.full(problem.n, np.inf)
-    width = max_width(lower, upper, settings.relative)
-    while np.isfinite(width) and width > settings.epsilon and count < settings.max_iterations:
-        before = lower, upper
-        lower, upper = bellman.improve_both(lower, upper)
-        width = max_width(lower, upper, settings.relative)
-        count += 1
-        if (
-            count % tuning.STALL_CHECK_INTERVAL == 0
-            and np.array_equal(lower, before[0])
-            and np.array_equal(upper, before[1])
-        ):
-            break  # rounding prevents closer bounds
-    if problem.probability:
-        upper = np.minimum(upper, 1.0)
-    note = f"{problem.n} states: optimistic value iteration, {count} iterations"
-    note += "" if width <= settings.epsilon else ", accuracy not reached"
-    policy = bellman.greedy_policy(lower if problem.direction == Direction.MAX else upper)
-    return Solution(lower, upper, "optimistic", False, True, count, note, {"width": width}, policy)
 
 
 METHOD = Method(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods.method import Solver
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.linear.subsystem import LocalSystem, policy_iteration
@@ -35,9 +34,6 @@ def solve(
     """
     if problem.mode == 0:
         return chains(problem, settings, observer)
-    quotient = collapse(problem)
-    if quotient is not None:
-        return quotient.expand(solve(quotient.problem, settings, observer, chains=chains))
     local = LocalSystem.whole(problem)
     result = policy_iteration(local, settings.epsilon, chains)
     if result is None:

@@ -25,7 +25,6 @@ from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.masked_problem import MaskedProblem
-from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import policy
 from symcheck.numerics.linear.methods.method import Method
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
@@ -77,21 +76,22 @@ class TopologicalRun:
 
 
 def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
-    """Certified bounds, as close as requested unless the explanation says otherwise."""
+    """Certified bounds, as close as requested unless the explanation says otherwise.
+
+    End components are collapsed before (`symcheck.numerics.linear.mec_quotient`).
+    """
     if problem.signed:
         return _signed(problem, settings, observer)
-    quotient = collapse(problem)
-    if quotient is not None:
-        return quotient.expand(solve(quotient.problem, settings, observer))
     return _solve_rows(problem, settings, observer)
 
 
 def solve_masked(
     problem: MaskedProblem, settings: Settings, observer: Observer | None = None
 ) -> Solution:
-    """As `solve`, for a problem whose rows stay among those of other states; without a strategy."""
-    if problem.signed or problem.collapsible():
-        return solve(problem.extract(), settings, observer)
+    """As `solve`, for a problem whose rows stay among those of other states; without a strategy.
+
+    Its constants are not negative, and end components need not be collapsed.
+    """
     m, constant = problem.matrix, problem.constant
     unknown = problem.unknown.view(np.uint8)
     system = ComponentSolver(
