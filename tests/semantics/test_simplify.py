@@ -8,7 +8,7 @@ from semantics.expressions import TYPES, anything, valuations
 from semantics.test_evaluate import same
 from symcheck.errors import ModelFault
 from symcheck.semantics.expressions.evaluate import evaluate
-from symcheck.semantics.expressions.simplify import fold
+from symcheck.semantics.expressions.simplify import simplify
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Expression, Literal
@@ -20,7 +20,7 @@ from symcheck.syntax.traversal import nodes
 def test_folding_changes_no_value(
     expression: Expression, state: dict[str, Value], exact: bool, typed: bool
 ) -> None:
-    folded = fold(expression, exact=exact, types=TYPES if typed else None)
+    folded = simplify(expression, exact=exact, types=TYPES if typed else None)
     assert type_of(folded, TYPES) is type_of(expression, TYPES)
     try:
         value = evaluate(expression, state, exact=exact)
@@ -31,8 +31,8 @@ def test_folding_changes_no_value(
 
 @given(anything, st.booleans())
 def test_folding_twice_changes_nothing(expression: Expression, exact: bool) -> None:
-    once = fold(expression, exact=exact, types=TYPES)
-    assert fold(once, exact=exact, types=TYPES) == once
+    once = simplify(expression, exact=exact, types=TYPES)
+    assert simplify(once, exact=exact, types=TYPES) == once
 
 
 @pytest.mark.parametrize(
@@ -57,19 +57,19 @@ def test_folding_twice_changes_nothing(expression: Expression, exact: bool) -> N
     ],
 )
 def test_forms(text: str, result: str) -> None:
-    assert fold(parse_expression(text), types=TYPES) == parse_expression(result)
+    assert simplify(parse_expression(text), types=TYPES) == parse_expression(result)
 
 
 def test_without_types_an_unknown_branch_stays() -> None:
-    assert fold(parse_expression("true ? x : y")) == parse_expression("true ? x : y")
+    assert simplify(parse_expression("true ? x : y")) == parse_expression("true ? x : y")
 
 
 def test_float_and_exact_differ() -> None:
     sum_of_tenths = parse_expression("0.1+0.2=0.3")
-    assert fold(sum_of_tenths) == parse_expression("false")
-    assert fold(sum_of_tenths, exact=True) == parse_expression("true")
+    assert simplify(sum_of_tenths) == parse_expression("false")
+    assert simplify(sum_of_tenths, exact=True) == parse_expression("true")
 
 
 def test_deep_expressions() -> None:
     deep = parse_expression(" | ".join(["x=1"] * 1900 + ["true"]))
-    assert [type(n) for n in nodes(fold(deep))] == [Literal]
+    assert [type(n) for n in nodes(simplify(deep))] == [Literal]

@@ -10,7 +10,7 @@ import pytest
 from symcheck.explicit import code_generation
 from symcheck.explicit.compile import compile_expression
 from symcheck.semantics.expressions import evaluate, vectorised
-from symcheck.semantics.expressions.simplify import fold
+from symcheck.semantics.expressions.simplify import simplify
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Binary, Call, Literal, Name, Type
@@ -62,8 +62,8 @@ def test_the_meanings_of_a_logical_operator_are_its_truth_table(operator):
         literal = Literal(value, Type.BOOL)
         for x in BOOLS:
             for folded, expected in (
-                (fold(Binary(operator, literal, Name("a"))), operator.apply(value, x)),
-                (fold(Binary(operator, Name("a"), literal)), operator.apply(x, value)),
+                (simplify(Binary(operator, literal, Name("a"))), operator.apply(value, x)),
+                (simplify(Binary(operator, Name("a"), literal)), operator.apply(x, value)),
             ):
                 assert evaluate.evaluate(folded, {"a": x}) is expected
 

@@ -143,11 +143,11 @@ def test_bounds() -> None:
     assert bound(">1") == ast.TimeBound(lower=one, lower_strict=True)
     assert bound("=1") == ast.TimeBound(lower=one, upper=one)
     assert bound("[1,2]") == ast.TimeBound(lower=one, upper=two)
-    less = ast.RewardBound("t", upper=one, upper_strict=True)
+    less = ast.RewardBound(structure="t", upper=one, upper_strict=True)
     assert bound('^{rew{"t"}<1}') == bound('{"t"}<1') == less
-    assert bound('^{rew{"t"}[1,2]}') == ast.RewardBound("t", lower=one, upper=two)
+    assert bound('^{rew{"t"}[1,2]}') == ast.RewardBound(structure="t", lower=one, upper=two)
     assert bound('^{rew{"t"}<1, rew{2}>=1, steps=1}') == ast.RewardBounds(
-        (less, ast.RewardBound(two, lower=one), ast.RewardBound(None, lower=one, upper=one))
+        (less, ast.RewardBound(structure=two, lower=one), ast.RewardBound(lower=one, upper=one))
     )
     assert bound("") is None
 

@@ -53,7 +53,7 @@ PLAIN_TIMES = st.one_of(
     st.builds(lambda a, b: ast.TimeBound(lower=a, upper=b), EXPRESSIONS, EXPRESSIONS),
 )
 COUNTS = st.builds(
-    lambda s, t: ast.RewardBound(s, t.lower, t.lower_strict, t.upper, t.upper_strict),
+    lambda s, t: ast.RewardBound(t.lower, t.lower_strict, t.upper, t.upper_strict, s),
     st.one_of(st.none(), NAMES, LITERALS),
     PLAIN_TIMES,
 )

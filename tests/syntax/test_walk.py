@@ -8,8 +8,9 @@ import pytest
 
 from symcheck.syntax import ast
 from symcheck.syntax.ast import Binary, Literal, Name, Type
+from symcheck.syntax.declarations import Composition
 from symcheck.syntax.operators import Operator, UnaryOperator
-from symcheck.syntax.parse import parse_expression
+from symcheck.syntax.parse import parse_expression, parse_model
 from symcheck.syntax.traversal import (
     Tree,
     children,
@@ -67,7 +68,16 @@ def test_children_and_back(text: str) -> None:
 
 def test_every_kind_of_node_occurs_above() -> None:
     found = {type(node) for text in EVERYTHING for node in nodes(parse_expression(text))}
-    assert found == set(typing.get_args(Tree))
+    assert found == set(typing.get_args(Tree)) - set(typing.get_args(Composition))
+
+
+def test_children_of_compositions() -> None:
+    text = "system (a || b) |[x, y]| (c / {x}) ||| d {x <- y} endsystem"
+    system = parse_model(text).system
+    assert system is not None
+    kinds = {type(node) for node in nodes(system)}
+    assert kinds == set(typing.get_args(Composition))
+    assert all(with_children(node, children(node)) == node for node in nodes(system))
 
 
 def test_names() -> None:

@@ -7,7 +7,7 @@ master theorem about independent parts would multiply.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce as fold
+from functools import reduce
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def intersection(parts: Sequence[Automaton]) -> Automaton:
     Raises:
         UnsupportedError: the product would be too large.
     """
-    return fold(lambda a, b: _synchronous_product(a, b, conjunctive=True), parts)
+    return reduce(lambda a, b: _synchronous_product(a, b, conjunctive=True), parts)
 
 
 def union(parts: Sequence[Automaton]) -> Automaton:
@@ -39,7 +39,7 @@ def union(parts: Sequence[Automaton]) -> Automaton:
     Raises:
         UnsupportedError: the product would be too large.
     """
-    return fold(lambda a, b: _synchronous_product(a, b, conjunctive=False), parts)
+    return reduce(lambda a, b: _synchronous_product(a, b, conjunctive=False), parts)
 
 
 def size(automaton: Automaton) -> tuple[int, int]:

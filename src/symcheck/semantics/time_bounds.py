@@ -10,7 +10,7 @@ from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, bounded_reward
-from symcheck.syntax.ast import Expression, RewardBound, RewardBounds, TimeBound
+from symcheck.syntax.ast import Expression, Limits, RewardBound, RewardBounds, TimeBound
 
 __all__ = ["RewardWindow", "Steps", "Window", "bound_value", "counts", "window"]
 
@@ -90,7 +90,7 @@ def counts(bound: RewardBound | RewardBounds, model: BoundModel) -> tuple[Reward
     return tuple(RewardWindow(bounded_reward(p, model), _extent(p)) for p in parts)
 
 
-def _extent(bound: TimeBound | RewardBound) -> Window:
+def _extent(bound: Limits) -> Window:
     lower = Fraction(0) if bound.lower is None else bound_value(bound.lower)
     upper = None if bound.upper is None else bound_value(bound.upper)
     result = Window(

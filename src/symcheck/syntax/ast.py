@@ -20,6 +20,7 @@ from symcheck.syntax.operators import Function, Operator, UnaryOperator
 __all__ = [
     "AnyMeasure",
     "Binary",
+    "BinaryTemporal",
     "Bound",
     "Call",
     "Conditional",
@@ -31,6 +32,7 @@ __all__ = [
     "Globally",
     "InstantaneousReward",
     "LabelReference",
+    "Limits",
     "Literal",
     "Measure",
     "ModelType",
@@ -56,6 +58,7 @@ __all__ = [
     "TotalReward",
     "Type",
     "Unary",
+    "UnaryTemporal",
     "Until",
     "WeakUntil",
 ]
@@ -288,8 +291,8 @@ class MultiObjective(StateOperator):
 
 
 @dataclass(frozen=True, slots=True)
-class TimeBound(Node):
-    """Steps or time: from `lower` (None: 0) to `upper` (None: no end). `=k` has both equal."""
+class Limits(Node):
+    """Base of the bounds from `lower` (None: 0) to `upper` (None: no end)."""
 
     lower: Expression | None = None
     lower_strict: bool = False
@@ -298,17 +301,18 @@ class TimeBound(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class RewardBound(Node):
-    """`^{rew{"name"}<=k}`: the accumulated reward, from `lower` (None: 0) to `upper` (None: ∞).
+class TimeBound(Limits):
+    """Steps or time. `=k` has both limits equal."""
+
+
+@dataclass(frozen=True, slots=True)
+class RewardBound(Limits):
+    """`^{rew{"name"}<=k}`: the accumulated reward.
 
     `structure` is as in `RewardOperator`, except that None counts steps.
     """
 
-    structure: str | Expression | None
-    lower: Expression | None = None
-    lower_strict: bool = False
-    upper: Expression | None = None
-    upper_strict: bool = False
+    structure: str | Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,54 +326,66 @@ PathBound = TimeBound | RewardBound | RewardBounds
 
 
 @dataclass(frozen=True, slots=True)
-class Next(Node):
+class UnaryTemporal(Node):
+    """Base of the temporal operators before one path formula: `symbol bound operand`."""
+
+    symbol: ClassVar[str]
+
+    operand: PathFormula
+    bound: PathBound | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Next(UnaryTemporal):
     """`X path`."""
 
-    operand: PathFormula
-    bound: PathBound | None = None
+    symbol = "X"
 
 
 @dataclass(frozen=True, slots=True)
-class Eventually(Node):
+class Eventually(UnaryTemporal):
     """`F path`."""
 
-    operand: PathFormula
-    bound: PathBound | None = None
+    symbol = "F"
 
 
 @dataclass(frozen=True, slots=True)
-class Globally(Node):
+class Globally(UnaryTemporal):
     """`G path`."""
 
-    operand: PathFormula
+    symbol = "G"
+
+
+@dataclass(frozen=True, slots=True)
+class BinaryTemporal(Node):
+    """Base of the temporal operators between two path formulas: `left symbol bound right`."""
+
+    symbol: ClassVar[str]
+
+    left: PathFormula
+    right: PathFormula
     bound: PathBound | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Until(Node):
+class Until(BinaryTemporal):
     """`left U right`."""
 
-    left: PathFormula
-    right: PathFormula
-    bound: PathBound | None = None
+    symbol = "U"
 
 
 @dataclass(frozen=True, slots=True)
-class WeakUntil(Node):
+class WeakUntil(BinaryTemporal):
     """`left W right`: until, or left for ever."""
 
-    left: PathFormula
-    right: PathFormula
-    bound: PathBound | None = None
+    symbol = "W"
 
 
 @dataclass(frozen=True, slots=True)
-class Release(Node):
+class Release(BinaryTemporal):
     """`left R right`: not (not left U not right)."""
 
-    left: PathFormula
-    right: PathFormula
-    bound: PathBound | None = None
+    symbol = "R"
 
 
 # ----------------------------------------------------------------------------------- reward queries

@@ -1,159 +1,76 @@
-"""Traversals of expressions, path formulas and reward queries, without recursion, for any depth."""
+"""Traversals of syntax trees, without recursion, for any depth."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
-from typing import Any, TypeVar, assert_never, cast
+from dataclasses import fields
+from functools import cache
+from typing import Any, TypeVar, cast
 
 from symcheck.syntax.ast import (
     Binary,
     Bound,
-    Call,
-    Conditional,
-    CumulativeReward,
-    Eventually,
     Expression,
-    Filter,
-    Globally,
-    InstantaneousReward,
-    LabelReference,
-    Literal,
-    MultiObjective,
     Name,
-    Next,
+    Node,
     PathBound,
     PathFormula,
-    PathMeasure,
-    PathQuantifier,
-    Release,
-    RewardBound,
-    RewardBounds,
-    RewardOperator,
     RewardQuery,
-    StateFilter,
-    SteadyState,
-    SteadyStateReward,
-    TimeBound,
-    TotalReward,
-    Unary,
-    Until,
-    WeakUntil,
 )
+from symcheck.syntax.declarations import Composition
 
-__all__ = ["Tree", "children", "names", "nodes", "substitute", "transform", "with_children"]
+__all__ = [
+    "Tree",
+    "children",
+    "names",
+    "nodes",
+    "operands",
+    "substitute",
+    "transform",
+    "with_children",
+]
 
-Tree = Expression | PathFormula | RewardQuery | Bound | PathBound
-"""Any node that occurs within an expression or a property."""
+Tree = Expression | PathFormula | RewardQuery | Bound | PathBound | Composition
+"""Any node that occurs within an expression, a property or a composition of modules."""
+
+
+@cache
+def _fields(kind: Any) -> tuple[str, ...]:
+    """The names of the fields of a kind of node, without its span."""
+    return tuple(f.name for f in fields(kind) if f.name != "span")
 
 
 def children(node: Tree) -> tuple[Tree, ...]:
     """The nodes directly below, in the order of their fields; absent ones are left out."""
-    match node:
-        case Binary(left=left, right=right):
-            return left, right
-        case Literal() | Name() | LabelReference() | TotalReward() | SteadyStateReward():
-            return ()
-        case Unary(operand=operand):
-            return (operand,)
-        case Conditional(condition=condition, then=then, otherwise=otherwise):
-            return condition, then, otherwise
-        case Call(arguments=parts) | MultiObjective(objectives=parts):
-            return parts
-        case PathMeasure(bound=bound, path=path):
-            return _present(bound, path)
-        case RewardOperator(structure=structure, bound=bound, query=query):
-            return _present(None if isinstance(structure, str) else structure, bound, query)
-        case SteadyState(bound=bound, formula=formula):
-            return _present(bound, formula)
-        case PathQuantifier(path=path):
-            return (path,)
-        case Filter(formula=formula, states=states) | StateFilter(formula=formula, states=states):
-            return _present(formula, states)
-        case (
-            Next(operand=path, bound=limit)
-            | Eventually(operand=path, bound=limit)
-            | Globally(operand=path, bound=limit)
-        ):
-            return _present(path, limit)
-        case (
-            Until(left=a, right=b, bound=limit)
-            | WeakUntil(left=a, right=b, bound=limit)
-            | Release(left=a, right=b, bound=limit)
-        ):
-            return _present(a, b, limit)
-        case Bound(threshold=threshold):
-            return (threshold,)
-        case TimeBound(lower=lower, upper=upper):
-            return _present(lower, upper)
-        case RewardBound(structure=structure, lower=lower, upper=upper):
-            return _present(None if isinstance(structure, str) else structure, lower, upper)
-        case RewardBounds(parts=parts):
-            return parts
-        case CumulativeReward(bound=time):
-            return (time,)
-        case InstantaneousReward(time=moment):
-            return (moment,)
-        case _:
-            assert_never(node)
+    if isinstance(node, Binary):
+        return node.left, node.right
+    kind: Any = type(node)
+    below: list[Any] = []
+    for name in _fields(kind):
+        value = getattr(node, name)
+        below += value if isinstance(value, tuple) else (value,)
+    return tuple(cast("list[Tree]", [part for part in below if isinstance(part, Node)]))
 
 
-def _present(*parts: Tree | None) -> tuple[Tree, ...]:
-    return tuple(p for p in parts if p is not None)
+def operands(expression: Expression) -> tuple[Expression, ...]:
+    """The expressions directly below, in the order of their fields."""
+    return tuple(part for part in children(expression) if isinstance(part, Expression))
 
 
 def with_children(node: Tree, parts: tuple[Tree, ...]) -> Tree:
     """The node with other nodes below it, as many as `children` gives. Keeps the span."""
     new: Iterator[Any] = iter(parts)
+    if isinstance(node, Binary):
+        return Binary(node.operator, next(new), next(new), span=node.span)
 
-    def some(old: object) -> Any:
-        return None if old is None else next(new)
+    def renewed(value: object) -> object:
+        if isinstance(value, tuple):
+            return tuple(map(renewed, value))
+        return next(new) if isinstance(value, Node) else value
 
-    match node:
-        case Binary(operator=operator):
-            return Binary(operator, next(new), next(new), span=node.span)
-        case Literal() | Name() | LabelReference() | TotalReward() | SteadyStateReward():
-            return node
-        case Unary(operator=sign):
-            return Unary(sign, next(new), span=node.span)
-        case Conditional():
-            return Conditional(*new, span=node.span)
-        case Call(function=function):
-            return Call(function, tuple(new), span=node.span)
-        case MultiObjective():
-            return MultiObjective(tuple(new), span=node.span)
-        case PathMeasure(bound=bound):
-            return replace(node, bound=some(bound), path=next(new))
-        case RewardOperator(structure=structure, bound=bound):
-            which = structure if isinstance(structure, str) else some(structure)
-            return replace(node, structure=which, bound=some(bound), query=next(new))
-        case SteadyState(bound=bound):
-            return replace(node, bound=some(bound), formula=next(new))
-        case PathQuantifier():
-            return replace(node, path=next(new))
-        case Filter(states=states):
-            return replace(node, formula=next(new), states=some(states))
-        case StateFilter():
-            return replace(node, formula=next(new), states=next(new))
-        case Next(bound=limit) | Eventually(bound=limit) | Globally(bound=limit):
-            return replace(node, operand=next(new), bound=some(limit))
-        case Until(bound=limit) | WeakUntil(bound=limit) | Release(bound=limit):
-            return replace(node, left=next(new), right=next(new), bound=some(limit))
-        case Bound():
-            return replace(node, threshold=next(new))
-        case TimeBound(lower=lower, upper=upper):
-            return replace(node, lower=some(lower), upper=some(upper))
-        case RewardBound(structure=structure, lower=lower, upper=upper):
-            which = structure if isinstance(structure, str) else some(structure)
-            return replace(node, structure=which, lower=some(lower), upper=some(upper))
-        case RewardBounds():
-            return replace(node, parts=tuple(new))
-        case CumulativeReward():
-            return replace(node, bound=next(new))
-        case InstantaneousReward():
-            return replace(node, time=next(new))
-        case _:
-            assert_never(node)
+    kind: Any = type(node)
+    values = [renewed(getattr(node, name)) for name in _fields(kind)]
+    return cast(Tree, kind(*values, span=node.span))
 
 
 def nodes(tree: Tree) -> Iterator[Tree]:

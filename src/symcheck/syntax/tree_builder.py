@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Callable
 from fractions import Fraction
+from functools import partialmethod
 from typing import Any, NamedTuple, cast
 
 from symcheck.errors import NO_SPAN, Diagnostic, Source, Span
@@ -95,6 +97,34 @@ class Structure(NamedTuple):
     end_pos: int
 
 
+def _text(word: Any) -> Any:
+    """The text of a word, of a name in quotes without them; any other value as it is."""
+    if word is None or isinstance(word, ast.Node | tuple):
+        return word
+    return word.value.strip('"').strip() if word.value[0] == '"' else word.value
+
+
+def _node(kind: type[ast.Node], *indices: int) -> Callable[[Builder, Values], Any]:
+    """The method of a rule that makes a node from the values with these indices."""
+
+    def method(self: Builder, values: Values) -> ast.Node:
+        fields = [_text(values[i]) for i in indices]
+        if kind in _DECLARATIONS:
+            fields = [self.measure(f) if isinstance(f, ast.Node) else f for f in fields]
+        return kind(*fields, span=self._span(values))
+
+    return method
+
+
+def _listed(_: Builder, values: Values) -> tuple[Any, ...]:
+    """The parts of a list without the signs between them."""
+    return tuple(map(_text, values[::2]))
+
+
+def _of_kind(kind: Any, values: Values) -> tuple[Any, ...]:
+    return tuple(v for v in values if isinstance(v, kind))
+
+
 class Builder:
     """Expressions, constants, formulas and labels.
 
@@ -119,20 +149,15 @@ class Builder:
 
     # ------------------------------------------------------------------------------------ positions
 
-    def _start(self, part: Any) -> int:
-        if isinstance(part, ast.Node):
-            outer = self._outer.get(id(part))
-            return part.span.start if outer is None else outer[0]
-        return cast(int, part.start_pos)
-
-    def _end(self, part: Any) -> int:
-        if isinstance(part, ast.Node):
-            outer = self._outer.get(id(part))
-            return part.span.end if outer is None else outer[1]
-        return cast(int, part.end_pos)
+    def _place(self, part: Any) -> tuple[int, int]:
+        """Where a word or node starts and ends, with the parentheses around it."""
+        if not isinstance(part, ast.Node):
+            return part.start_pos, part.end_pos
+        outer = self._outer.get(id(part))
+        return (part.span.start, part.span.end) if outer is None else outer[:2]
 
     def _span(self, values: Values) -> Span:
-        return Span(self.source, self._start(values[0]), self._end(values[-1]))
+        return Span(self.source, self._place(values[0])[0], self._place(values[-1])[1])
 
     def _words(self, values: Values) -> Span:
         """The span of values of which the first and the last are words."""
@@ -264,14 +289,14 @@ class Builder:
                 waiting.append((strength, operator, count, 0))
                 if strength > UnaryOperator.NOT.precedence and self._is_open_negation(operand):
                     self._misplaced_negation(operand, operator)
-            end = self._end(operand)
+            _, end = self._place(operand)
             if i < last and chain[i + 1].precedence > UnaryOperator.NOT.precedence:
                 while self._is_open_negation(operand):
                     waiting.append(
                         (UnaryOperator.NOT.precedence, UnaryOperator.NOT, 1, operand.span.start)
                     )
                     operand = operand.operand
-            operands.append((operand, self._start(operand), end))
+            operands.append((operand, self._place(operand)[0], end))
         while waiting:
             self._apply(operands, *waiting.pop())
         return operands[0][0]
@@ -308,11 +333,10 @@ class Builder:
     def conditional(self, values: Values) -> ast.Conditional:
         condition, _, then, _, otherwise = values
         condition = self._resolved(condition)
-        span = Span(self.source, self._start(condition), self._end(otherwise))
+        span = self._span([condition, otherwise])
         return ast.Conditional(condition, self._resolved(then), otherwise, span=span)
 
-    def arguments(self, values: Values) -> tuple[Expression, ...]:
-        return tuple(values[::2])
+    arguments = _listed
 
     def call(self, values: Values) -> ast.Call:
         function = values[0 if len(values) == 4 else 2].value
@@ -326,51 +350,44 @@ class Builder:
     # ------------------------------------------------------------------ constants, formulas, labels
 
     def constant(self, values: Values) -> decl.Constant:
-        if len(values) == 6:
-            _, type_, name, _, value, _ = values
-            kind = ast.Type(type_.value if type_ else "int")
-        else:
-            _, name, _, value, _ = values
-            kind = ast.Type.DOUBLE
+        *head, name, _, value, _ = values
+        kind = ast.Type.DOUBLE
+        if len(head) == 2:
+            kind = ast.Type(head[1].value if head[1] else "int")
         return decl.Constant(name.value, kind, self.measure(value), span=self._words(values))
 
-    def formula(self, values: Values) -> decl.Formula:
-        return decl.Formula(values[1].value, self.measure(values[3]), span=self._words(values))
-
-    def label(self, values: Values) -> decl.Label:
-        return decl.Label(_unquoted(values[1]), self.measure(values[3]), span=self._words(values))
+    formula = _node(decl.Formula, 1, 3)
+    label = _node(decl.Label, 1, 3)
 
 
 class ModelBuilder(Builder):
     """The methods of prism.lark."""
 
     def model_type(self, values: Values) -> tuple[ast.ModelType, Span]:
-        return _MODEL_TYPES[values[0].value], self._words(values)
+        word = values[0].value
+        return ast.ModelType(_MODEL_TYPES.get(word, word)), self._words(values)
 
     def program(self, values: Values) -> decl.Program:
-        def those(kind: Any) -> tuple[Any, ...]:
-            return tuple(v for v in values if isinstance(v, kind))
-
-        tagged = [v for v in values if isinstance(v, tuple)]
+        tagged = _of_kind(tuple, values)
         return decl.Program(
             self._single([v for v in tagged if isinstance(v[0], ast.ModelType)], "model type"),
-            constants=those(decl.Constant),
-            formulas=those(decl.Formula),
-            labels=those(decl.Label),
-            globals=those(decl.VariableDeclaration),
-            modules=those(decl.Module | decl.RenamedModule),
-            rewards=those(decl.RewardStructure),
-            initial=self._single([v[1:] for v in tagged if v[0] == "init"], "init … endinit"),
-            system=self._single([v[1:] for v in tagged if v[0] == "system"], "system … endsystem"),
+            _of_kind(decl.Constant, values),
+            _of_kind(decl.Formula, values),
+            _of_kind(decl.Label, values),
+            _of_kind(decl.VariableDeclaration, values),
+            _of_kind(decl.Module | decl.RenamedModule, values),
+            _of_kind(decl.RewardStructure, values),
+            self._single([v[1:] for v in tagged if v[0] == "init"], "init … endinit"),
+            self._single([v[1:] for v in tagged if v[0] == "system"], "system … endsystem"),
             span=Span(self.source, 0, len(self.source.text)),
         )
 
-    def _single(self, found: list[tuple[Any, Span]], what: str) -> Any:
-        for _, span in found[1:]:
-            if span == found[0][1]:
+    def _single(self, items: list[tuple[Any, Span]], what: str) -> Any:
+        for _, span in items[1:]:
+            if span == items[0][1]:
                 continue  # the same one, in a part of a broken text that was read twice
             self._wrong(f"a second {what}", span, "repeated", f"a model has one {what} at most")
-        return found[0][0] if found else None
+        return items[0][0] if items else None
 
     def initial(self, values: Values) -> tuple[str, Expression, Span]:
         return "init", self.measure(values[1]), self._words(values)
@@ -381,25 +398,24 @@ class ModelBuilder(Builder):
     # -------------------------------------------------------------------------------------- modules
 
     def ranged(self, values: Values) -> decl.VariableDeclaration:
-        name, _, _, low, _, high, _, _, initial, _ = values
-        low, high, initial = self.measure(low), self.measure(high), self.measure(initial)
-        span = self._words(values)
-        return decl.VariableDeclaration(name.value, ast.Type.INT, low, high, initial, span=span)
+        low, high, initial = (self.measure(values[i]) for i in (3, 5, 8))
+        name, span = values[0].value, self._words(values)
+        return decl.VariableDeclaration(name, ast.Type.INT, low, high, initial, span=span)
 
     def unranged(self, values: Values) -> decl.VariableDeclaration:
-        name, _, type_, _, initial, _ = values
-        kind, initial = ast.Type(type_.value), self.measure(initial)
-        span = self._words(values)
-        return decl.VariableDeclaration(name.value, kind, None, None, initial, span=span)
+        name, _, word, _, initial, _ = values
+        kind, span = ast.Type(word.value), self._words(values)
+        return decl.VariableDeclaration(
+            name.value, kind, None, None, self.measure(initial), span=span
+        )
 
     def global_variable(self, values: Values) -> decl.VariableDeclaration:
         return cast(decl.VariableDeclaration, values[1])
 
     def module(self, values: Values) -> decl.Module:
-        name, parts = values[1].value, values[2:-1]
-        variables = tuple(p for p in parts if isinstance(p, decl.VariableDeclaration))
-        commands = tuple(parts[len(variables) :])
-        return decl.Module(name, variables, commands, span=self._words(values))
+        variables = _of_kind(decl.VariableDeclaration, values)
+        commands = _of_kind(decl.Command, values)
+        return decl.Module(values[1].value, variables, commands, span=self._words(values))
 
     def command(self, values: Values) -> decl.Command:
         _, action, _, guard, _, updates, _ = values
@@ -407,8 +423,7 @@ class ModelBuilder(Builder):
         name = action and action.value
         return decl.Command(name, self.measure(guard), updates, span=self._words(values))
 
-    def updates(self, values: Values) -> tuple[decl.Update, ...]:
-        return tuple(values[::2])
+    updates = _listed
 
     def certain(self, values: Values) -> decl.Update:
         assignments, span = values[0]
@@ -416,12 +431,11 @@ class ModelBuilder(Builder):
 
     def update(self, values: Values) -> decl.Update:
         probability, _, (assignments, span) = values
-        span = Span(self.source, self._start(probability), span.end)
+        span = Span(self.source, self._place(probability)[0], span.end)
         return decl.Update(self.measure(probability), assignments, span=span)
 
     def assignments(self, values: Values) -> tuple[tuple[decl.Assignment, ...], Span]:
-        found = tuple(v for v in values[::2] if isinstance(v, decl.Assignment))
-        return found, self._span(values)
+        return _of_kind(decl.Assignment, values), self._span(values)
 
     def assignment(self, values: Values) -> decl.Assignment:
         _, variable, _, _, value, _ = values
@@ -432,26 +446,20 @@ class ModelBuilder(Builder):
         span = self._words(values)
         return decl.RenamedModule(name.value, base.value, tuple(pairs[::2]), span=span)
 
-    def rename(self, values: Values) -> tuple[str, str]:
-        return values[0].value, values[2].value
+    rename = action_pair = _listed
 
     # -------------------------------------------------------------------------------------- rewards
 
     def rewards(self, values: Values) -> decl.RewardStructure:
         _, name, *items, _ = values
-        return decl.RewardStructure(
-            name and _unquoted(name), tuple(items), span=self._words(values)
-        )
+        return decl.RewardStructure(_text(name), tuple(items), span=self._words(values))
 
     def state_reward(self, values: Values) -> decl.RewardItem:
         guard, _, value, _ = values
         span = self._span(values)
         return decl.RewardItem(False, self.measure(guard), self.measure(value), span=span)
 
-    def transition_reward(self, values: Values) -> decl.RewardItem:
-        _, action, _, guard, _, value, _ = values
-        action, span = action and action.value, self._words(values)
-        return decl.RewardItem(action, self.measure(guard), self.measure(value), span=span)
+    transition_reward = _node(decl.RewardItem, 1, 3, 5)
 
     # ---------------------------------------------------------------------------------- composition
 
@@ -461,45 +469,31 @@ class ModelBuilder(Builder):
     def interleaving(self, values: Values) -> decl.Interleaving:
         return decl.Interleaving(tuple(values[::2]), span=self._span(values))
 
-    def synchronised(self, values: Values) -> decl.Synchronised:
-        left, _, actions, _, right = values
-        return decl.Synchronised(left, right, actions, span=self._span(values))
-
-    def hiding(self, values: Values) -> decl.Hiding:
-        return decl.Hiding(values[0], values[3], span=self._span(values))
-
     def renaming(self, values: Values) -> decl.Renaming:
         return decl.Renaming(values[0], tuple(values[2:-1:2]), span=self._span(values))
 
-    def actions(self, values: Values) -> tuple[str, ...]:
-        return tuple(v.value for v in values[::2])
-
-    def action_pair(self, values: Values) -> tuple[str, str]:
-        return values[0].value, values[2].value
-
-    def module_reference(self, values: Values) -> decl.ModuleReference:
-        return decl.ModuleReference(values[0].value, span=self._words(values))
+    synchronised = _node(decl.Synchronised, 0, 4, 2)
+    hiding = _node(decl.Hiding, 0, 3)
+    module_reference = _node(decl.ModuleReference, 0)
+    actions = _listed
 
 
 class PropertiesBuilder(Builder):
     """The methods of properties.lark."""
 
     def properties(self, values: Values) -> decl.PropertiesFile:
-        def those(kind: Any) -> tuple[Any, ...]:
-            return tuple(v for v in values if isinstance(v, kind))
-
         return decl.PropertiesFile(
-            those(decl.Constant),
-            those(decl.Formula),
-            those(decl.Label),
-            those(decl.Property),
+            _of_kind(decl.Constant, values),
+            _of_kind(decl.Formula, values),
+            _of_kind(decl.Label, values),
+            _of_kind(decl.Property, values),
             span=Span(self.source, 0, len(self.source.text)),
         )
 
     def property(self, values: Values) -> decl.Property:
         name, _, formula = values
         text = self.source.text
-        start, end = self._start(name or formula), self._end(formula)
+        (start, _), (_, end) = self._place(name or formula), self._place(formula)
         word = _LAST_WORD.search(text, max(start, end - _LONGEST_WORD), end)
         if word and _OPENING.match(text, end):
             hint = f"the functions are {', '.join(FUNCTION_BY_NAME)}"
@@ -508,22 +502,19 @@ class PropertiesBuilder(Builder):
         span = Span(self.source, start, end)
         comments = comments_above(text, start)
         self._outer.clear()
-        return decl.Property(name and _unquoted(name), self.measure(formula), comments, span=span)
+        return decl.Property(_text(name), self.measure(formula), comments, span=span)
 
-    def reference(self, values: Values) -> ast.LabelReference:
-        return ast.LabelReference(_unquoted(values[0]), span=self._words(values))
+    reference = _node(ast.LabelReference, 0)
 
     # ---------------------------------------------------------------------------------------- paths
 
-    def unary_path(self, values: Values) -> ast.PathFormula:
+    def unary_path(self, values: Values) -> ast.UnaryTemporal:
         operator, bound, operand = values
-        node = _UNARY_PATHS[operator.value](operand, bound, span=self._span(values))
-        return cast(ast.PathFormula, node)
+        return _UNARY_PATHS[operator.value](operand, bound, span=self._span(values))
 
-    def binary_path(self, values: Values) -> ast.PathFormula:
+    def binary_path(self, values: Values) -> ast.BinaryTemporal:
         left, operator, bound, right = values
-        node = _BINARY_PATHS[operator.value](left, right, bound, span=self._span(values))
-        return cast(ast.PathFormula, node)
+        return _BINARY_PATHS[operator.value](left, right, bound, span=self._span(values))
 
     def time_bound(self, values: Values) -> ast.TimeBound:
         operator, limit = values[0].value, values[1]
@@ -538,20 +529,26 @@ class PropertiesBuilder(Builder):
         return ast.TimeBound(lower=values[1], upper=values[3], span=self._words(values))
 
     def reward_bound(self, values: Values) -> ast.RewardBound | ast.RewardBounds:
-        parts = tuple(v for v in values if isinstance(v, ast.RewardBound))
+        parts = _of_kind(ast.RewardBound, values)
         return parts[0] if len(parts) == 1 else ast.RewardBounds(parts, span=self._span(values))
 
     def count(self, values: Values) -> ast.RewardBound:
-        word, structure, extent = values
-        span = self._span(values)
+        word, structure, _ = values
         if word.value != ("steps" if structure is None else "rew"):
             hint = 'a bound on a reward is written ^{rew{"name"}<=k}, one on steps ^{steps<=k}'
-            self._wrong(f"'{word.value}' is no kind of bound", span, "bound", hint)
-        return _reward_bound(structure, extent, span)
+            self._wrong(f"'{word.value}' is no kind of bound", self._span(values), "bound", hint)
+        return self.plain_count(values)
 
     def plain_count(self, values: Values) -> ast.RewardBound:
-        structure, extent = values
-        return _reward_bound(structure, extent, self._span(values))
+        *_, structure, limits = values
+        return ast.RewardBound(
+            limits.lower,
+            limits.lower_strict,
+            limits.upper,
+            limits.upper_strict,
+            structure and structure.value,
+            span=self._span(values),
+        )
 
     # -------------------------------------------------------------------------- operators on states
 
@@ -561,75 +558,33 @@ class PropertiesBuilder(Builder):
     def threshold(self, values: Values) -> ast.Bound:
         return ast.Bound(OPERATOR_BY_TOKEN[values[0].value], values[1], span=self._span(values))
 
-    def probability(self, values: Values) -> Expression:
-        _, direction, bound, _, path, old, _ = values
-        return self._probability(direction and direction.value, bound, path, old, values)
+    def _measure(self, kind: Any, values: Values) -> Expression:
+        """An operator such as P: its letter or glued word and direction, bound, and operand."""
+        *head, bound, _, operand, old, _ = values
+        direction = (head[-1] or head[0]).value.lstrip("LRAPST") or None
+        operands = [operand]
+        if kind is ast.RewardOperator:
+            operands.insert(0, head[1] and head[1].value if len(head) == 3 else None)
+        node = kind(direction, bound, *operands, span=self._words(values))
+        return node if old is None else ast.StateFilter(old[1], node, old[0], span=node.span)
 
-    def probability_glued(self, values: Values) -> Expression:
-        word, bound, _, path, old, _ = values
-        return self._probability(word.value[1:], bound, path, old, values)
-
-    def _probability(
-        self, direction: Any, bound: Any, path: Any, old: Any, values: Values
-    ) -> Expression:
-        span = self._words(values)
-        return _filtered(ast.ProbabilityOperator(direction, bound, path, span=span), old)
-
-    def reward(self, values: Values) -> Expression:
-        _, structure, direction, bound, _, query, old, _ = values
-        word = direction and direction.value
-        return self._reward(structure and structure.value, word, bound, query, old, values)
-
-    def reward_glued(self, values: Values) -> Expression:
-        word, bound, _, query, old, _ = values
-        return self._reward(None, word.value[1:], bound, query, old, values)
-
-    def _reward(
-        self, structure: Any, direction: Any, bound: Any, query: Any, old: Any, values: Values
-    ) -> Expression:
-        span = self._words(values)
-        return _filtered(ast.RewardOperator(direction, bound, structure, query, span=span), old)
-
-    def time(self, values: Values) -> Expression:
-        word, bound, _, path, old, _ = values
-        direction, span = word.value[1:] or None, self._words(values)
-        return _filtered(ast.ExpectedTime(direction, bound, path, span=span), old)
-
-    def steady(self, values: Values) -> Expression:
-        _, direction, bound, _, formula, old, _ = values
-        span = self._words(values)
-        word = direction and direction.value
-        return _filtered(ast.SteadyState(word, bound, formula, span=span), old)
-
-    def steady_glued(self, values: Values) -> Expression:
-        word, bound, _, formula, old, _ = values
-        direction = word.value.removeprefix("S").removeprefix("LRA") or None
-        span = self._words(values)
-        return _filtered(ast.SteadyState(direction, bound, formula, span=span), old)
-
-    def quantifier(self, values: Values) -> ast.PathQuantifier:
-        return ast.PathQuantifier(values[0].value, values[2], span=self._words(values))
-
-    def multi(self, values: Values) -> ast.MultiObjective:
-        return ast.MultiObjective(values[2], span=self._words(values))
+    probability = partialmethod(_measure, ast.ProbabilityOperator)
+    reward = partialmethod(_measure, ast.RewardOperator)
+    time = partialmethod(_measure, ast.ExpectedTime)
+    steady = partialmethod(_measure, ast.SteadyState)
+    quantifier = _node(ast.PathQuantifier, 0, 2)
+    multi = _node(ast.MultiObjective, 2)
 
     def structure(self, values: Values) -> Structure:
         opening, inner, closing = values
-        value = inner if isinstance(inner, ast.Node) else _unquoted(inner)
-        return Structure(cast("str | Expression", value), opening.start_pos, closing.end_pos)
+        return Structure(_text(inner), opening.start_pos, closing.end_pos)
 
-    def total(self, values: Values) -> ast.TotalReward:
-        return ast.TotalReward(span=self._words(values))
+    total = _node(ast.TotalReward)
+    instantaneous = _node(ast.InstantaneousReward, 2)
+    long_run = _node(ast.SteadyStateReward)
 
     def cumulative(self, values: Values) -> ast.CumulativeReward:
-        bound = ast.TimeBound(upper=values[2], span=self._span(values[1:]))
-        return ast.CumulativeReward(bound, span=self._span(values))
-
-    def instantaneous(self, values: Values) -> ast.InstantaneousReward:
-        return ast.InstantaneousReward(values[2], span=self._span(values))
-
-    def long_run(self, values: Values) -> ast.SteadyStateReward:
-        return ast.SteadyStateReward(span=self._words(values))
+        return ast.CumulativeReward(self.time_bound(values[1:]), span=self._span(values))
 
     # -------------------------------------------------------------------------------------- filters
 
@@ -646,33 +601,11 @@ class PropertiesBuilder(Builder):
         return values[1], tuple(v.value for v in values[4::3])
 
 
-def _reward_bound(
-    structure: Structure | None, extent: ast.TimeBound, span: Span
-) -> ast.RewardBound:
-    return ast.RewardBound(
-        structure and structure.value,
-        extent.lower,
-        extent.lower_strict,
-        extent.upper,
-        extent.upper_strict,
-        span=span,
-    )
-
-
-def _filtered(formula: Expression, old: tuple[Expression, tuple[Any, ...]] | None) -> Expression:
-    return formula if old is None else ast.StateFilter(old[1], formula, old[0], span=formula.span)
-
-
-_MODEL_TYPES = {
-    "dtmc": ast.ModelType.DTMC,
-    "probabilistic": ast.ModelType.DTMC,
-    "ctmc": ast.ModelType.CTMC,
-    "stochastic": ast.ModelType.CTMC,
-    "mdp": ast.ModelType.MDP,
-    "nondeterministic": ast.ModelType.MDP,
-}
-_UNARY_PATHS: dict[str, Any] = {"X": ast.Next, "F": ast.Eventually, "G": ast.Globally}
-_BINARY_PATHS: dict[str, Any] = {"U": ast.Until, "W": ast.WeakUntil, "R": ast.Release}
+_MODEL_TYPES = {"probabilistic": "dtmc", "stochastic": "ctmc", "nondeterministic": "mdp"}
+_UNARY_PATHS = {kind.symbol: kind for kind in (ast.Next, ast.Eventually, ast.Globally)}
+_BINARY_PATHS = {kind.symbol: kind for kind in (ast.Until, ast.WeakUntil, ast.Release)}
+_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.RewardItem})
+"""The nodes whose expressions are complete, so that their depth is measured."""
 
 
 # A name before a parenthesis on the same line is meant as a function, even if the two could be
@@ -682,16 +615,12 @@ _OPENING = re.compile(r"[ \t]*\(")
 _LONGEST_WORD = 40
 
 
-def _unquoted(word: Any) -> str:
-    return cast(str, word.value[1:-1].strip())
-
-
 def comments_above(text: str, start: int) -> tuple[str, ...]:
     """The comment lines directly above the line of `start`, without their slashes.
 
     The first of them may stand behind other text.
     """
-    found: list[str] = []
+    comments: list[str] = []
     end = text.rfind("\n", 0, start)
     if text[end + 1 : start].strip():
         return ()
@@ -700,8 +629,8 @@ def comments_above(text: str, start: int) -> tuple[str, ...]:
         before, slashes, comment = text[begin + 1 : end].partition("//")
         if not slashes:
             break
-        found.append(comment.strip())
+        comments.append(comment.strip())
         if before.strip():
             break
         end = begin
-    return tuple(reversed(found))
+    return tuple(reversed(comments))

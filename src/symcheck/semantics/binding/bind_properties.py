@@ -16,6 +16,7 @@ from symcheck.semantics.binding.property_references import PropertyReferences
 from symcheck.semantics.binding.static_checks import check_constants, check_labels, set_constants
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
+from symcheck.semantics.expressions.literals import type_of_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import Expression, LabelReference, Type
 from symcheck.syntax.declarations import Constant, Formula, Program, PropertiesFile
@@ -212,14 +213,7 @@ def _bind_expression(
     report = DiagnosticCollector()
     table = _table(model, report)
     for name, value in constants.items():
-        kind = (
-            Type.BOOL
-            if isinstance(value, bool)
-            else Type.INT
-            if isinstance(value, int)
-            else Type.DOUBLE
-        )
-        table.define(Constant(name, kind, None), value)
+        table.define(Constant(name, type_of_value(value), None), value)
     table.formulas.update({n: Formula(n, x) for n, x in formulas.items()})
     known = {**model.labels, **labels}
 

@@ -63,10 +63,10 @@ class _Conditions:
                 self._time(node)
             case InstantaneousReward(time):
                 self._moment(time, "the time of I=")
-            case RewardBound(structure, lower, _, upper, _):
-                if structure is not None:
-                    self._structure(structure, node)
-                for limit in (lower, upper):
+            case RewardBound():
+                if node.structure is not None:
+                    self._structure(node.structure, node)
+                for limit in (node.lower, node.upper):
                     if limit is not None:
                         self._constant(limit, "a bound on a reward")
             case _:

@@ -9,7 +9,7 @@ from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import as_expression, convert, format_value
-from symcheck.semantics.expressions.simplify import fold_node
+from symcheck.semantics.expressions.simplify import simplify_node
 from symcheck.semantics.expressions.types import Typer, type_of
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Expression, LabelReference, Literal, Name, Type
@@ -335,7 +335,7 @@ class Scope:
 
     def _replace(self, node: Tree) -> Tree:
         if not isinstance(node, Name):
-            return fold_node(node, self.table.exact, self.table.variables)
+            return simplify_node(node, self.table.exact, self.table.variables)
         name, table = self.renamed(node.name), self.table
         if name in table.constants:
             return as_expression(table.value(name), table.constants[name].type, node.span)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import assert_never
 
 from symcheck.errors import NO_SPAN, NameFault, Span
 from symcheck.semantics.binding.module_renaming import ModuleInstance, module_instances
@@ -18,18 +17,16 @@ from symcheck.syntax.ast import Type
 from symcheck.syntax.declarations import (
     Assignment,
     Command,
-    Composition,
     Constant,
     Hiding,
-    Interleaving,
     Label,
     ModuleReference,
-    Parallel,
     Program,
     Renaming,
     Synchronised,
     VariableDeclaration,
 )
+from symcheck.syntax.traversal import Tree, nodes
 
 __all__ = [
     "RESERVED_LABELS",
@@ -329,13 +326,9 @@ def _actions(checked: CheckedProgram) -> dict[str, None]:
         for c in instance.base_module.commands
         if c.action is not None
     }
-    actions_of_renamings = (
-        b
-        for part in _parts(checked.program.system)
-        if isinstance(part, Renaming)
-        for _, b in part.pairs
-    )
-    return actions_of_commands | dict.fromkeys(actions_of_renamings)
+    parts = nodes(checked.program.system) if checked.program.system is not None else ()
+    pairs = (pair for part in parts if isinstance(part, Renaming) for pair in part.pairs)
+    return actions_of_commands | {new: None for _, new in pairs}
 
 
 def _check_rewards(checked: CheckedProgram) -> None:
@@ -359,31 +352,12 @@ def _check_rewards(checked: CheckedProgram) -> None:
             typer.numeric(item.value, "a reward")
 
 
-def _parts(system: Composition | None) -> Iterator[Composition]:
-    match system:
-        case None:
-            return
-        case ModuleReference():
-            children: tuple[Composition, ...] = ()
-        case Parallel(operands) | Interleaving(operands):
-            children = operands
-        case Synchronised(left, right, _):
-            children = (left, right)
-        case Hiding(operand, _) | Renaming(operand, _):
-            children = (operand,)
-        case _:
-            assert_never(system)
-    yield system
-    for child in children:
-        yield from _parts(child)
-
-
 def _check_system(checked: CheckedProgram) -> None:
     system, report = checked.program.system, checked.table.report
     if system is None:
         return
     known = {m.name: m for m in checked.program.modules}
-    parts = tuple(_parts(system))
+    parts = tuple(nodes(system))
     used: set[str] = set()
     for part in parts:
         if isinstance(part, ModuleReference):
@@ -420,7 +394,7 @@ def _check_system(checked: CheckedProgram) -> None:
                 )
 
 
-def _mentioned(part: Composition) -> tuple[str, ...]:
+def _mentioned(part: Tree) -> tuple[str, ...]:
     match part:
         case Synchronised(_, _, actions) | Hiding(_, actions):
             return actions

@@ -9,16 +9,16 @@ from symcheck.errors import InputError, UnsupportedError
 from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.evaluate import evaluate
-from symcheck.semantics.expressions.literals import as_expression
+from symcheck.semantics.expressions.literals import as_expression, type_of_value
 from symcheck.semantics.expressions.types import Typer
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import UnaryOperator
-from symcheck.syntax.traversal import Tree, transform
+from symcheck.syntax.traversal import Tree, children, transform
 
-__all__ = ["fold", "fold_node"]
+__all__ = ["simplify", "simplify_node"]
 
 
-def fold(
+def simplify(
     expression: Expression, *, exact: bool = False, types: Mapping[str, Type] | None = None
 ) -> Expression:
     """Simplify an expression.
@@ -31,15 +31,15 @@ def fold(
         types: types of names; they allow more simplification of `?:` with a constant condition.
     """
     return with_deep_recursion(
-        lambda: transform(expression, lambda node: fold_node(node, exact, types or {}))
+        lambda: transform(expression, lambda node: simplify_node(node, exact, types or {}))
     )
 
 
-def fold_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
+def simplify_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
     """Simplify a node with simplified operands."""
     match node:
         case Unary() | Binary() | Call() | Conditional() if all(
-            isinstance(x, Literal) for x in _operands(node)
+            isinstance(x, Literal) for x in children(node)
         ):
             return _constant(node, exact)
         case Binary(operator, Literal(bool() as value), other) if operator.is_logical:
@@ -64,18 +64,6 @@ def _with_one_operand(
     return operand if when_true else Unary(UnaryOperator.NOT, operand, span=node.span)
 
 
-def _operands(node: Unary | Binary | Call | Conditional) -> tuple[Expression, ...]:
-    match node:
-        case Unary(_, operand):
-            return (operand,)
-        case Binary(_, left, right):
-            return (left, right)
-        case Call(_, arguments):
-            return arguments
-        case Conditional(condition, then, otherwise):
-            return (condition, then, otherwise)
-
-
 def _constant(node: Unary | Binary | Call | Conditional, exact: bool) -> Expression:
     try:
         value = evaluate(node, {}, exact=exact)
@@ -85,14 +73,7 @@ def _constant(node: Unary | Binary | Call | Conditional, exact: bool) -> Express
         not math.isfinite(value) or (value == 0 and math.copysign(1.0, value) < 0)
     ):
         return node
-    kind = (
-        Type.BOOL
-        if isinstance(value, bool)
-        else Type.INT
-        if isinstance(value, int)
-        else Type.DOUBLE
-    )
-    return as_expression(value, kind, node.span)
+    return as_expression(value, type_of_value(value), node.span)
 
 
 def _same_type(chosen: Expression, other: Expression, types: Mapping[str, Type]) -> bool:

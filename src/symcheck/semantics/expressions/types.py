@@ -3,35 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from fractions import Fraction
 from typing import assert_never
 
 from symcheck.errors import Span
 from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
+from symcheck.semantics.expressions.literals import type_of_value
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import (
     AnyMeasure,
     Binary,
+    BinaryTemporal,
     Bound,
     Call,
     Conditional,
     CumulativeReward,
-    Eventually,
     Expression,
     Filter,
-    Globally,
     InstantaneousReward,
     LabelReference,
     Literal,
     MultiObjective,
     Name,
-    Next,
     PathBound,
     PathFormula,
     PathMeasure,
     PathQuantifier,
-    Release,
     RewardBound,
     RewardBounds,
     RewardOperator,
@@ -44,8 +41,7 @@ from symcheck.syntax.ast import (
     TotalReward,
     Type,
     Unary,
-    Until,
-    WeakUntil,
+    UnaryTemporal,
 )
 from symcheck.syntax.operators import Function, Signature, UnaryOperator
 
@@ -100,14 +96,7 @@ def type_from_values(expression: Expression, valuation: Mapping[str, Value]) -> 
     """The type of a well-typed expression without labels, with names typed by their values."""
 
     def name(node: Name) -> Type:
-        value = valuation[node.name]
-        return (
-            Type.BOOL
-            if isinstance(value, bool)
-            else Type.DOUBLE
-            if isinstance(value, float | Fraction)
-            else Type.INT
-        )
+        return type_of_value(valuation[node.name])
 
     actual = Typer(DiagnosticCollector(), name, None).state(expression)
     assert actual is not None, "not a well-typed expression"
@@ -213,22 +202,10 @@ class Typer:
                     code="operator",
                 )
                 return None
-            case Next() | Eventually() | Globally() | Until() | WeakUntil() | Release():
-                symbol = {
-                    Next: "X",
-                    Eventually: "F",
-                    Globally: "G",
-                    Until: "U",
-                    WeakUntil: "W",
-                    Release: "R",
-                }[type(expression)]
+            case UnaryTemporal(symbol=symbol) | BinaryTemporal(symbol=symbol):
                 message = f"{symbol} is a path formula, and a state formula is expected here"
-                self._report.type(
-                    message,
-                    expression.span,
-                    "put an operator around it, such as P=? [ … ], A [ … ] or E [ … ]",
-                    "path",
-                )
+                hint = "put an operator around it, such as P=? [ … ], A [ … ] or E [ … ]"
+                self._report.type(message, expression.span, hint, "path")
                 return None
             case _:
                 assert_never(expression)
@@ -368,14 +345,10 @@ class Typer:
     def path(self, formula: PathFormula) -> None:
         """Check a path formula: temporal and logical operators over boolean state formulas."""
         match formula:
-            case Next(operand, bound) | Eventually(operand, bound) | Globally(operand, bound):
+            case UnaryTemporal(operand, bound):
                 self.path(operand)
                 self._limits(bound)
-            case (
-                Until(left, right, bound)
-                | WeakUntil(left, right, bound)
-                | Release(left, right, bound)
-            ):
+            case BinaryTemporal(left, right, bound):
                 self.path(left)
                 self.path(right)
                 self._limits(bound)
@@ -394,15 +367,14 @@ class Typer:
         match bound:
             case None:
                 pass
-            case TimeBound(lower, _, upper, _):
-                for limit in (lower, upper):
+            case TimeBound() | RewardBound():
+                what = "steps or time"
+                if isinstance(bound, RewardBound):
+                    self._structure(bound.structure)
+                    what = "a reward"
+                for limit in (bound.lower, bound.upper):
                     if limit is not None:
-                        self.numeric(limit, "a bound on steps or time")
-            case RewardBound(structure, lower, _, upper, _):
-                self._structure(structure)
-                for limit in (lower, upper):
-                    if limit is not None:
-                        self.numeric(limit, "a bound on a reward")
+                        self.numeric(limit, f"a bound on {what}")
             case RewardBounds(parts):
                 for part in parts:
                     self._limits(part)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from math import prod
 
-from symcheck.semantics.expressions.simplify import fold
+from symcheck.semantics.expressions.simplify import simplify
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Variable
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import Operator, UnaryOperator
@@ -288,7 +288,7 @@ def simplified(expression: Expression, exact: bool, types: dict[str, Type]) -> E
 
     The type of the result may differ, which does not change the names read or the truth value.
     """
-    result = fold(expression, exact=exact, types=types)
+    result = simplify(expression, exact=exact, types=types)
     while isinstance(result, Conditional) and isinstance(result.condition, Literal):
         result = result.then if result.condition.value else result.otherwise
     return result

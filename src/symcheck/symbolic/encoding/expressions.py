@@ -5,33 +5,22 @@ values.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import assert_never
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.semantics.expressions.vectorised import Column
 from symcheck.symbolic.encoding.variables import EncodedVariable
-from symcheck.syntax.ast import (
-    Binary,
-    Call,
-    Conditional,
-    Expression,
-    LabelReference,
-    Literal,
-    Name,
-    StateOperator,
-    Unary,
-)
+from symcheck.syntax.ast import Expression
+from symcheck.syntax.traversal import names, nodes
 
-__all__ = ["children", "contains", "leaf_bound", "mesh", "support"]
+__all__ = ["contains", "leaf_bound", "mesh", "support"]
 
 
 def support(expression: Expression) -> frozenset[str]:
     """Names of the variables that occur in an arithmetic expression."""
-    if isinstance(expression, Name):
-        return frozenset((expression.name,))
-    return frozenset().union(*map(support, children(expression)))
+    return frozenset(names(expression))
 
 
 def mesh(variables: Sequence[EncodedVariable]) -> dict[str, Column]:
@@ -55,23 +44,4 @@ def leaf_bound(operator: str, x: NDArray[np.float64], y: NDArray[np.float64]) ->
 
 def contains(expression: Expression, part: Expression) -> bool:
     """Whether `part` occurs strictly inside `expression`."""
-    return any(child == part or contains(child, part) for child in children(expression))
-
-
-def children(expression: Expression) -> tuple[Expression, ...]:
-    """The operands of an arithmetic expression; none for a literal, a name and what is not
-    arithmetic.
-    """
-    match expression:
-        case Unary(_, operand):
-            return (operand,)
-        case Binary(_, left, right):
-            return (left, right)
-        case Conditional(condition, then, otherwise):
-            return (condition, then, otherwise)
-        case Call(_, arguments):
-            return arguments
-        case Literal() | Name() | LabelReference() | StateOperator():
-            return ()
-        case _:
-            assert_never(expression)
+    return any(node == part for node in islice(nodes(expression), 1, None))

@@ -24,7 +24,7 @@ from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.expressions.vectorised import Lanes, evaluate_columns
 from symcheck.semantics.model import BoundCommand
-from symcheck.symbolic.encoding.expressions import children, contains, leaf_bound, mesh, support
+from symcheck.symbolic.encoding.expressions import contains, leaf_bound, mesh, support
 from symcheck.symbolic.encoding.on_the_fly_relations import (
     OnTheFly,
     OnTheFlyAssignment,
@@ -47,6 +47,7 @@ from symcheck.syntax.ast import (
     Unary,
 )
 from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
+from symcheck.syntax.traversal import operands
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
@@ -303,7 +304,7 @@ class Translator:
             return known.undefined
         if expression in self._undefined or self.width(expression) <= self.limits.table_bits:
             return self._undefined.get(expression, self.manager.false)
-        return self.manager.disjunction([self.undefined(e) for e in children(expression)])
+        return self.manager.disjunction([self.undefined(e) for e in operands(expression)])
 
     def faults(self, expression: Expression) -> Bdd:
         """Where an expression that has been translated has no value, so that the scalar evaluation
@@ -330,7 +331,7 @@ class Translator:
                     self.faults(then), self.faults(otherwise)
                 )
             case _:
-                return self.manager.disjunction([self.faults(e) for e in children(expression)])
+                return self.manager.disjunction([self.faults(e) for e in operands(expression)])
 
     def probability(self, expression: Expression) -> float | Mtbdd:
         """A probability or rate: a float where it is constant."""
