@@ -1,6 +1,7 @@
 # make demo: check two real models. make study: the cell-injection study, into study-output/.
 # make growth: time and memory against states, into benchmarks/results/. make test: the test suite.
-# make check: everything that CI runs. make coverage: branch coverage of the test suite.
+# make check: everything that CI runs. make docs: the site of the documentation,
+# into build/site.
 # Each target sets up a virtual environment in .venv; it needs python3, make, gcc and a package index.
 PYTHON ?= python3
 VENV := .venv
@@ -8,7 +9,7 @@ BIN := $(VENV)/bin
 COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd')
 STAMP := $(VENV)/.stamp
 
-.PHONY: demo study growth test check coverage format clean
+.PHONY: demo study growth test check docs format clean
 
 demo: $(STAMP)-base
 	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10
@@ -30,10 +31,11 @@ check: $(STAMP)-check
 	$(BIN)/ruff format --check src tests benchmarks setup.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -n auto -q
+	$(BIN)/mkdocs build --quiet
+	$(BIN)/python -m pytest -n auto -q --cov --cov-report=term:skip-covered
 
-coverage: $(STAMP)-check
-	$(BIN)/python -m pytest -n auto -q --cov=symcheck --cov-branch
+docs: $(STAMP)-check
+	$(BIN)/mkdocs build
 
 format: $(STAMP)-check
 	$(BIN)/ruff check --fix src tests benchmarks setup.py

@@ -90,7 +90,6 @@ def test_the_table_of_options_is_as_they_are_declared() -> None:
         *PAGES,
         "../README.md",
         "../CONTRIBUTING.md",
-        "../benchmarks/README.md",
         "../models/README.md",
     ],
 )

@@ -1,6 +1,6 @@
 """Thresholds and budgets of the engines, each with its reason.
 
-Figures: benchmarks/README.md, on a Linux machine with two cores.
+Figures: docs/benchmarks.md, on a Linux machine with two cores.
 """
 
 from __future__ import annotations

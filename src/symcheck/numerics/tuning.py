@@ -1,6 +1,6 @@
 """Thresholds and budgets of the numerical methods, each with its reason.
 
-They count work (operations, entries, steps, bytes), never time. benchmarks/README.md lists what the
+They count work (operations, entries, steps, bytes), never time. docs/benchmarks.md lists what the
 specialised algorithms gain on the tasks that they were made for.
 """
 
