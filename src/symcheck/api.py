@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
     from symcheck.simulate.path import Path as RandomPath
     from symcheck.simulate.statistics import Method, Plan
+    from symcheck.simulate.stepper import Simulator
+    from symcheck.simulate.steps import Steps
 
 __all__ = ["Model", "ReducedModel", "load", "loads", "takes_options"]
 
@@ -329,14 +331,20 @@ class Model:
         from symcheck.simulate.walk import simulate
 
         return simulate(
-            self.bound,
-            steps,
-            time=time,
-            seed=seed,
-            loop_check=loop_check,
-            max_steps=max_steps,
-            check_sums=self.options.check_sums,
+            self._steps, steps, time=time, seed=seed, loop_check=loop_check, max_steps=max_steps
         )
+
+    def simulator(self, seed: int | None = None) -> Simulator:
+        """A path that grows step by step; the model is not built (see its class)."""
+        from symcheck.simulate.stepper import Simulator
+
+        return Simulator(self._steps, seed)
+
+    @cached_property
+    def _steps(self) -> Steps:
+        from symcheck.simulate.steps import CommandSteps
+
+        return CommandSteps(self.bound, self.options.check_sums)
 
     def estimate(
         self,

@@ -13,6 +13,7 @@ MODULES = (
     "symcheck.exchange.from_function",
     "symcheck.exchange.from_matrix",
     "symcheck.explicit.build",
+    "symcheck.simulate.stepper",
     "symcheck.symbolic.build",
     "symcheck.symbolic.reachability.search",
 )

@@ -72,6 +72,7 @@ class Arguments(argparse.Namespace):
     const: list[str]
     model_type: ModelType | None
     simpath: list[str] | None
+    step: bool
     sim: bool
     simmethod: str
     simsamples: int | None
@@ -313,6 +314,11 @@ def _simulation(parser: _Parser) -> None:
         nargs=2,
         help="write a random path ('stdout' prints it). PATH: steps, time=T or deadlock, and "
         ",vars=(x,…) sep=comma|space|tab rewards= probs= changes= loopcheck= snapshot=T repeat=N",
+    )
+    parser.add(
+        "step",
+        action="store_true",
+        help="step through the model: shows the state and its choices, reads which one to take",
     )
     parser.add(
         "sim",

@@ -149,8 +149,12 @@ def _check_instance(
         model = _bound_model(state, model.with_observer(_observer(state, watch)), asked)
         if a.simpath:
             write_path(a, state.output, model, varying)
+        if a.step:
+            from symcheck.cli.stepping import step_through
+
+            step_through(a, state.output, model)
         plan = sampling_plan(a) if a.sim else None
-        if a.simpath and plan is None and not asked and not a.needs_model:
+        if (a.simpath or a.step) and plan is None and not asked and not a.needs_model:
             return
         if plan is None:
             _build(state, model, watch)
@@ -198,7 +202,7 @@ def _bound_model(state: RunState, model: Model, asked: Sequence[PropertyInstance
         return model
     if state.options.fairness:
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")
-    keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.exports)
+    keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
     model = model.reduced_for(asked, keep_steps=keep_steps)
     if isinstance(model, ReducedModel):
         state.output.line(f"Reduction:   {model.reduction}")

@@ -30,7 +30,11 @@ def sampling_plan(a: Arguments) -> Plan:
     """How -sim samples, by the switches. Raises UsageError."""
     from symcheck.simulate.statistics import METHODS, Plan
 
-    _require_commands(a)
+    if a.imports_model:
+        raise UsageError(
+            "-sim follows the commands of a model in the PRISM language; "
+            "a model read from explicit files has none"
+        )
     method = next((m for m in METHODS if m == a.simmethod.lower()), None)
     if method is None:
         raise UsageError(f"-simmethod: '{a.simmethod}' is none of {', '.join(METHODS)}")
@@ -67,7 +71,6 @@ def write_path(
     from symcheck.simulate.path_options import parse_path_options
 
     assert a.simpath is not None
-    _require_commands(a)
     description, target = a.simpath
     request = parse_path_options(description)
     path = _path(a, model, request)
@@ -104,11 +107,3 @@ def _path(a: Arguments, model: Model, request: PathOptions) -> Path:
         if not request.deadlock or path.end == "deadlock":
             break
     return path
-
-
-def _require_commands(a: Arguments) -> None:
-    if a.imports_model:
-        raise UsageError(
-            "-sim and -simpath follow the commands of a model in the PRISM language; "
-            "a model read from explicit files has none"
-        )

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NoReturn, TextIO, Unpack
+from typing import TYPE_CHECKING, NoReturn, TextIO, Unpack
 
 from symcheck.api import Model, takes_options
 from symcheck.check.context import Context
@@ -20,6 +20,9 @@ from symcheck.exchange.formats.prism_reader import ModelFiles, read_files, read_
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, LabelReference, ModelType
+
+if TYPE_CHECKING:
+    from symcheck.simulate.steps import Steps
 
 __all__ = [
     "ImportedModel",
@@ -55,16 +58,18 @@ class ImportedModel(Model):
         """The model itself: reduction rewrites commands, and there are none."""
         return self
 
-    def simulate(self, *_: Any, **__: Any) -> NoReturn:
-        """Not offered. Raises UnsupportedError."""
-        raise UnsupportedError(
-            "a random path follows the commands of a model in the PRISM language, "
-            "and a model in explicit files has none"
-        )
+    @cached_property
+    def _steps(self) -> Steps:
+        from symcheck.simulate.steps import TableSteps
+
+        return TableSteps(self.engine)
 
     def estimate_instance(self, *_: object, **__: object) -> NoReturn:
         """Not offered. Raises UnsupportedError."""
-        self.simulate()
+        raise UnsupportedError(
+            "sampling follows the commands of a model in the PRISM language, and this model has "
+            "none; check gives the value itself"
+        )
 
 
 @converts_memory_error()

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from symcheck.errors import Diagnostic, NameFault
+from symcheck.errors import Diagnostic, NameFault, UnsupportedError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["Path", "PathFormat", "PathStep", "rows", "table"]
 
@@ -92,6 +96,32 @@ class Path:
             )
         index = self.variables.index(variable)
         return [s.state[index] for s in self.steps]
+
+    def to_frame(self) -> DataFrame:
+        """A row per state: transition, probability (rate), time, variables, and per reward
+        structure the reward of the state and of the transition that led to it.
+
+        Raises UnsupportedError without pandas.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            raise UnsupportedError("data frames need pandas: pip install pandas") from None
+        names = [r.name or str(i) for i, r in enumerate(self.model.rewards, 1)]
+        columns = [f"{name}_{of}" for of in ("state", "transition") for name in names]
+        rows = (
+            (
+                s.action,
+                s.probability,
+                s.time,
+                *s.state,
+                *s.rewards,
+                *(s.earned or [0.0] * len(names)),
+            )
+            for s in self.steps
+        )
+        titles = ["action", "probability", "time", *self.variables, *columns]
+        return DataFrame(list(rows), columns=titles).rename_axis("step")
 
     def __str__(self) -> str:
         return table(self).rstrip("\n")

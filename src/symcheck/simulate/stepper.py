@@ -1,0 +1,194 @@
+"""A simulator that takes one step at a time: chosen by the user, by a strategy, or at random."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from symcheck.errors import UsageError
+from symcheck.semantics.interpreter import State
+from symcheck.semantics.state_faults import describe_state
+from symcheck.simulate.path import Path, PathStep
+from symcheck.simulate.steps import Choice, Steps
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["Simulator", "StepStrategy"]
+
+
+class Simulator:
+    """A path of a model that grows step by step.
+
+    The same seed and the same calls give the same path.
+
+    Args:
+        steps: the steps of the model.
+        seed: of the random numbers; None draws one.
+
+    Attributes:
+        seed: of the random numbers.
+
+    Example:
+        >>> import symcheck
+        >>> text = "mdp module m x:[0..2]; [go] x<2 -> (x'=x+1); [back] x>0 -> (x'=0); endmodule"
+        >>> simulator = symcheck.loads(text).simulator(seed=1)
+        >>> simulator.step("go")
+        {'x': 1}
+        >>> [choice.action for choice in simulator.choices]
+        ['go', 'back']
+    """
+
+    def __init__(self, steps: Steps, seed: int | None = None) -> None:
+        self.seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
+        self._steps = steps
+        self._generator = np.random.default_rng(self.seed)
+        self._path: list[PathStep] = [steps.start(self._generator)]
+        self._known: dict[int, tuple[Choice, ...]] = {}
+
+    # ------------------------------------------------------------------------ the current state
+
+    @property
+    def state(self) -> Mapping[str, bool | int]:
+        """The values of the variables."""
+        names = (v.name for v in self._steps.model.variables)
+        return dict(zip(names, self._path[-1].state, strict=True))
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """The enabled choices; none in a deadlock. Raises ModelFault."""
+        if len(self._path) not in self._known:
+            self._known = {len(self._path): self._steps.choices(self._path[-1].state)}
+        return self._known[len(self._path)]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The labels that the state has, "init" and "deadlock" among them."""
+        state = self._path[-1].state
+        own = [n for n in self._steps.model.labels if self._steps.has_label(state, n)]
+        init = ["init"] if state in self._initial else []
+        return (*init, *([] if self.choices else ["deadlock"]), *own)
+
+    @cached_property
+    def _initial(self) -> frozenset[State]:
+        return frozenset(self._steps.initial())
+
+    @property
+    def rewards(self) -> Mapping[str, float]:
+        """The rewards of the state, by the name of the reward structure or its number."""
+        return self._named(self._path[-1].rewards)
+
+    @property
+    def total_rewards(self) -> Mapping[str, float]:
+        """The rewards that the path has earned so far."""
+        totals = np.zeros(len(self._steps.model.rewards))
+        for before, step in pairwise(self._path):
+            totals += np.multiply(before.rewards, step.time - before.time) + step.earned
+        return self._named(totals.tolist())
+
+    def _named(self, values: Sequence[float]) -> Mapping[str, float]:
+        names = (r.name or str(i) for i, r in enumerate(self._steps.model.rewards, 1))
+        return dict(zip(names, values, strict=True))
+
+    @property
+    def path(self) -> Path:
+        """The path so far."""
+        end = "steps" if self.choices else "deadlock"
+        return Path(self._steps.model, tuple(self._path), end, self.seed)
+
+    # ------------------------------------------------------------------------------------ steps
+
+    def step(
+        self, choice: int | str | None = None, branch: int | None = None
+    ) -> Mapping[str, bool | int]:
+        """Take a step.
+
+        Args:
+            choice: the number of a choice or its action; None: any choice.
+            branch: the number of a successor of the choice; None: one at random.
+
+        Returns:
+            The new state.
+
+        Raises:
+            UsageError: there is no such choice, or the state is a deadlock.
+            ModelFault: the model breaks a rule in the state.
+        """
+        enabled = self.choices
+        if not enabled:
+            raise UsageError(f"{self._text(self._path[-1].state)} is a deadlock: there is no step")
+        chosen = [c for i, c in enumerate(enabled) if choice in (None, i, c.action)]
+        if not chosen:
+            actions = dict.fromkeys(c.action for c in enabled if c.action is not None)
+            known = f"0 to {len(enabled) - 1}" + "".join(f", {a}" for a in actions)
+            raise UsageError(f"there is no choice {choice!r}: expected one of {known}")
+        allowed = [(c, b) for c in chosen for i, b in enumerate(c.branches) if branch in (None, i)]
+        if not allowed:
+            raise UsageError(f"the choice has no branch {branch}")
+        step = self._steps.take(self._path[-1], enabled, self._generator, allowed)
+        self._path.append(step)
+        return self.state
+
+    def run(self, steps: int, strategy: StepStrategy | None = None) -> Mapping[str, bool | int]:
+        """Take several steps, fewer if a deadlock is reached.
+
+        Args:
+            steps: the number of steps.
+            strategy: gives the number or action of the next choice; None: choices at random.
+
+        Returns:
+            The last state.
+        """
+        for _ in range(steps):
+            if not self.choices:
+                break
+            self.step(None if strategy is None else strategy(self))
+        return self.state
+
+    def back(self) -> Mapping[str, bool | int]:
+        """Take the last step back. Raises UsageError in the first state."""
+        if len(self._path) == 1:
+            raise UsageError("this is the first state: there is no step to take back")
+        self._path.pop()
+        return self.state
+
+    def restart(self) -> Mapping[str, bool | int]:
+        """Go back to the first state."""
+        del self._path[1:]
+        return self.state
+
+    # ------------------------------------------------------------------------------------- text
+
+    def __repr__(self) -> str:
+        state = self._text(self._path[-1].state)
+        return f"<Simulator: step {len(self._path) - 1}, {state}, {len(self.choices)} choices>"
+
+    def __str__(self) -> str:
+        """The state, its labels and rewards, and the numbered choices with their successors."""
+        model, last = self._steps.model, self._path[-1]
+        time = f", time {last.time:.6g}" if model.type is ModelType.CTMC else ""
+        lines = [f"step {len(self._path) - 1}{time}: {self._text(last.state)}"]
+        if self.labels:
+            lines.append(f"labels: {', '.join(self.labels)}")
+        total = self.total_rewards
+        if total:
+            texts = (f"{n} {x:.6g} (so far {total[n]:.6g})" for n, x in self.rewards.items())
+            lines.append(f"rewards: {', '.join(texts)}")
+        for i, choice in enumerate(self.choices):
+            module = f"{choice.module}: " if choice.module else ""
+            lines.append(f"  {i}: {module}{choice.text}")
+            for j, branch in enumerate(choice.branches):
+                earned = (f"{n} {x:.6g}" for n, x in self._named(branch.rewards).items() if x)
+                weight = branch.probability
+                shown = f"{weight:.6g}" if isinstance(weight, float) else str(weight)
+                text = f"{shown} to {self._text(branch.state)}"
+                lines.append(", ".join([f"     {i}.{j}: {text}", *earned]))
+        return "\n".join(lines)
+
+    def _text(self, state: State) -> str:
+        return describe_state(self._steps.model.variables, state)
+
+
+StepStrategy = Callable[[Simulator], int | str | None]
+"""Gives the number or the action of the next choice of a simulator."""

@@ -1,0 +1,230 @@
+"""The steps of a model one state at a time: what `-simpath` and the step simulator choose from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from symcheck.engines.base import Engine
+from symcheck.engines.capabilities import HasExploredModel, HasImportedStates
+from symcheck.explicit.initial import initial_rows
+from symcheck.explicit.states import StateLayout
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.interpreter import State, choices, state_rewards, valuation
+from symcheck.semantics.model import BoundCommand, BoundModel, Value
+from symcheck.simulate.path import PathStep
+from symcheck.syntax.ast import ModelType
+from symcheck.syntax.declarations import RenamedModule
+from symcheck.syntax.printer import pretty
+
+__all__ = ["Branch", "Choice", "CommandSteps", "Steps", "TableSteps"]
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A successor: its probability within the choice (its rate in a CTMC), and the rewards that
+    the transition earns, per reward structure.
+    """
+
+    probability: Value
+    state: State
+    rewards: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A choice in a state: one command, or several that synchronise.
+
+    Attributes:
+        action: None for an unlabelled choice.
+        module: the module that takes it; None if several do, or if the model has no commands.
+    """
+
+    action: str | None
+    module: str | None
+    branches: tuple[Branch, ...]
+    commands: tuple[BoundCommand, ...] = ()
+    model: BoundModel | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def text(self) -> str:
+        """The commands as they stand in the model; `[action]` if there are none."""
+        model = self.model
+        texts = [] if model is None else [_command_text(model, c) for c in self.commands]
+        return " || ".join(texts) or f"[{self.action or ''}]"
+
+
+def _command_text(model: BoundModel, command: BoundCommand) -> str:
+    """The text of a command; that of a renamed module has the new names."""
+    name = model.modules[command.module].name
+    if not any(isinstance(m, RenamedModule) and m.name == name for m in model.program.modules):
+        return " ".join(command.span.text.split()).rstrip("; ")
+    updates = []
+    for update in command.updates:
+        sets = [f"({model.variables[i].name}'={pretty(e)})" for i, e in update.assignments]
+        updates.append(f"{pretty(update.probability)} : {' & '.join(sets) or 'true'}")
+    return f"[{command.action or ''}] {pretty(command.guard)} -> {' + '.join(updates)}"
+
+
+class Steps(Protocol):
+    """The states of a model, their choices, rewards and labels."""
+
+    model: BoundModel
+
+    def initial(self) -> Sequence[State]:
+        """The initial states."""
+        ...
+
+    def choices(self, state: State) -> tuple[Choice, ...]:
+        """The enabled choices; none in a deadlock. Raises ModelFault."""
+        ...
+
+    def rewards(self, state: State) -> tuple[float, ...]:
+        """The state reward per reward structure. Raises ModelFault."""
+        ...
+
+    def has_label(self, state: State, name: str) -> bool:
+        """Whether a state has a label of the model."""
+        ...
+
+    def start(self, generator: np.random.Generator) -> PathStep:
+        """The first step of a path; several initial states are equally likely."""
+        initial = self.initial()
+        state = initial[int(generator.integers(len(initial)))] if len(initial) > 1 else initial[0]
+        return PathStep(state, 0.0, self.rewards(state))
+
+    def take(
+        self,
+        current: PathStep,
+        enabled: Sequence[Choice],
+        generator: np.random.Generator,
+        allowed: Sequence[tuple[Choice, Branch]] | None = None,
+    ) -> PathStep:
+        """Sample a transition and its sojourn time; the choices of an MDP are equally likely.
+
+        Args:
+            current: the last step of the path.
+            enabled: the choices of its state.
+            generator: random numbers.
+            allowed: the transitions from which one is sampled; None: all.
+
+        Raises:
+            ModelFault: the next state has a reward that is not finite.
+        """
+        kind = self.model.type
+        share = 1 if kind is ModelType.CTMC else len(enabled)
+        moves = [(c, b) for c in enabled for b in c.branches]
+        weights = [float(b.probability) / share for _, b in moves]
+        duration = 1.0
+        if kind is ModelType.CTMC:
+            duration = float(generator.standard_exponential()) / sum(weights)
+        if allowed is not None:
+            moves, weights = list(allowed), [float(b.probability) / share for _, b in allowed]
+        cumulative = np.cumsum(weights)
+        index = int(np.searchsorted(cumulative, generator.random() * cumulative[-1], side="right"))
+        index = min(index, len(moves) - 1)
+        choice, branch = moves[index]
+        return PathStep(
+            branch.state,
+            current.time + duration,
+            self.rewards(branch.state),
+            choice.action,
+            choice.module,
+            float(branch.probability) if kind is ModelType.MDP else weights[index],
+            branch.rewards,
+        )
+
+
+@dataclass(frozen=True)
+class CommandSteps(Steps):
+    """The steps of a model in the PRISM language, computed by the interpreter.
+
+    The interpreter knows the commands of each transition; the compiled sampler does not.
+    """
+
+    model: BoundModel
+    check_sums: bool = True
+
+    def initial(self) -> Sequence[State]:
+        """The initial states."""
+        layout = StateLayout.of(self.model.variables)
+        return [layout.unpack(row) for row in initial_rows(self.model, layout)]
+
+    def choices(self, state: State) -> tuple[Choice, ...]:
+        """The enabled choices; none in a deadlock. Raises ModelFault."""
+        found = []
+        for choice in choices(self.model, state, check_sums=self.check_sums):
+            modules = {c.module for c in choice.commands}
+            name = self.model.modules[modules.pop()].name if len(modules) == 1 else None
+            rewards = tuple(map(float, choice.rewards))
+            branches = tuple(Branch(p, s, rewards) for p, s in choice.branches)
+            found.append(Choice(choice.action, name, branches, choice.commands, self.model))
+        return tuple(found)
+
+    def rewards(self, state: State) -> tuple[float, ...]:
+        """The state reward per reward structure. Raises ModelFault."""
+        return tuple(map(float, state_rewards(self.model, state)))
+
+    def has_label(self, state: State, name: str) -> bool:
+        """Whether a state has a label of the model."""
+        return bool(evaluate(self.model.labels[name], valuation(self.model, state)))
+
+
+class TableSteps(Steps):
+    """The steps of a model from explicit files or from Python, read from its rows."""
+
+    def __init__(self, engine: Engine) -> None:
+        explored, imported = (
+            engine.capability(HasExploredModel),
+            engine.capability(HasImportedStates),
+        )
+        assert explored is not None
+        assert imported is not None
+        self.model = engine.model
+        self._explored, self._imported = explored.explored, imported
+        self._states: list[State] = list(self._explored.states)
+        self._numbers = {state: i for i, state in enumerate(self._states)}
+
+    def initial(self) -> Sequence[State]:
+        """The initial states."""
+        return [self._states[i] for i in self._explored.initial.tolist()]
+
+    def choices(self, state: State) -> tuple[Choice, ...]:
+        """The enabled choices; none in a deadlock."""
+        explored, number = self._explored, self._numbers[state]
+        matrix = explored.matrix
+        if number in explored.deadlocks:
+            return ()
+        rows = [number] if matrix.groups is None else range(*matrix.groups[number : number + 2])
+        actions = explored.choice_actions[list(rows)].tolist()
+        return tuple(
+            Choice(None if a < 0 else self.model.actions[a], None, self._branches(row))
+            for a, row in zip(actions, rows, strict=True)
+        )
+
+    def _branches(self, row: int) -> tuple[Branch, ...]:
+        explored = self._explored
+        matrix = explored.matrix
+        part = slice(*matrix.indptr[row : row + 2].tolist())
+        weights = matrix.data[part].tolist()
+        total = sum(weights) if self.model.type is ModelType.CTMC else 1
+        earned = [
+            [float(of_rows[row] / total)] * len(weights) if entries is None else entries[part]
+            for of_rows, entries in zip(
+                explored.choice_rewards, self._imported.entry_rewards, strict=True
+            )
+        ]
+        targets = [self._states[t] for t in matrix.indices[part].tolist()]
+        rewards = [tuple(float(r[i]) for r in earned) for i in range(len(weights))]
+        return tuple(map(Branch, weights, targets, rewards))
+
+    def rewards(self, state: State) -> tuple[float, ...]:
+        """The state reward per reward structure."""
+        return tuple(float(r[self._numbers[state]]) for r in self._explored.state_rewards)
+
+    def has_label(self, state: State, name: str) -> bool:
+        """Whether a state has a label of the model."""
+        return bool(self._imported.members[self.model.labels[name]][self._numbers[state]])
