@@ -6,7 +6,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd')
+COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd' -o -name '*.pxi')
 STAMP := $(VENV)/.stamp
 
 .PHONY: demo study growth test check docs format clean
@@ -27,8 +27,8 @@ test: $(STAMP)-test
 	$(BIN)/python -m pytest -n auto -q
 
 check: $(STAMP)-check
-	$(BIN)/ruff check src tests benchmarks setup.py
-	$(BIN)/ruff format --check src tests benchmarks setup.py
+	$(BIN)/ruff check src tests benchmarks setup.py stubs.py
+	$(BIN)/ruff format --check src tests benchmarks setup.py stubs.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/mkdocs build --quiet
@@ -38,8 +38,8 @@ docs: $(STAMP)-check
 	$(BIN)/mkdocs build
 
 format: $(STAMP)-check
-	$(BIN)/ruff check --fix src tests benchmarks setup.py
-	$(BIN)/ruff format src tests benchmarks setup.py
+	$(BIN)/ruff check --fix src tests benchmarks setup.py stubs.py
+	$(BIN)/ruff format src tests benchmarks setup.py stubs.py
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -47,7 +47,7 @@ $(VENV)/bin/python:
 
 # The installation is editable: only a change of compiled code or of the packaging installs again.
 # The extras are then installed by name, which compiles nothing twice.
-$(STAMP)-base: $(VENV)/bin/python pyproject.toml setup.py $(COMPILED)
+$(STAMP)-base: $(VENV)/bin/python pyproject.toml setup.py stubs.py $(COMPILED)
 	$(BIN)/python -m pip install --quiet --editable .
 	touch $@
 

@@ -1,10 +1,23 @@
-"""Packages and compiled extensions; everything else is in pyproject.toml."""
+"""Packages, compiled extensions and their stubs; everything else is in pyproject.toml."""
 
 import os
+import sys
 from pathlib import Path
 
 from Cython.Build import cythonize
 from setuptools import Extension, find_packages, setup
+from setuptools.command.build_py import build_py
+
+sys.path.insert(0, str(Path(__file__).parent))
+from stubs import write_stubs  # build backends do not look into this folder
+
+
+class BuildWithStubs(build_py):
+    def run(self) -> None:
+        super().run()
+        if not self.editable_mode:
+            write_stubs(Path(self.build_lib))
+
 
 extensions = [
     Extension(
@@ -17,8 +30,12 @@ extensions = [
     for path in sorted(Path("src").rglob("*.pyx"))
 ]
 
+write_stubs(Path("build/stubs"))  # for mypy
 setup(
     packages=[*find_packages("src"), "symcheck.grammar"],
-    ext_modules=cythonize(extensions, language_level=3),
+    ext_modules=cythonize(
+        extensions, language_level=3, compiler_directives={"annotation_typing": False}
+    ),
+    cmdclass={"build_py": BuildWithStubs},
     options={"build_ext": {"parallel": os.cpu_count() or 1}},
 )

@@ -1,4 +1,4 @@
-"""The stubs of the compiled modules: they name what there is, and import from kernels only."""
+"""The stubs that the build writes: they name what is compiled, and import from kernels only."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ from types import ModuleType
 
 import pytest
 
-SOURCE = Path(__file__).parents[2] / "src"
-STUBS = sorted((SOURCE / "symcheck" / "kernels").rglob("*.pyi"))
+ROOT = Path(__file__).parents[2]
+WRITTEN = ROOT / "build" / "stubs"
+STUBS = [
+    WRITTEN / path.relative_to(ROOT / "src").with_suffix(".pyi")
+    for path in sorted((ROOT / "src" / "symcheck" / "kernels").rglob("*.pyx"))
+]
 
 
 def _module(stub: Path) -> ModuleType:
-    return import_module(".".join(stub.relative_to(SOURCE).with_suffix("").parts))
+    return import_module(".".join(stub.relative_to(WRITTEN).with_suffix("").parts))
 
 
 def _functions(body: list[ast.stmt], owner: object) -> Iterator[tuple[ast.FunctionDef, object]]:

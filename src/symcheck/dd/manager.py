@@ -15,10 +15,10 @@ McMillan, Yang and Zhao (1993), Spectral transforms for large Boolean functions;
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import add, and_, or_
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,6 +53,18 @@ __all__ = [
 
 Variables = Sequence[str] | Cube
 """Variables by name, or prepared."""
+
+
+Diagram = TypeVar("Diagram", Bdd, Mtbdd)
+
+
+def _combine(operation: Callable[[Diagram, Diagram], Diagram], diagrams: list[Diagram]) -> Diagram:
+    """Combine at least one diagram pairwise: a balanced tree keeps intermediate results small."""
+    while len(diagrams) > 1:
+        last = diagrams[len(diagrams) & ~1 :]
+        diagrams = [operation(f, g) for f, g in zip(diagrams[::2], diagrams[1::2], strict=False)]
+        diagrams += last
+    return diagrams[0]
 
 
 def default_memory() -> int:
@@ -265,17 +277,17 @@ class DiagramManager:
     def conjunction(self, sets: Iterable[Bdd]) -> Bdd:
         """Intersection of many sets; all assignments if there is none."""
         diagrams = list(map(self.core.from_any, sets))
-        return extension.combine(and_, diagrams) if diagrams else self.true
+        return _combine(and_, diagrams) if diagrams else self.true
 
     def disjunction(self, sets: Iterable[Bdd]) -> Bdd:
         """Union of many sets; empty if there is none."""
         diagrams = list(map(self.core.from_any, sets))
-        return extension.combine(or_, diagrams) if diagrams else self.false
+        return _combine(or_, diagrams) if diagrams else self.false
 
     def sum(self, diagrams: Iterable[Mtbdd]) -> Mtbdd:
         """Sum of many functions; 0 if there is none."""
         summands = list(diagrams)
-        return extension.combine(add, summands) if summands else self.zero
+        return _combine(add, summands) if summands else self.zero
 
     def multiply_sum(self, left: Mtbdd, right: Mtbdd, variables: Variables) -> Mtbdd:
         """Sum of left * right over the variables: the product of a matrix with a vector or a

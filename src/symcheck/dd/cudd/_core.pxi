@@ -176,10 +176,10 @@ cdef class Core:
 
     cdef Env e
     cdef readonly object bdd
-    cdef readonly object max_memory
+    cdef readonly object max_memory  # type: int | None
     cdef unsigned long renamings
 
-    def __cinit__(self, bdd, max_memory=None):
+    def __cinit__(self, bdd, max_memory: int | None = None):
         if not isinstance(bdd, cudd.BDD):
             raise TypeError("a dd.cudd.BDD is needed")
         self.bdd = bdd
@@ -265,7 +265,7 @@ cdef class Core:
             )
         raise RuntimeError(f"CUDD stopped with error code {code}")
 
-    def limit_memory(self, limit):
+    def limit_memory(self, limit: int):
         """Set the memory limit in bytes. CUDD checks it when it allocates, so it may be exceeded by
         up to half.
         """
@@ -273,53 +273,53 @@ cdef class Core:
         self.e.uncollected_nodes = <unsigned int>min(UNCOLLECTED_NODES, limit // (8 * sizeof(DdNode)))
         self.max_memory = limit
 
-    def limit_time(self, seconds):
+    def limit_time(self, seconds: float | None):
         """Stop with TimeLimitError after so many seconds from now; None: no limit."""
         self.e.deadline = 0 if seconds is None else now() + max(float(seconds), 1e-9)
 
-    def limit_lookups(self, lookups):
+    def limit_lookups(self, lookups: int | None):
         """Stop with TimeLimitError after so many more look-ups in CUDD's cache; None: no limit."""
         self.e.max_lookups = 0 if lookups is None else Cudd_ReadCacheLookUps(self.e.dd) + lookups
 
-    def from_dd(self, function):
+    def from_dd(self, function) -> Bdd:
         """The Bdd of a dd Function of this manager; nothing is copied."""
         if not isinstance(function, cudd.Function) or function.bdd is not self.bdd:
             raise TypeError("a Function of this manager's dd.cudd.BDD is needed")
         return wrap_bdd(self, <DdNode*><uintptr_t>(int(function) - 2))
 
-    def from_any(self, states):
+    def from_any(self, states) -> Bdd:
         """The Bdd of a Bdd or dd Function. Raises TypeError or ValueError for one of another
         manager.
         """
         return as_bdd(self, states)
 
-    def true(self):
+    def true(self) -> Bdd:
         """The BDD of every assignment."""
         return wrap_bdd(self, self.e.one)
 
-    def literal(self, int index):
+    def literal(self, int index) -> Bdd:
         """The BDD of the variable with this index."""
         if not 0 <= index < Cudd_ReadSize(self.e.dd):
             raise IndexError(index)
         return wrap_bdd(self, Cudd_bddIthVar(self.e.dd, index))
 
-    def constant(self, double value):
+    def constant(self, double value) -> Mtbdd:
         """The MTBDD with one leaf."""
         return wrap_mtbdd(self, leaf(self.begin(), value))
 
-    def size(self):
+    def size(self) -> int:
         """Number of variables."""
         return Cudd_ReadSize(self.e.dd)
 
-    def level(self, int index):
+    def level(self, int index) -> int:
         """Level of a variable, by its index."""
         return Cudd_ReadPerm(self.e.dd, index)
 
-    def index_at(self, int level):
+    def index_at(self, int level) -> int:
         """Index of the variable at a level."""
         return Cudd_ReadInvPerm(self.e.dd, level)
 
-    def statistics(self):
+    def statistics(self) -> dict[str, Any]:
         """Counters of the manager, as a dict."""
         cdef DdManager* dd = self.e.dd
         return {
@@ -338,7 +338,7 @@ cdef class Core:
             "cache_hits": Cudd_ReadCacheHits(dd),
         }
 
-    def collect(self):
+    def collect(self) -> int:
         """Free dead nodes now; returns their number."""
         return cuddGarbageCollect(self.e.dd, 1)
 
@@ -351,7 +351,7 @@ cdef class Core:
         if Cudd_DebugCheck(self.e.dd) != 0:
             raise AssertionError("CUDD's tables are inconsistent")
 
-    def sift(self, groups, double growth=1.2):
+    def sift(self, groups: Iterable[tuple[int, int]], double growth=1.2):
         """Sift blocks of variables: pairs (index of the topmost variable, number of adjacent
         variables).
         """

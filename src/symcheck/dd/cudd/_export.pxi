@@ -186,7 +186,7 @@ cdef object leaf_values(DdNode* n):
         free_traversal(&w)
 
 
-def export_sets(Core core not None, sets):
+def export_sets(Core core not None, sets: Iterable[Bdd]) -> tuple[Int32s, Int32s, Int32s, Int32s]:
     """(level, low, high, roots) of Bdds as int32 arrays: children before parents, ids 0 and 1 are
     false and true.
     """
@@ -214,7 +214,8 @@ def export_sets(Core core not None, sets):
         free_traversal(&w)
 
 
-def export_nodes(Core core not None, diagrams):
+def export_nodes(Core core not None,
+                 diagrams: Iterable[Mtbdd]) -> tuple[Int32s, Int32s, Int32s, Floats, Int32s]:
     """(level, low, high, values, roots) of Mtbdds: the leaves first, then inner nodes, children
     before parents.
     """
@@ -308,12 +309,13 @@ cdef list import_diagrams(Core core, bint boolean, const int[::1] level, const i
         free(nodes)
 
 
-def import_sets(Core core not None, const int[::1] level, const int[::1] low, const int[::1] high, const int[::1] roots):
+def import_sets(Core core not None, const int[::1] level, const int[::1] low, const int[::1] high,
+                const int[::1] roots) -> list[Bdd]:
     """The inverse of `export_sets`: a list of Bdds."""
     return import_diagrams(core, True, level, low, high, None, roots)
 
 
-def import_nodes(Core core not None, const int[::1] level, const int[::1] low, const int[::1] high, const double[::1] values,
-                 const int[::1] roots):
+def import_nodes(Core core not None, const int[::1] level, const int[::1] low, const int[::1] high,
+                 const double[::1] values, const int[::1] roots) -> list[Mtbdd]:
     """The inverse of `export_nodes`: a list of Mtbdds."""
     return import_diagrams(core, False, level, low, high, values, roots)

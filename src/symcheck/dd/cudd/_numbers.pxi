@@ -1,5 +1,8 @@
 # Mtbdd: a function from assignments to numbers; the size of several diagrams together.
 
+Operand: TypeAlias = "Mtbdd | SupportsFloat"
+
+
 @cython.final
 @cython.no_gc
 @cython.freelist(256)
@@ -43,56 +46,54 @@ cdef class Mtbdd:
         cdef Mtbdd o = as_mtbdd(self.core, other)
         return wrap_mtbdd(self.core, apply(self.core.begin(), op, o.node, self.node))
 
-    def __add__(Mtbdd self, other):
+    def __add__(Mtbdd self, other: Operand) -> Mtbdd:
         return self._apply(PLUS, other)
 
-    def __radd__(Mtbdd self, other):
+    def __radd__(Mtbdd self, other: SupportsFloat) -> Mtbdd:
         return self._apply(PLUS, other)
 
-    def __mul__(Mtbdd self, other):
+    def __mul__(Mtbdd self, other: Operand) -> Mtbdd:
         return self._apply(TIMES, other)
 
-    def __rmul__(Mtbdd self, other):
+    def __rmul__(Mtbdd self, other: SupportsFloat) -> Mtbdd:
         return self._apply(TIMES, other)
 
-    def __sub__(Mtbdd self, other):
+    def __sub__(Mtbdd self, other: Operand) -> Mtbdd:
         return self._apply(MINUS, other)
 
-    def __rsub__(Mtbdd self, other):
+    def __rsub__(Mtbdd self, other: SupportsFloat) -> Mtbdd:
         return self._rapply(MINUS, other)
 
-    def __truediv__(Mtbdd self, other):
+    def __truediv__(Mtbdd self, other: Operand) -> Mtbdd:
         return self._apply(DIVIDE, other)
 
-    def __rtruediv__(Mtbdd self, other):
+    def __rtruediv__(Mtbdd self, other: SupportsFloat) -> Mtbdd:
         return self._rapply(DIVIDE, other)
 
-    def __neg__(Mtbdd self):
+    def __neg__(Mtbdd self) -> Mtbdd:
         return self._rapply(MINUS, 0.0)
 
-    def __pow__(Mtbdd self, other, modulus):
-        if modulus is not None:
-            return NotImplemented
+    def __pow__(Mtbdd self, other: Operand) -> Mtbdd:
         return self._apply(POWER, other)
 
-    def __rpow__(Mtbdd self, other, modulus):
+    def __rpow__(Mtbdd self, other: SupportsFloat) -> Mtbdd:
         return self._rapply(POWER, other)
 
-    def __mod__(Mtbdd self, other):
+    def __mod__(Mtbdd self, other: Operand) -> Mtbdd:
         return self._apply(MODULO, other)
 
-    def __rmod__(Mtbdd self, other):
+    def __rmod__(Mtbdd self, other: SupportsFloat) -> Mtbdd:
         return self._rapply(MODULO, other)
 
-    def minimum(self, other):
+    def minimum(self, other: Operand) -> Mtbdd:
         """The pointwise minimum."""
         return self._apply(MINIMUM, other)
 
-    def maximum(self, other):
+    def maximum(self, other: Operand) -> Mtbdd:
         """The pointwise maximum."""
         return self._apply(MAXIMUM, other)
 
-    def compare(self, str operator, other):
+    def compare(self, str operator, other: Operand) -> Bdd:
         """The set where `self operator other` holds.
 
         Args:
@@ -119,45 +120,45 @@ cdef class Mtbdd:
             raise ValueError(f"unknown comparison {operator!r}")
         return wrap_bdd(self.core, r)
 
-    def equal(self, other):
+    def equal(self, other: Operand) -> Bdd:
         """The set where both have the same value."""
         return self.compare("==", other)
 
-    def times_bdd(self, states):
+    def times_bdd(self, states: Bdd) -> Mtbdd:
         """This function on the set `states`, 0 elsewhere."""
         cdef Bdd f = as_bdd(self.core, states)
         return wrap_mtbdd(self.core, masked(self.core.begin(), self.node, f.node))
 
-    def to_bdd(self):
+    def to_bdd(self) -> Bdd:
         """The set where the value is not 0."""
         return wrap_bdd(self.core, to_bdd(self.core.begin(), self.node))
 
-    def sum_over(self, Cube cube not None):
+    def sum_over(self, Cube cube not None) -> Mtbdd:
         """The sum over all assignments of the cube's variables."""
         return wrap_mtbdd(self.core, abstract(self.core.begin(), SUM_OVER, self.node, cube_of(self.core, cube)))
 
-    def max_over(self, Cube cube not None):
+    def max_over(self, Cube cube not None) -> Mtbdd:
         """The maximum over all assignments of the cube's variables."""
         return wrap_mtbdd(self.core, abstract(self.core.begin(), MAX_OVER, self.node, cube_of(self.core, cube)))
 
-    def min_over(self, Cube cube not None):
+    def min_over(self, Cube cube not None) -> Mtbdd:
         """The minimum over all assignments of the cube's variables."""
         return wrap_mtbdd(self.core, abstract(self.core.begin(), MIN_OVER, self.node, cube_of(self.core, cube)))
 
-    def multiply_sum(self, other, Cube cube not None):
+    def multiply_sum(self, other: Operand, Cube cube not None) -> Mtbdd:
         """`(self * other).sum_over(cube)`, without building the product: a matrix times a vector or
         a matrix.
         """
         cdef Mtbdd o = as_mtbdd(self.core, other)
         return wrap_mtbdd(self.core, sum_product(self.core.begin(), self.node, o.node, cube_of(self.core, cube)))
 
-    def rename(self, Renaming renaming not None):
+    def rename(self, Renaming renaming not None) -> Mtbdd:
         """The function with its variables renamed."""
         if renaming.core is not self.core:
             raise ValueError("the renaming belongs to another manager")
         return wrap_mtbdd(self.core, permute(self.core.begin(), False, self.node, &renaming.map))
 
-    def map(self, function):
+    def map(self, function: Callable[[Floats], Any]) -> Mtbdd:
         """Apply a function (float64[n] to float64[n], such as numpy.floor) to the leaves."""
         table = export_nodes(self.core, [self])
         values = np.ascontiguousarray(function(table[3]), dtype=np.float64)
@@ -168,41 +169,43 @@ cdef class Mtbdd:
     def __hash__(self):
         return <Py_hash_t>(<uintptr_t>self.node >> 4)
 
-    def __eq__(Mtbdd self, other):
+    def __eq__(Mtbdd self, other: object):
         if type(other) is Mtbdd:
             return self.node is (<Mtbdd>other).node
         return NotImplemented
 
     @property
-    def node_count(self):
+    def node_count(self) -> int:
         """Number of nodes, leaves included."""
         return Cudd_DagSize(self.node)
 
     @property
-    def support(self):
+    def support(self) -> tuple[int, ...]:
         """Indices of the variables that the value depends on, topmost first."""
         return support_of(self.core, self.node)
 
     @property
-    def is_constant(self):
+    def is_constant(self) -> bool:
         """Whether there is only one leaf."""
         return self.node.index == CONSTANT
 
     @property
-    def leaves(self):
+    def leaves(self) -> Floats:
         """The values that occur, ascending; float64[n]."""
         return np.sort(leaf_values(self.node))
 
     @property
-    def minimum_leaf(self):
+    def minimum_leaf(self) -> float:
         """The smallest value that occurs."""
         return float(leaf_values(self.node).min())
 
     @property
-    def maximum_leaf(self):
+    def maximum_leaf(self) -> float:
         """The largest value that occurs."""
         return float(leaf_values(self.node).max())
 
+    # overload: (self, bits: Sequence[int]) -> float
+    # overload: (self, bits: ArrayLike) -> Any
     def evaluate(self, bits):
         """The values at assignments.
 
@@ -234,20 +237,7 @@ def _assignments(Core core, bits):
     return rows
 
 
-def combine(operation, list diagrams not None):
-    """Combine at least one diagram pairwise, as a balanced tree, which keeps intermediate results small."""
-    cdef Py_ssize_t i, n = len(diagrams)
-    cdef list following
-    while n > 1:
-        following = [operation(diagrams[i], diagrams[i + 1]) for i in range(0, n - 1, 2)]
-        if n & 1:
-            following.append(diagrams[n - 1])
-        diagrams = following
-        n = len(diagrams)
-    return diagrams[0]
-
-
-def shared_size(Core core not None, handles):
+def shared_size(Core core not None, handles: Sequence[Bdd | Mtbdd]) -> int:
     """Number of distinct nodes of several diagrams together."""
     cdef list alive = [h if type(h) is Mtbdd else as_bdd(core, h) for h in handles]
     cdef Py_ssize_t i, n = len(alive)

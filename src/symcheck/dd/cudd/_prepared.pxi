@@ -67,10 +67,10 @@ cdef class Cube:
     """
 
     cdef readonly Core core
-    cdef readonly tuple indices
+    cdef readonly tuple indices  # type: tuple[int, ...]
     cdef DdNode* node
 
-    def __cinit__(self, Core core not None, indices):
+    def __cinit__(self, Core core not None, indices: Iterable[int]):
         cdef Ref c, r
         cdef int i
         self.core = core
@@ -104,7 +104,7 @@ cdef class Cube:
         return f"<Cube of {len(self.indices)} variables>"
 
     @property
-    def set(self):
+    def set(self) -> Bdd:
         """The conjunction of the variables, as a Bdd."""
         return wrap_bdd(self.core, self.node)
 
@@ -115,10 +115,10 @@ cdef class Renaming:
     """A simultaneous substitution of variables, f[a := b] for all pairs of indices (a, b)."""
 
     cdef readonly Core core
-    cdef readonly tuple pairs
+    cdef readonly tuple pairs  # type: tuple[tuple[int, int], ...]
     cdef Mapping map
 
-    def __cinit__(self, Core core not None, pairs):
+    def __cinit__(self, Core core not None, pairs: Iterable[tuple[int, int]]):
         cdef int i, a, b
         self.core = core
         self.pairs = tuple(pairs)
@@ -163,14 +163,14 @@ cdef class Transition:
     """
 
     cdef readonly Core core
-    cdef readonly tuple pairs
+    cdef readonly tuple pairs  # type: tuple[tuple[int, int], ...]
     cdef readonly Cube rows
     cdef readonly Cube columns
     cdef Cube all
     cdef Renaming to_rows
     cdef Renaming to_columns
 
-    def __cinit__(self, Core core not None, pairs):
+    def __cinit__(self, Core core not None, pairs: Iterable[tuple[int, int]]):
         self.core = core
         self.pairs = tuple(pairs)
         self.rows = Cube(core, [a for a, _ in self.pairs])
@@ -221,13 +221,13 @@ cdef class Transition:
             dereference(u)
         return u
 
-    def image(self, Bdd states not None, Bdd relation not None):
+    def image(self, Bdd states not None, Bdd relation not None) -> Bdd:
         """The successors of `states` (over row variables) by `relation`, over row variables."""
         as_bdd(self.core, states)
         as_bdd(self.core, relation)
         return wrap_bdd(self.core, self.step(self.core.begin(), True, states.node, relation.node))
 
-    def preimage(self, Bdd states not None, Bdd relation not None):
+    def preimage(self, Bdd states not None, Bdd relation not None) -> Bdd:
         """The predecessors of `states` (over row variables) by `relation`, over row variables."""
         as_bdd(self.core, states)
         as_bdd(self.core, relation)

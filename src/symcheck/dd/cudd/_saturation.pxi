@@ -457,13 +457,14 @@ cdef class Saturation:
     """
 
     cdef readonly Core core
-    cdef readonly tuple relations
+    cdef readonly tuple relations  # type: tuple[tuple[Bdd, Transition], ...]
     cdef readonly bint forward
     cdef PartitionTable table
     cdef EventPartition* root
     cdef unsigned long order_version
 
-    def __cinit__(self, Core core not None, relations, bint forward=True, long max_partitions=MAX_PARTITIONS):
+    def __cinit__(self, Core core not None, relations: Iterable[tuple[Bdd, Transition]],
+                  bint forward=True, long max_partitions=MAX_PARTITIONS):
         self.core = core
         self.relations = tuple(relations)
         self.forward = forward
@@ -506,16 +507,17 @@ cdef class Saturation:
             drop_partitions(&self.table)
 
     @property
-    def partitions(self):
+    def partitions(self) -> int:
         """Number of event partitions created so far."""
         return self.table.count
 
     @property
-    def exhausted(self):
+    def exhausted(self) -> bool:
         """Whether `max_partitions` is reached, so that saturation of other sets may never end."""
         return self.table.count >= self.table.max_partitions
 
-    def saturate(self, Bdd states not None, Bdd within=None, max_lookups=None, deadline=None, bint new_only=False):
+    def saturate(self, Bdd states not None, Bdd within=None, max_lookups: int | None = None,
+                 deadline: float | None = None, bint new_only=False) -> Bdd | None:
         """The least set that contains `states` and is closed under the relations, as far as
         `within` a set.
 

@@ -32,35 +32,37 @@ cdef class Bdd:
         if self.node is not NULL:
             Cudd_IterDerefBdd(self.core.e.dd, self.node)
 
-    def __and__(Bdd self, other):
+    def __and__(Bdd self, other) -> Bdd:
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddAnd(self.core.begin().dd, self.node, o.node))
 
-    def __or__(Bdd self, other):
+    def __or__(Bdd self, other) -> Bdd:
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddOr(self.core.begin().dd, self.node, o.node))
 
-    def __xor__(Bdd self, other):
+    def __xor__(Bdd self, other) -> Bdd:
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddXor(self.core.begin().dd, self.node, o.node))
 
-    def __sub__(Bdd self, other):
+    def __sub__(Bdd self, other) -> Bdd:
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddAnd(self.core.begin().dd, self.node, negate(o.node)))
 
-    def __invert__(self):
+    def __invert__(self) -> Bdd:
         return wrap_bdd(self.core, negate(self.node))
 
-    def implies(self, other):
+    def implies(self, other: Bdd) -> Bdd:
         """The set `~self | other`."""
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddOr(self.core.begin().dd, negate(self.node), o.node))
 
-    def equivalent(self, other):
+    def equivalent(self, other: Bdd) -> Bdd:
         """The assignments on which both agree."""
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddXor(self.core.begin().dd, self.node, negate(o.node)))
 
+    # overload: (self, then: Bdd, otherwise: Bdd) -> Bdd
+    # overload: (self, then: Mtbdd | float, otherwise: Mtbdd | float) -> Mtbdd
     def ite(self, then, otherwise):
         """If-then-else: `then` on this set, `otherwise` elsewhere.
 
@@ -78,35 +80,35 @@ cdef class Bdd:
         y = as_mtbdd(self.core, otherwise)
         return wrap_mtbdd(self.core, ite(self.core.begin(), self.node, x.node, y.node))
 
-    def to_mtbdd(self, double value=1.0):
+    def to_mtbdd(self, double value=1.0) -> Mtbdd:
         """The function that is `value` on this set and 0 elsewhere."""
         cdef Mtbdd x = self.core.constant(value)
         return wrap_mtbdd(self.core, masked(self.core.begin(), x.node, self.node))
 
-    def exists(self, Cube cube not None):
+    def exists(self, Cube cube not None) -> Bdd:
         """Existential quantification: assignments that are in the set for some values of the cube's
         variables.
         """
         return wrap_bdd(self.core, Cudd_bddExistAbstract(self.core.begin().dd, self.node, cube_of(self.core, cube)))
 
-    def forall(self, Cube cube not None):
+    def forall(self, Cube cube not None) -> Bdd:
         """Universal quantification: assignments that are in the set for all values of the cube's
         variables.
         """
         return wrap_bdd(self.core, Cudd_bddUnivAbstract(self.core.begin().dd, self.node, cube_of(self.core, cube)))
 
-    def and_exists(self, other, Cube cube not None):
+    def and_exists(self, other: Bdd, Cube cube not None) -> Bdd:
         """`(self & other).exists(cube)`, without building the conjunction."""
         cdef Bdd o = as_bdd(self.core, other)
         return wrap_bdd(self.core, Cudd_bddAndAbstract(self.core.begin().dd, self.node, o.node, cube_of(self.core, cube)))
 
-    def rename(self, Renaming renaming not None):
+    def rename(self, Renaming renaming not None) -> Bdd:
         """The set with its variables renamed."""
         if renaming.core is not self.core:
             raise ValueError("the renaming belongs to another manager")
         return wrap_bdd(self.core, permute(self.core.begin(), True, self.node, &renaming.map))
 
-    def cofactor(self, literals):
+    def cofactor(self, literals: Bdd) -> Bdd:
         """The cofactor by `literals`, a conjunction of literals. Raises ValueError if that is
         empty.
         """
@@ -115,7 +117,7 @@ cdef class Bdd:
             raise ValueError("the literals contradict each other")
         return wrap_bdd(self.core, Cudd_Cofactor(self.core.begin().dd, self.node, o.node))
 
-    def simplify(self, care):
+    def simplify(self, care: Bdd) -> Bdd:
         """A set that agrees with this one on `care`, often with fewer nodes (Coudert and Madre's
         restrict).
         """
@@ -130,7 +132,7 @@ cdef class Bdd:
     def __hash__(self):
         return <Py_hash_t>(<uintptr_t>self.node >> 4 ^ sign(self.node))
 
-    def __eq__(Bdd self, other):
+    def __eq__(Bdd self, other: object):
         if type(other) is Bdd:
             return self.node is (<Bdd>other).node
         if isinstance(other, cudd.Function) and other.bdd is self.core.bdd:
@@ -151,26 +153,28 @@ cdef class Bdd:
     def __gt__(Bdd self, other):
         return self >= other and self != other
 
-    def disjoint(self, other):
+    def disjoint(self, other: Bdd) -> bool:
         """Whether the intersection is empty; no diagram is built."""
         cdef Bdd o = as_bdd(self.core, other)
         return Cudd_bddLeq(self.core.begin().dd, self.node, negate(o.node)) != 0
 
     @property
-    def is_true(self):
+    def is_true(self) -> bool:
         """Whether every assignment is in the set."""
         return self.node is self.core.e.one
 
     @property
-    def node_count(self):
+    def node_count(self) -> int:
         """Number of nodes, the terminal included."""
         return Cudd_DagSize(self.node)
 
     @property
-    def support(self):
+    def support(self) -> tuple[int, ...]:
         """Indices of the variables that the set depends on, topmost first."""
         return support_of(self.core, self.node)
 
+    # overload: (self, bits: Sequence[int]) -> bool
+    # overload: (self, bits: ArrayLike) -> Any
     def evaluate(self, bits):
         """Whether assignments are in the set.
 
@@ -184,7 +188,7 @@ cdef class Bdd:
         evaluate_rows(self.core.begin(), self.node, rows, None, out.view(np.uint8))
         return bool(out[0]) if np.ndim(bits) == 1 else out
 
-    def to_dd(self):
+    def to_dd(self) -> Any:
         """The set as a Function of dd, without copying."""
         return self.core.bdd._add_int(<uintptr_t>self.node + 2)
 

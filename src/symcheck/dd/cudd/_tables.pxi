@@ -36,7 +36,7 @@ cdef int check_order(Env* e, const int[::1] indices) except -1:
     return 0
 
 
-def from_table(Core core not None, const int[::1] indices, const double[::1] values):
+def from_table(Core core not None, const int[::1] indices, const double[::1] values) -> Mtbdd:
     """The Mtbdd of a dense table; `indices`: variables in level order, the first is the most
     significant bit.
     """
@@ -52,7 +52,7 @@ def from_table(Core core not None, const int[::1] indices, const double[::1] val
     return wrap_mtbdd(core, dense_diagram(e, &d, 0, 0))
 
 
-def from_bits(Core core not None, const int[::1] indices, const unsigned char[::1] bits):
+def from_bits(Core core not None, const int[::1] indices, const unsigned char[::1] bits) -> Bdd:
     """The Bdd of a dense table of truth values (0, or not)."""
     cdef Env* e = core.begin()
     cdef DenseTable d
@@ -129,6 +129,8 @@ cdef int check_rows(RowTable* r, long n) except -1:
     return 0
 
 
+# overload: (core: Core, indices: Int32s, rows: Words | Masks) -> Bdd
+# overload: (core: Core, indices: Int32s, rows: Words | Masks, values: Floats) -> Mtbdd
 def from_rows(Core core not None, const int[::1] indices, rows, values=None):
     """The set of sorted unique rows as a Bdd, or with `values` (float64[n]) the Mtbdd that has them
     there and 0 elsewhere.
@@ -181,7 +183,7 @@ cdef inline void add_shifted(uint64_t* out, const uint64_t* x, int words, int sh
         carry, out[i] = (total < part) | (total + carry < total), total + carry
 
 
-def count(Bdd f not None, Cube cube not None):
+def count(Bdd f not None, Cube cube not None) -> int:
     """Exact number of assignments of the cube's variables in the set; ValueError if the set depends
     on others.
     """
@@ -215,7 +217,7 @@ def count(Bdd f not None, Cube cube not None):
         free(counts)
 
 
-def pick(Bdd f not None, const int[::1] indices):
+def pick(Bdd f not None, const int[::1] indices) -> Masks | None:
     """The lexicographically smallest row of `indices` (in level order) in the set, uint8[k]; None
     if it is empty.
 

@@ -30,7 +30,7 @@ from symcheck.dd.tuning import MAX_PARTITIONS
 from symcheck.errors import Interrupted, MemoryLimitError, NumericalError, TimeLimitError
 
 __all__ = [
-    "Bdd", "Core", "Cube", "Mtbdd", "Renaming", "Saturation", "Transition", "combine", "count", "export_nodes", "export_sets",
+    "Bdd", "Core", "Cube", "Mtbdd", "Renaming", "Saturation", "Transition", "count", "export_nodes", "export_sets",
     "from_bits", "from_rows", "from_table", "import_nodes", "import_sets", "pick", "shared_size",
 ]
 

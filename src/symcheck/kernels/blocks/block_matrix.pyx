@@ -190,9 +190,9 @@ cdef class BlockOperations(BlockPartition):
                             out[s] = value
                         s = _next_present(&present[root, 0], s + 1, end)
 
-    def sweep(self, double[::1] x, const double[::1] constant, const double[::1] divisor, groups,
-              present, bint greatest, bint upper, double rounding_error, const int32_t[::1] order,
-              int repetitions):
+    def sweep(self, double[::1] x, const double[::1] constant, const double[::1] divisor,
+              groups: Int64s | None, present: Masks | None, bint greatest, bint upper,
+              double rounding_error, const int32_t[::1] order, int repetitions) -> float:
         """Tighten bounds on the solution of x = opt(constant + A x / divisor), in place, range by
         range.
 
@@ -242,7 +242,7 @@ cdef class BlockOperations(BlockPartition):
                         break
         return greatest_change
 
-    def range_dependencies(self):
+    def range_dependencies(self) -> Bools:
         """Which ranges of x the rows of each range may read, for a square matrix: bool[ranges,
         ranges].
         """
@@ -326,7 +326,7 @@ cdef class BlockOperations(BlockPartition):
                     count(self._runs(block), &counts[0] + occurrence.row)
 
     def count_choice_entries(self, const int64_t[::1] groups, const uint8_t[:, ::1] present,
-                             int64_t[::1] counts):
+                             int64_t[::1] counts) -> bool:
         """counts[r] = number of entries of row r, with rows as in `multiply_choices`.
 
         counts: int64[groups[rows]]. Returns False if a state has entries in a root that is not

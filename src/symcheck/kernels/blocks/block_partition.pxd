@@ -27,7 +27,7 @@ cdef class BlockPartition:
     cdef int64_t[::1] bounds
     cdef const double[::1] values
     cdef readonly int64_t rows, columns, roots, ranges, threshold, range_rows
-    cdef readonly object entries, range_bounds, range_work
+    cdef readonly object entries, range_bounds, range_work  # type: Int64s
     cdef int64_t _choose_threshold(self, QuadDag dag, int64_t budget, int32_t* block_of) except -1
     cdef tuple _measure(self, QuadDag dag, int64_t threshold, int32_t* block_of)
     cdef int _flatten_blocks(self, QuadDag dag, int32_t* block_of, bint ordered) except -1

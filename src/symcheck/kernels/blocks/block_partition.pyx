@@ -406,14 +406,14 @@ cdef class BlockPartition:
         return np.asarray(work)
 
     @property
-    def nbytes(self):
+    def nbytes(self) -> int:
         """Memory of the runs, blocks, occurrences and values, in bytes."""
         return (self.small_count * sizeof(SmallRun) + self.wide_count * sizeof(WideRun)
                 + self.block_count * sizeof(Block) + self.occurrence_count * sizeof(Occurrence)
                 + self.values.shape[0] * 8 + self.occurrence_start.size * 8 + self.bounds.size * 16)
 
     @property
-    def statistics(self):
+    def statistics(self) -> Mapping[str, int]:
         """Number of distinct blocks, runs, wide runs, occurrences, ranges and entries, and the
         threshold.
         """
@@ -422,7 +422,7 @@ cdef class BlockPartition:
                 "ranges": self.ranges, "entries": int(self.entries.sum()),
                 "threshold": self.threshold}
 
-    def describe(self):
+    def describe(self) -> tuple[Int64s, Int64s]:
         """The blocks and their occurrences, for display.
 
         Returns:

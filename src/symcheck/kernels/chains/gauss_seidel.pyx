@@ -11,7 +11,8 @@ from libc.math cimport fabs
 from libc.stdint cimport int32_t, int64_t
 
 
-def exit_rates(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data):
+def exit_rates(const int64_t[::1] indptr, const int32_t[::1] indices,
+               const double[::1] data) -> Floats:
     """The sum of each row without its diagonal, added in long double: float64[n]."""
     cdef int64_t n = indptr.shape[0] - 1, i, k
     cdef double[::1] out = np.zeros(n)
@@ -27,7 +28,7 @@ def exit_rates(const int64_t[::1] indptr, const int32_t[::1] indices, const doub
 
 
 def stationary_sweep(const int64_t[::1] column_ptr, const int32_t[::1] sources,
-                     const double[::1] data, const double[::1] exit_rate, double[::1] pi):
+                     const double[::1] data, const double[::1] exit_rate, double[::1] pi) -> float:
     """One symmetric Gauss-Seidel sweep on pi Q = 0, in place.
 
     column_ptr, sources, data: the transposed rates. Returns the greatest change of the backward
@@ -92,7 +93,7 @@ def apply_generator(const int64_t[::1] indptr, const int32_t[::1] indices, const
 
 
 def largest_generator_term(const int64_t[::1] indptr, const int32_t[::1] indices,
-                           const double[::1] data, const double[::1] x):
+                           const double[::1] data, const double[::1] x) -> float:
     """The greatest sum of rate * |x_j - x_i| over the states, to which the rounding of Q x is
     relative.
     """

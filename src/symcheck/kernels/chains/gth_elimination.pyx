@@ -232,7 +232,7 @@ cdef class GthElimination:
         self.columns[k].capacity = 0
         return 0
 
-    def solve(self, const double[::1] b):
+    def solve(self, const double[::1] b) -> Floats:
         """The solution of x = A x + b for b >= 0 (float64[n]): float64[n].
 
         Each entry has a relative error of at most `error`; it is infinite if the state never
@@ -266,7 +266,7 @@ cdef class GthElimination:
                     self.out_of_range = True
         return np.asarray(x)
 
-    def stationary(self):
+    def stationary(self) -> Floats:
         """The stationary distribution of a chain that nothing leaves: float64[n], with sum 1.
 
         Each entry has a relative error of at most `error`.

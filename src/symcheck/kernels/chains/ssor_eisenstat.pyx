@@ -37,7 +37,7 @@ cdef inline int64_t _find_slot(double value, const int32_t* slot,
     return <int64_t>h
 
 
-def distinct_values(const double[::1] data, int largest):
+def distinct_values(const double[::1] data, int largest) -> Floats | None:
     """The distinct values in order of first occurrence, or None if there are more than `most` (at
     most 65,536).
     """
@@ -62,7 +62,7 @@ def distinct_values(const double[::1] data, int largest):
 
 
 def triangle_sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_t[::1] lower,
-                   int32_t[::1] upper):
+                   int32_t[::1] upper) -> tuple[int, int]:
     """Count the entries below and above the diagonal in each row (int32[n] each); returns the
     totals.
     """
@@ -115,7 +115,8 @@ def fill_triangles(const int64_t[::1] indptr, const int32_t[::1] indices, const 
                     b += 1
 
 
-def diagonal(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data):
+def diagonal(const int64_t[::1] indptr, const int32_t[::1] indices,
+             const double[::1] data) -> Floats:
     """The diagonal of a matrix in compressed rows: float64[n]."""
     cdef int64_t i, k, n = indptr.shape[0] - 1
     cdef double[::1] out = np.zeros(n)
@@ -157,7 +158,8 @@ def solve_upper(const int32_t[::1] count, const int32_t[::1] indices, const Valu
 
 def solve_lower(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
                 const double[::1] table, const double[::1] scale, const double[::1] v,
-                const double[::1] t, double[::1] w, double[::1] out, const double[::1] other):
+                const double[::1] t, double[::1] w, double[::1] out,
+                const double[::1] other) -> tuple[float, float]:
     """out = t + w with w = K1^-1 (v - t), which is K1^-1 (I - A) t if v = K2 t.
 
     Returns (other · out, out · out).
@@ -180,7 +182,8 @@ def solve_lower(const int32_t[::1] count, const int32_t[::1] indices, const Valu
 
 
 def update_iterate(double[::1] x, const double[::1] p, double[::1] r, const double[::1] q,
-                   const double[::1] shadow, double alpha, double omega):
+                   const double[::1] shadow, double alpha,
+                   double omega) -> tuple[float, float, float]:
     """x += alpha p + omega r, then r -= omega q.
 
     Returns (shadow · r, r · r, greatest |r|).
@@ -200,7 +203,8 @@ def update_iterate(double[::1] x, const double[::1] p, double[::1] r, const doub
     return dot, square, largest
 
 
-def add_multiple(double[::1] y, const double[::1] z, double c, const double[::1] other):
+def add_multiple(double[::1] y, const double[::1] z, double c,
+                 const double[::1] other) -> tuple[float, float]:
     """y += c z; returns (other · y, y · y)."""
     cdef int64_t i
     cdef double dot = 0.0, square = 0.0, sum_i

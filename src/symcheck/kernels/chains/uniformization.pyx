@@ -5,9 +5,9 @@ from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t
 
 
-def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices,
-                      const double[::1] data, const double[::1] diagonal, double[::1] y,
-                      double[::1] z, double[::1] total, const double[::1] weights, double floor):
+def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+                      const double[::1] diagonal, double[::1] y, double[::1] z, double[::1] total,
+                      const double[::1] weights, double floor) -> tuple[bool, float, float, float]:
     """For each weight w: total += w y, then y = P y.
 
     Args:

@@ -144,7 +144,7 @@ cdef int64_t _build_node(OddBuilder* b, int32_t node, int32_t depth) noexcept no
     return result
 
 
-def build(tuple diagram, const int32_t[::1] levels):
+def build(diagram: Diagram, const int32_t[::1] levels) -> OddTable:
     """The ODD of the set of points where a diagram is not 0.
 
     Args:
@@ -228,7 +228,7 @@ cdef void _weigh(Weighing* w, int32_t node, int64_t at, int64_t prefix) noexcept
     _weigh(w, w.odd.high[node], at + n, prefix + w.weights[depth])
 
 
-def weigh_bits(tuple odd, const int64_t[::1] weights, int64_t offset, int64_t[::1] out):
+def weigh_bits(odd: OddTable, const int64_t[::1] weights, int64_t offset, int64_t[::1] out):
     """For each member, the offset plus the weights of its bits that are 1, modulo 2**64.
 
     Powers of two as weights give packed bits or the value of an integer variable.
@@ -257,7 +257,7 @@ def weigh_bits(tuple odd, const int64_t[::1] weights, int64_t offset, int64_t[::
         _weigh(&w, w.odd.root, 0, offset)
 
 
-def rank(tuple odd, const uint8_t[:, ::1] bits, int64_t[::1] out):
+def rank(odd: OddTable, const uint8_t[:, ::1] bits, int64_t[::1] out):
     """The numbers of members.
 
     Args:
@@ -282,7 +282,7 @@ def rank(tuple odd, const uint8_t[:, ::1] bits, int64_t[::1] out):
             out[i] = number if node else -1
 
 
-def unrank(tuple odd, const int64_t[::1] indices, uint8_t[:, ::1] bits):
+def unrank(odd: OddTable, const int64_t[::1] indices, uint8_t[:, ::1] bits):
     """The bits of members.
 
     Args:
@@ -366,7 +366,7 @@ cdef int _embed(Embedding* e, int32_t node, int32_t other, int64_t at, int64_t b
                   base + b.count[b.low[other]])
 
 
-def embed(tuple subset, tuple superset, int64_t[::1] out):
+def embed(subset: OddTable, superset: OddTable, int64_t[::1] out):
     """The numbers that the members of a set have in a superset over the same levels.
 
     Args:

@@ -39,4 +39,4 @@ cdef class QuadDag:
     cdef Edge* roots
     cdef object values
     cdef readonly int64_t rows, columns, triples
-    cdef readonly object entries
+    cdef readonly object entries  # type: Int64s

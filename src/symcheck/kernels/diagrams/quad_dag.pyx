@@ -312,9 +312,9 @@ cdef class QuadDag:
         free(self.builder.unique)
         free(self.roots)
 
-    def __init__(self, level, low, high, const double[::1] values, const int32_t[::1] roots,
-                 tuple row, tuple col, const int32_t[::1] row_levels,
-                 const int32_t[::1] col_levels):
+    def __init__(self, level: Int32s, low: Int32s, high: Int32s, const double[::1] values,
+                 const int32_t[::1] roots, row: OddTable, col: OddTable,
+                 const int32_t[::1] row_levels, const int32_t[::1] col_levels):
         cdef int64_t i
         cdef int status = 0
         cdef int64_t[::1] entries
@@ -361,6 +361,6 @@ cdef class QuadDag:
             entries[i] = self.builder.nodes[self.roots[i].node].entries
 
     @property
-    def nodes(self):
+    def nodes(self) -> int:
         """Number of distinct submatrices."""
         return self.builder.node_count - 1

@@ -22,7 +22,7 @@ import numpy as np
 __all__ = ["array_to_diagram", "diagram_to_array", "lookup", "mask_to_diagram", "number_values"]
 
 
-def lookup(tuple diagram, const int32_t[::1] column_of_level, const uint8_t[:, ::1] bits,
+def lookup(diagram: Diagram, const int32_t[::1] column_of_level, const uint8_t[:, ::1] bits,
            double[::1] out):
     """The value of a diagram at each row of bits.
 
@@ -109,7 +109,7 @@ cdef int _expand(Expansion* e, int32_t node, int32_t f, int64_t at) noexcept nog
     return _expand(e, e.odd.high[node], f1, at + e.odd.count[e.odd.low[node]])
 
 
-def diagram_to_array(tuple odd, tuple diagram, const int32_t[::1] levels, out):
+def diagram_to_array(odd: OddTable, diagram: Diagram, const int32_t[::1] levels, out: Floats | Masks):
     """The values of a diagram at the members of an ODD.
 
     Args:
@@ -336,7 +336,8 @@ cdef void _close(Writer* w) noexcept:
     free(w.result)
 
 
-def mask_to_diagram(tuple odd, const uint64_t[::1] bits, const int32_t[::1] levels, int bottom):
+def mask_to_diagram(odd: OddTable, const uint64_t[::1] bits, const int32_t[::1] levels,
+                    int bottom) -> NewDiagram:
     """The BDD of the members of an ODD whose bit is set.
 
     Equal bits cost one comparison per word; blocks of up to 64 members are memoised by content.
@@ -411,7 +412,7 @@ cdef int64_t _vector(Writer* w, int32_t node, int64_t at) noexcept nogil:
     return result
 
 
-def number_values(const double[::1] values, int32_t[::1] ids):
+def number_values(const double[::1] values, int32_t[::1] ids) -> Floats:
     """Number the distinct values; value 0 has number 0, and -0.0 counts as 0.
 
     Args:
@@ -458,8 +459,8 @@ def number_values(const double[::1] values, int32_t[::1] ids):
     return leaves
 
 
-def array_to_diagram(tuple odd, const int32_t[::1] ids, int leaves, const int32_t[::1] levels,
-                     int bottom):
+def array_to_diagram(odd: OddTable, const int32_t[::1] ids, int leaves, const int32_t[::1] levels,
+                     int bottom) -> NewDiagram:
     """The MTBDD of a vector over the members of an ODD; it is 0 elsewhere.
 
     Args:

@@ -82,12 +82,12 @@ cdef class Explorer:
         release(&self.ids)
 
     @property
-    def nbytes(self):
+    def nbytes(self) -> int:
         """Memory held, in bytes."""
         return self.states.nbytes + self.expander.nbytes + self.ids.size
 
     @property
-    def deadlock_count(self):
+    def deadlock_count(self) -> int:
         """Number of deadlock states found."""
         return self.expander.deadlock_count
 
@@ -108,7 +108,7 @@ cdef class Explorer:
         if self.explored == 0:
             self.level_end = self.states.count
 
-    def run(self, long long budget, double seconds):
+    def run(self, long long budget, double seconds) -> Outcome:
         """Explore until nothing is left, `budget` states are known, or `seconds` have passed.
 
         Returns:

@@ -201,8 +201,9 @@ cdef inline void store_result(Register* r, int result, double[::1] reals, long l
 
 
 def run_columns(const int[:, ::1] code, const long long[::1] slots, const int[::1] registers,
-                const long long[:, ::1] columns, int result, double[::1] reals,
-                long long[::1] integers, unsigned char[::1] valid):
+                const long long[:, ::1] columns, int result, double[::1] reals or None,
+                long long[::1] integers or None,
+                unsigned char[::1] valid or None) -> tuple[int, int]:
     """Evaluate a program for each lane of some columns.
 
     Args:
@@ -253,7 +254,8 @@ cdef struct Field:
 
 def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, ::1] fields,
                const long long[::1] lows, const unsigned long long[:, ::1] states, int result,
-               double[::1] reals, long long[::1] integers, unsigned char[::1] truths):
+               double[::1] reals or None, long long[::1] integers or None,
+               unsigned char[::1] truths or None) -> tuple[int, int]:
     """Evaluate a program on packed states.
 
     Args:

@@ -11,6 +11,8 @@ from symcheck.kernels.rows.csr_builder cimport CsrBuilder
 from symcheck.kernels.memory cimport Buffer, release, reserve
 from symcheck.kernels.explore.register_machine cimport Instruction, Register, Status, execute
 
+Branches: TypeAlias = "tuple[Int64s, Int64s, Int32s, Floats, Words, Int64s]"
+
 cdef enum Kind:
     DTMC = 0
     CTMC = 1
@@ -103,11 +105,11 @@ cdef class Expander:
         release(&self.deadlocks)
 
     @property
-    def nbytes(self):
+    def nbytes(self) -> int:
         """Memory held, in bytes."""
         return self.rows.nbytes + self.targets.size + self.weights.size + self.deadlocks.size
 
-    def successors(self, const uint64_t[:, ::1] states):
+    def successors(self, const uint64_t[:, ::1] states) -> tuple[int, int, Branches | None]:
         """Branches of packed states, for tables in which each joint choice is a row (`kind` 2).
 
         Args:

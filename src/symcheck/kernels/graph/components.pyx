@@ -17,7 +17,8 @@ from symcheck.kernels.graph.queue cimport enqueue_members
 from symcheck.kernels.graph.tarjan cimport Tarjan, tarjan_enter, tarjan_leave
 
 
-def components(const int64_t[::1] state_ptr, const int32_t[::1] indices, within=None):
+def components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
+               within: Masks | None = None) -> tuple[Int32s, Int32s, Int64s]:
     """Strongly connected components, successors first (Tarjan 1972).
 
     Args:
@@ -76,7 +77,7 @@ def components(const int64_t[::1] state_ptr, const int32_t[::1] indices, within=
 
 
 def bottom_components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
-                      const int32_t[::1] component, int64_t count):
+                      const int32_t[::1] component, int64_t count) -> Masks:
     """Mask of the components that no edge leaves: uint8[count].
 
     Edges to states without a component leave the component, too.
@@ -93,7 +94,7 @@ def bottom_components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
 
 
 def forward_reachable(const int64_t[::1] state_ptr, const int32_t[::1] indices,
-                      const uint8_t[::1] sources, const uint8_t[::1] allowed):
+                      const uint8_t[::1] sources, const uint8_t[::1] allowed) -> Masks:
     """Mask of the states reachable from `sources` by paths whose inner states are all in `allowed`.
 
     Sources outside `allowed` are reached, but their successors are not visited.
@@ -118,7 +119,7 @@ def forward_reachable(const int64_t[::1] state_ptr, const int32_t[::1] indices,
 
 def backward_reachable(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
                        const int32_t[::1] row_state, const uint8_t[::1] target,
-                       const uint8_t[::1] allowed):
+                       const uint8_t[::1] allowed) -> Masks:
     """Mask of `target` and the states of `allowed` with a path inside `allowed` into it.
 
     row_state may be empty where every state has one row.
@@ -144,7 +145,7 @@ def backward_reachable(const int64_t[::1] column_ptr, const int32_t[::1] column_
 
 def shortest_path(const int64_t[::1] state_ptr, const int32_t[::1] indices,
                   const uint8_t[::1] sources, const uint8_t[::1] allowed,
-                  const uint8_t[::1] target):
+                  const uint8_t[::1] target) -> Int64s:
     """A shortest path from `sources` through `allowed` into `target`.
 
     Returns the states on it, int64; empty if there is no such path.
@@ -184,7 +185,7 @@ def shortest_path(const int64_t[::1] state_ptr, const int32_t[::1] indices,
 
 
 def breadth_first_order(const int64_t[::1] state_ptr, const int32_t[::1] indices,
-                        const uint8_t[::1] sources):
+                        const uint8_t[::1] sources) -> Int32s:
     """All states by their distance (number of edges) from `sources`: int32[n].
 
     States that no source reaches come last.

@@ -65,7 +65,7 @@ def resolve_representatives(int32_t[::1] representative, int32_t sink,
 
 def restrict_in_place(int64_t[::1] indptr, int32_t[::1] indices, double[::1] data,
                       const int64_t[::1] groups, const uint8_t[::1] target,
-                      const int32_t[::1] column, int64_t n):
+                      const int32_t[::1] column, int64_t n) -> tuple[Int64s, Floats, Floats, int]:
     """Restrict a matrix to the rows and columns of the unknown states, in its own arrays.
 
     Args:

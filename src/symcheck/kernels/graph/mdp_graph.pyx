@@ -19,7 +19,7 @@ from symcheck.kernels.graph.tarjan cimport Tarjan, tarjan_enter, tarjan_leave
 
 def attractor(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
               const int32_t[::1] row_state, const int64_t[::1] groups, const uint8_t[::1] target,
-              const uint8_t[::1] allowed):
+              const uint8_t[::1] allowed) -> Masks:
     """Mask of the attractor of `target` inside `allowed`.
 
     It is the least set with `target` and the states of `allowed` all of whose rows have an entry in
@@ -55,7 +55,8 @@ def attractor(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
 def almost_sure_reachability(const int64_t[::1] indptr, const int32_t[::1] indices,
                              const int64_t[::1] groups, const int64_t[::1] column_ptr,
                              const int32_t[::1] column_rows, const int32_t[::1] row_state,
-                             const uint8_t[::1] target, const uint8_t[::1] allowed):
+                             const uint8_t[::1] target,
+                             const uint8_t[::1] allowed) -> tuple[Masks, Int64s]:
     """The states where some strategy reaches `target` through `allowed` with probability 1
     (Prob1E).
 
@@ -241,7 +242,8 @@ cdef void enabled_components(Tarjan* search, int32_t[::1] states, const int64_t[
 def maximal_end_components(const int64_t[::1] indptr, const int32_t[::1] indices,
                            const int64_t[::1] groups, const int64_t[::1] column_ptr,
                            const int32_t[::1] column_rows, const int32_t[::1] row_state,
-                           const uint8_t[::1] within, usable):
+                           const uint8_t[::1] within,
+                           usable: Masks | None) -> tuple[Int32s, Masks, int]:
     """Maximal end components with states in `within` and rows in `usable`.
 
     Args:

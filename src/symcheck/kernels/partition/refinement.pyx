@@ -49,7 +49,7 @@ cdef int raise_pending() except -1:
 
 
 def largest_row_sum(const int[::1] level, const int[::1] low, const int[::1] high,
-                    const double[::1] weight, const int[::1] roots):
+                    const double[::1] weight, const int[::1] roots) -> float:
     """An upper bound on the sum of each row of the matrices (arrays as in Partition)."""
     bounds = np.zeros(level.shape[0], dtype=np.float64)
     cdef double[::1] bound = bounds
@@ -155,12 +155,12 @@ cdef class Partition(Splitting):
         pair_map_clear(&self.new_nodes)
 
     @property
-    def memory(self):
+    def memory(self) -> int:
         """Memory held, in bytes."""
         return self.bytes_used()
 
     @property
-    def size(self):
+    def size(self) -> int:
         """Number of nodes and signatures."""
         return self.nodes + self.signatures.count
 
@@ -187,7 +187,7 @@ cdef class Partition(Splitting):
         self.raise_if_stopped()
         return view[root]
 
-    def start(self, level, low, high, leaves, int root):
+    def start(self, level: Int32s, low: Int32s, high: Int32s, leaves: Int32s, int root):
         """Begin with a set of states (leaves 0 and 1) as the only block."""
         self.root = self.import_diagram(level, low, high, leaves, root)
         self.blocks = self.root != EMPTY
@@ -195,14 +195,14 @@ cdef class Partition(Splitting):
         (<int32_t*>self.block_signature.data)[0] = -1
         (<int32_t*>self.block_signature.data)[1] = -1
 
-    def separate(self, level, low, high, leaves, int root):
+    def separate(self, level: Int32s, low: Int32s, high: Int32s, leaves: Int32s, int root):
         """Separate states at which a function of the row bits differs; leaves are numbered from 0.
         """
         self.refine(self.import_diagram(level, low, high, leaves, root), False)
         self.invalidate_signatures()
 
-    def separate_rows(self, int choice, int structure, level, low, high, const double[::1] values,
-                      int root):
+    def separate_rows(self, int choice, int structure, level: Int32s, low: Int32s, high: Int32s,
+                      const double[::1] values, int root):
         """Separate rows of a matrix at which a reward differs.
 
         Args:
@@ -221,7 +221,7 @@ cdef class Partition(Splitting):
         self.raise_if_stopped()
         self.rewards[choice] = r
 
-    def step(self):
+    def step(self) -> bool:
         """One round of refinement; whether it made new blocks."""
         cdef int64_t blocks_before = self.blocks
         cdef Py_ssize_t i
@@ -294,7 +294,8 @@ cdef class Partition(Splitting):
         self.threshold = max(self.threshold, COLLECTION_GROWTH * self.nodes)
         return self.raise_if_stopped()
 
-    def blocks_meeting(self, level, low, high, leaves, int root):
+    def blocks_meeting(self, level: Int32s, low: Int32s, high: Int32s, leaves: Int32s,
+                       int root) -> Int64s:
         """The blocks that meet a set (leaves 0 and 1), ascending: int64."""
         cdef int64_t i
         cdef int x = self.import_diagram(level, low, high, leaves, root)
@@ -330,7 +331,7 @@ cdef class Partition(Splitting):
     # ---------------------------------------------------------------------------------------- the
     # blocks
 
-    def first_members(self):
+    def first_members(self) -> tuple[Int64s, Masks]:
         """The blocks by their first members.
 
         Returns:
@@ -373,7 +374,7 @@ cdef class Partition(Splitting):
         path[bit] = 0
         return 0
 
-    def diagram(self):
+    def diagram(self) -> tuple[Int32s, Int32s, Int32s, int]:
         """The partition as a diagram (bit, low, high, root).
 
         Numbers up to `blocks` are the leaves; nodes follow, children first.
@@ -408,7 +409,7 @@ cdef class Partition(Splitting):
         count[0] += 1
         return 0
 
-    def rows(self, const long long[::1] order):
+    def rows(self, const long long[::1] order) -> tuple[Int64s, Int64s, Int32s, Floats]:
         """The signatures of blocks as compressed rows, after a step that split nothing.
 
         Args:

@@ -80,7 +80,7 @@ cdef class CsrBuilder:
                 release(&self.rewards[s])
 
     @property
-    def nbytes(self):
+    def nbytes(self) -> int:
         """Memory held, in bytes."""
         cdef long long total = (self.starts.size + self.group_ends.size + self.actions.size
                                 + self.indices.size + self.weight_codes.size + self.weights.size)
@@ -236,7 +236,8 @@ cdef class CsrBuilder:
     # -------------------------------------------------------------------------------- result
 
     def build(self, const int32_t[::1] order, const int32_t[::1] rank, int64_t[::1] indptr,
-              int32_t[::1] indices, double[::1] data, groups, int32_t[::1] actions, list rewards):
+              int32_t[::1] indices, double[::1] data, groups: Int64s | None, int32_t[::1] actions,
+              rewards: list[Floats]):
         """Write the rows with renumbered states into arrays; columns ascend in each row.
 
         The builder gives its memory back on the way, so this can be called once.

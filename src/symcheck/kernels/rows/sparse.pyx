@@ -32,7 +32,8 @@ cdef object _transpose(const int64_t[::1] indptr, const int32_t[::1] indices,
     return np.asarray(start)[: columns + 1], np.asarray(out)
 
 
-def transpose(const int64_t[::1] indptr, const int32_t[::1] indices, int64_t columns):
+def transpose(const int64_t[::1] indptr, const int32_t[::1] indices,
+              int64_t columns) -> tuple[Int64s, Int32s]:
     """The structure of the transposed matrix, without values.
 
     Returns:
@@ -43,7 +44,7 @@ def transpose(const int64_t[::1] indptr, const int32_t[::1] indices, int64_t col
 
 
 def transpose_values(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
-                     int64_t columns):
+                     int64_t columns) -> tuple[Int64s, Int32s, Floats]:
     """The transposed matrix: int64[columns+1], int32[entries], float64[entries]."""
     values = np.empty(indptr[indptr.shape[0] - 1])
     return *_transpose(indptr, indices, data, columns, values), values
@@ -62,7 +63,7 @@ def multiply(const int64_t[::1] indptr, const int32_t[::1] indices, const double
             out[r] = total
 
 
-def row_sums(const int64_t[::1] indptr, const double[::1] data):
+def row_sums(const int64_t[::1] indptr, const double[::1] data) -> Floats:
     """Sum of each row, added in long double: float64[rows]."""
     cdef int64_t rows = indptr.shape[0] - 1, r, k
     cdef double[::1] out = np.empty(rows)
@@ -77,7 +78,7 @@ def row_sums(const int64_t[::1] indptr, const double[::1] data):
 
 
 def select(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
-           const int64_t[::1] rows, const int32_t[::1] new_column):
+           const int64_t[::1] rows, const int32_t[::1] new_column) -> tuple[Int64s, Int32s, Floats]:
     """The chosen rows, restricted to some columns.
 
     Args:
@@ -112,7 +113,7 @@ def select(const int64_t[::1] indptr, const int32_t[::1] indices, const double[:
 
 
 def merge_columns_in_place(int64_t[::1] indptr, int32_t[::1] indices, double[::1] data,
-                           const int32_t[::1] new_column, int64_t columns):
+                           const int32_t[::1] new_column, int64_t columns) -> int:
     """Renumber the columns and add up the entries of a row that get the same column, in place.
 
     Args:
@@ -144,7 +145,8 @@ def merge_columns_in_place(int64_t[::1] indptr, int32_t[::1] indices, double[::1
     return total
 
 
-def merge_columns(indptr, indices, data, const int32_t[::1] new_column, int64_t columns):
+def merge_columns(indptr: Int64s, indices: Int32s, data: Floats, const int32_t[::1] new_column,
+                  int64_t columns) -> tuple[Int64s, Int32s, Floats]:
     """The matrix after `merge_columns_in_place`, in new arrays."""
     start, out, values = np.array(indptr), np.array(indices), np.array(data)
     total = merge_columns_in_place(start, out, values, new_column, columns)
@@ -152,7 +154,7 @@ def merge_columns(indptr, indices, data, const int32_t[::1] new_column, int64_t 
 
 
 def triangular_order(const int64_t[::1] state_ptr, const int32_t[::1] indices,
-                     const uint8_t[::1] within=None):
+                     const uint8_t[::1] within=None) -> int:
     """Whether every edge s → t between different states goes up, or every one goes down.
 
     Args:

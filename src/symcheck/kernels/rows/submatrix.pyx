@@ -23,8 +23,8 @@ cdef int64_t count_rows(const int64_t[::1] groups, const uint8_t[::1] chosen) no
 
 
 def sum_columns(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
-                const int64_t[::1] groups, const uint8_t[::1] chosen, const uint8_t[::1] columns,
-                const double[::1] values):
+                const int64_t[::1] groups or None, const uint8_t[::1] chosen,
+                const uint8_t[::1] columns, const double[::1] values or None) -> Floats:
     """Sums over some columns, for each row of the chosen states.
 
     Args:
@@ -55,7 +55,8 @@ def sum_columns(const int64_t[::1] indptr, const int32_t[::1] indices, const dou
     return np.asarray(out)
 
 
-def take_rows(const double[::1] rows, const int64_t[::1] groups, const uint8_t[::1] chosen):
+def take_rows(const double[::1] rows, const int64_t[::1] groups,
+              const uint8_t[::1] chosen) -> Floats:
     """The values (float64[rows]) of the rows of the chosen states."""
     cdef int64_t s
     cdef int64_t r, i = 0
@@ -69,7 +70,7 @@ def take_rows(const double[::1] rows, const int64_t[::1] groups, const uint8_t[:
     return np.asarray(out)
 
 
-def select_groups(const int64_t[::1] groups, const uint8_t[::1] chosen):
+def select_groups(const int64_t[::1] groups, const uint8_t[::1] chosen) -> Int64s:
     """The groups of the submatrix of the chosen states: int64[chosen+1]."""
     cdef int64_t s
     cdef int64_t i = 0
@@ -84,7 +85,8 @@ def select_groups(const int64_t[::1] groups, const uint8_t[::1] chosen):
 
 
 def select_states(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
-                  const int64_t[::1] groups, const uint8_t[::1] chosen):
+                  const int64_t[::1] groups or None,
+                  const uint8_t[::1] chosen) -> tuple[Int64s, Int32s, Floats]:
     """The submatrix of the chosen states, which are renumbered in their order.
 
     Returns:

@@ -13,9 +13,10 @@ from libc.stdint cimport int32_t, int64_t
 from symcheck.kernels.rounding cimport UNDERFLOW_MARGIN, error_of_sum
 
 
-def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data, groups,
-            const double[::1] lower_b, const double[::1] upper_b, const double[::1] x,
-            const double[::1] weight, const int64_t[::1] policy, int mode):
+def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+            groups: Int64s | None, const double[::1] lower_b, const double[::1] upper_b,
+            const double[::1] x, const double[::1] weight, const int64_t[::1] policy,
+            int mode) -> tuple[float, float]:
     """The least factors (low, high) for which x - low * weight and x + high * weight are proved
     bounds.
 
@@ -82,7 +83,7 @@ cdef inline void narrow_factor(double gap, double slack, double* least,
 
 def component_depths(const int64_t[::1] edges, const int32_t[::1] indices,
                      const int32_t[::1] component, const int32_t[::1] order,
-                     const int64_t[::1] start, int64_t size):
+                     const int64_t[::1] start, int64_t size) -> Int32s:
     """The most components of more than `size` states on a path from each component:
     int32[components].
 
@@ -110,8 +111,8 @@ def component_depths(const int64_t[::1] edges, const int32_t[::1] indices,
 
 
 def gauss_seidel_sweep(const int64_t[::1] indptr, const int32_t[::1] indices,
-                       const double[::1] data, groups, const double[::1] b, double[::1] x,
-                       int mode, bint backwards):
+                       const double[::1] data, groups: Int64s | None, const double[::1] b,
+                       double[::1] x, int mode, bint backwards):
     """One Gauss-Seidel sweep x = opt(A x + b) in place, in index order, without bounds.
 
     b: float64[rows]. x: float64[states]. backwards: from the last state on.

@@ -95,7 +95,7 @@ cdef class ComponentSolver(Equations):
     the arguments.
     """
 
-    def block(self, const int32_t[::1] states, double[:, ::1] x, bint wide=False):
+    def block(self, const int32_t[::1] states, double[:, ::1] x, bint wide=False) -> Block:
         """The block of some states, with the bounds of all others known.
 
         Args:
@@ -200,7 +200,7 @@ cdef class ComponentSolver(Equations):
     def advance(self, const int32_t[::1] order, const int64_t[::1] start, int64_t component,
                 double[:, ::1] x, int64_t[::1] strategy, const int32_t[::1] depth,
                 double width_per_depth, bint relative, bint probability, int64_t elimination_limit,
-                int64_t[::1] counters):
+                int64_t[::1] counters) -> int:
         """Solve components one after the other, as far as cheap methods go.
 
         These are: single states; elimination of blocks without choices; a limited number of sweeps

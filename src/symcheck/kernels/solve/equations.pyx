@@ -29,8 +29,9 @@ cdef class Equations:
         rates: whether rows and their constants are divided by all that leaves the state.
     """
 
-    def __init__(self, indptr, indices, data, groups, lower, upper, exit_mass, int mode,
-                 unknown=None, bint normalise=False):
+    def __init__(self, indptr: Int64s, indices: Int32s, data: Floats, groups: Int64s | None,
+                 lower: Floats | None, upper: Floats | None, exit_mass: Floats | None, int mode,
+                 unknown: Masks | None = None, bint normalise=False):
         self.indptr, self.indices, self.data = indptr, indices, data
         self.constant_low, self.constant_high, self.exit_mass = lower, upper, exit_mass
         self.mode = mode
@@ -159,30 +160,30 @@ cdef class EquationBlock:
         self.started = True
 
     @property
-    def x(self):
+    def x(self) -> Floats:
         """The bounds: float64[n, 2]. They may be written to, as long as they remain bounds."""
         self.start_bounds()
         return np.asarray(self.bounds)[: self.n]
 
     @property
-    def policy(self):
+    def policy(self) -> Int32s:
         """The policy: int32[n], which may be written to; empty without choices."""
         self.start_bounds()
         return (np.asarray(self.policy_rows)[: self.n]
                 if self.grouped else np.empty(0, dtype=np.int32))
 
     @property
-    def indptr(self):
+    def indptr(self) -> Int32s | Int64s:
         """Starts of the rows: int32 or int64[rows+1]."""
         return (np.asarray(self.row_ptr64)
                 if self.wide else np.asarray(self.row_ptr32))[: self.rows + 1]
 
     @property
-    def groups(self):
+    def groups(self) -> Int32s | Int64s:
         """Starts of the rows of each state: int32 or int64[n+1]."""
         return (np.asarray(self.group64) if self.wide else np.asarray(self.group32))[: self.n + 1]
 
-    def exit_masses(self):
+    def exit_masses(self) -> Floats:
         """The mass that leaves the block, per row, with self-loops divided out: float64[rows]."""
         cdef double[::1] out = np.empty(self.rows)
         self.system.number_states(self.states)
@@ -191,7 +192,7 @@ cdef class EquationBlock:
             self.system.clear_numbers(self.states)
         return np.asarray(out)
 
-    def global_rows(self, const int32_t[::1] policy):
+    def global_rows(self, const int32_t[::1] policy) -> Int64s:
         """The rows of the system that a policy (int32[n]) chooses: int64[n], -1 for none."""
         cdef int64_t i
         cdef int64_t[::1] out = np.empty(self.n, dtype=np.int64)

@@ -65,7 +65,9 @@ cdef class PolicyEvaluator:
     cdef double product[ANDERSON_MEMORY][ANDERSON_MEMORY]
     cdef double factor[ANDERSON_MEMORY]
 
-    def __init__(self, indptr, indices, data, groups, low, high, int mode, bint relative):
+    def __init__(self, indptr: Int32s | Int64s, indices: Int32s, data: Floats,
+                 groups: Int32s | Int64s | None, low: Floats, high: Floats, int mode,
+                 bint relative):
         cdef int64_t n = indptr.shape[0] - 1 if mode == 0 else groups.shape[0] - 1
         self.wide = indptr.dtype == np.int64
         groups = indptr if mode == 0 else groups
@@ -118,7 +120,7 @@ cdef class PolicyEvaluator:
             for j in range(ANDERSON_MEMORY):
                 self.product[i][j] = 0.0
 
-    def improve(self, int64_t rounds=1):
+    def improve(self, int64_t rounds=1) -> tuple[float, int]:
         """Sweep over all rows, and switch to rows that are clearly better.
 
         Args:
@@ -198,7 +200,7 @@ cdef class PolicyEvaluator:
             return sweep_policy(self, &self.policy_ptr64[0], backwards)
         return sweep_policy(self, &self.policy_ptr32[0], backwards)
 
-    def evaluate(self, double tolerance, int64_t steps):
+    def evaluate(self, double tolerance, int64_t steps) -> float:
         """Evaluate the policy by combination steps.
 
         Args:
@@ -330,7 +332,7 @@ cdef class PolicyEvaluator:
                 a = a - root[q][i] * factor[order[q]]
             factor[order[i]] = a / root[i][i]
 
-    def verify_bound(self, double[::1] y, bint upper, int64_t rounds, int32_t[::1] policy):
+    def verify_bound(self, double[::1] y, bint upper, int64_t rounds, int32_t[::1] policy) -> int:
         """Sweep candidate bounds until no value rises (`upper`) or none falls.
 
         Every sweep is rounded outwards, so values that do not move in the wrong direction are

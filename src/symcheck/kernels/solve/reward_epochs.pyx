@@ -61,7 +61,7 @@ cdef class EpochSolver:
         self.mode, self.floor, self.tolerance, self.limit = mode, floor, tolerance, limit
         self.sweeps = 0
 
-    def advance(self, double[:, :, ::1] x, int64_t level, int64_t stop):
+    def advance(self, double[:, :, ::1] x, int64_t level, int64_t stop) -> int:
         """Compute the levels from `level` up to `stop` (excluded).
 
         Args:

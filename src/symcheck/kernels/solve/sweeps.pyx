@@ -66,7 +66,7 @@ cdef class Block(EquationBlock):
             return verify_upper_bounds(self, &self.row_ptr64[0], &self.group64[0], high)
         return verify_upper_bounds(self, &self.row_ptr32[0], &self.group32[0], high)
 
-    cpdef tuple interval_iteration(self, double width, bint relative, int64_t budget):
+    cpdef tuple interval_iteration(self, double width, bint relative, int64_t budget):  # type: tuple[bool, int, float]
         """Sweep both bounds until they are `width` apart (Haddad & Monmege 2018; Baier et al.
         2017).
 
@@ -101,7 +101,7 @@ cdef class Block(EquationBlock):
         return done, sweeps, widest
 
     cpdef tuple optimistic_value_iteration(self, double width, bint relative, int64_t budget,
-                                           bint restart=True):
+                                           bint restart=True):  # type: tuple[bool, int, float]
         """Optimistic value iteration (Hartmanns & Kaminski 2020).
 
         Lower bounds come from sweeps; upper bounds are guessed from them, scaled by the observed

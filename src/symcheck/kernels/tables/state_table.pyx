@@ -68,7 +68,7 @@ cdef class StateSet:
         return self.count
 
     @property
-    def nbytes(self):
+    def nbytes(self) -> int:
         """Memory held, in bytes."""
         return self.rows.size + (8 * (self.mask + 1) if self.table != NULL else 0)
 
@@ -103,7 +103,7 @@ cdef class StateSet:
         free(self.table)
         self.table = NULL
 
-    def view_rows(self):
+    def view_rows(self) -> Words:
         """All states as they are stored, without a copy: uint64[count, words].
 
         The view is valid until the next `add` or `drop_rows`.

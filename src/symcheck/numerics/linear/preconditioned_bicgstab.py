@@ -12,17 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symcheck.kernels.arrays import Masks, UInt16s
 from symcheck.kernels.chains import ssor_eisenstat
 from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
 from symcheck.numerics import tuning
 
 __all__ = ["SplitMatrix", "relative_solution", "scaled"]
 
-_Values = NDArray[np.generic]  # codes, or numbers
+_Values = Masks | UInt16s | Floats  # codes, or numbers
 _Triangle = tuple[Int32s, Int32s, _Values]  # entries per row, indices, values
 
 
@@ -48,7 +49,7 @@ class SplitMatrix:
         low, up = (np.empty(matrix.states, np.int32) for _ in range(2))
         lower, upper = ssor_eisenstat.triangle_sizes(matrix.indptr, matrix.indices, low, up)
         table = ssor_eisenstat.distinct_values(matrix.data, tuning.SHORT_CODES)
-        kind = (
+        kind: type[Any] = (
             np.float64
             if table is None
             else np.uint8
