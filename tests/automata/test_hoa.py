@@ -63,7 +63,7 @@ def test_forms(name):
 
 
 FAULTS = {
-    "HOA: v2": "v1 is expected",
+    "HOA: v2": "'HOA: v1' is expected",
     "hello": "'HOA: v1' is expected",
     _text("1 Inf(1)", ""): "there are 1 acceptance sets",
     _text("1 Inf(0", ""): r"'\)' is expected",
@@ -73,9 +73,11 @@ FAULTS = {
     _text("1 Inf(0)", "", "Start: 0 Start: 1"): "one initial state",
     _text("1 Inf(0)", "State: 99999999999 [0] 0"): "too large",
     _text("1 Inf(0)", "").replace("p1", "q"): 'has no atom "q"',
-    _text("1 Inf(0)", "").replace("--END--", "--ABORT--"): "'State:' or --END-- is expected",
-    _text("1 Inf(0)", "").replace("--END--", ""): "'State:' or --END-- is expected",
+    _text("1 Inf(0)", "").replace("--END--", "--ABORT--"): "'--END--' or 'State:' is expected",
+    _text("1 Inf(0)", "").replace("--END--", ""): "'--END--' or 'State:' is expected",
     _text("1 Inf(0)", "?"): "not a word",
+    _text("1 Inf(0)", "State: 0 [@a] 0"): "there is no alias @a",
+    _text("1 Inf(0)", "").replace("AP: 2", "AP: 3"): "3 names of atoms are expected",
     "HOA: v1 Start: 0 --BODY-- --END--": "acceptance condition is missing",
 }
 

@@ -96,9 +96,9 @@ SIZES = {
     "F and F and F and F": (4, lambda f, p: f.conjunction([f.eventually(x) for x in p]), 16),
     "G(a -> F<=20 b)": (2, lambda f, p: f.always(f.disjunction((f.negation(p[0]), f.eventually(p[1], 20)))), 22),
     "GF(a -> XX b)": (
-        2, lambda f, p: f.always(f.eventually(f.disjunction((f.negation(p[0]), f.next(f.next(p[1])))))), 1
+        2, lambda f, p: f.always(f.eventually(f.disjunction((f.negation(p[0]), f.next(f.next(p[1])))))), 3
     ),
-    "(GFa) U (Gb)": (2, lambda f, p: f.until(f.always(f.eventually(p[0])), f.always(p[1])), 2),
+    "(GFa) U (Gb)": (2, lambda f, p: f.until(f.always(f.eventually(p[0])), f.always(p[1])), 3),
     "G(a -> X(!a U b))": (
         2, lambda f, p: f.always(f.disjunction((f.negation(p[0]), f.next(f.until(f.negation(p[0]), p[1]))))), 3
     ),

@@ -14,7 +14,6 @@ import numpy as np
 from symcheck.automata.automaton import Automaton, RabinPair
 from symcheck.automata.reduce import reduced, restrict_to_reachable
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.rows import Bools
 
 __all__ = ["intersection", "size", "union"]
 
@@ -62,25 +61,10 @@ def _synchronous_product(a: Automaton, b: Automaton, *, conjunctive: bool) -> Au
     left = [RabinPair(p.avoid[first], tuple(v[first] for v in p.visits)) for p in a.pairs]
     right = [RabinPair(p.avoid[second], tuple(v[second] for v in p.visits)) for p in b.pairs]
     if conjunctive:
-        pairs = [
-            RabinPair(p.avoid | q.avoid, _distinct([*p.visits, *q.visits]))
-            for p in left
-            for q in right
-        ]
+        pairs = [RabinPair(p.avoid | q.avoid, (*p.visits, *q.visits)) for p in left for q in right]
     else:
         pairs = left + right
     of_a, of_b = np.isin(first, list(a.accepting)), np.isin(second, list(b.accepting))
     accepting = frozenset(np.flatnonzero(of_a & of_b if conjunctive else of_a | of_b).tolist())
     whole = Automaton(table, a.initial * b.states + b.initial, tuple(pairs), accepting)
     return reduced(restrict_to_reachable(whole))
-
-
-def _distinct(sets: Sequence[Bools]) -> tuple[Bools, ...]:
-    """The sets that contain no other one, each once."""
-    return tuple(
-        v
-        for i, v in enumerate(sets)
-        if not any(
-            not (w & ~v).any() and (i > j or (v & ~w).any()) for j, w in enumerate(sets) if j != i
-        )
-    )

@@ -35,7 +35,7 @@ class Derivatives:
         self._formula_derivatives: dict[tuple[int, int], int] = {}
         self._derivatives: dict[tuple[int, int], int] = {}
         self._simplified: dict[int, int] = {}
-        self._relations: dict[frozenset[int], tuple[int, int]] = {}
+        self._implied: dict[frozenset[int], int] = {}
 
     def encode(self, f: LtlFormula) -> int:
         """The formula as a Boolean combination of literals and temporal formulas."""
@@ -143,25 +143,16 @@ class Derivatives:
         return found
 
     def _drop_redundant(self, state: int) -> int:
-        """Drop formulas one by one while the combination stays equivalent under the implications.
-
-        Exclusions only detect combinations that are false or true as a whole. They must not be used
-        to drop formulas, because a violated safety formula might then never become false.
-        Implications do not have this effect.
-        """
-        table = self.booleans
-        support = table.support(state)
+        """Drop formulas while the combination stays equivalent under the implications."""
+        table, support = self.booleans, self.booleans.support(state)
         if not 1 < len(support) <= _MAX_SUPPORT:
             return state
-        implications, exclusions = self._relations_between(support)
-        known = table.conjunction(implications, exclusions)
-        if table.conjunction(state, known) == FALSE:
-            return FALSE
-        if table.ite(known, state, TRUE) == TRUE:
-            return TRUE
-        if implications == TRUE:
-            return state
+        implications = self._implications(support)
         context = table.conjunction(state, implications)
+        if implications == TRUE or context == FALSE:
+            return context
+        if table.ite(implications, state, TRUE) == TRUE:
+            return TRUE
         for number in sorted(support, reverse=True):
             for value in (True, False):
                 smaller = table.cofactor(state, number, value)
@@ -170,24 +161,16 @@ class Derivatives:
                     break
         return state
 
-    def _relations_between(self, support: frozenset[int]) -> tuple[int, int]:
-        """Implications between some formulas, and pairs that exclude or exhaust each other."""
-        if support not in self._relations:
-            table, implies, negation = self.booleans, self.factory.implies, self.factory.negation
+    def _implications(self, support: frozenset[int]) -> int:
+        """The implications between some formulas, as a combination of them."""
+        if support not in self._implied:
             formulas = [self._formula[n] for n in sorted(support)]
-            implications = exclusions = TRUE
-            for f, g in permutations(formulas, 2):
-                v, w = self.encode(f), self.encode(g)
-                if implies(f, g):
-                    implications = table.conjunction(implications, table.ite(v, w, TRUE))
-                if f.number < g.number and implies(f, negation(g)):
-                    exclusions = table.conjunction(
-                        exclusions, table.ite(v, table.negation(w), TRUE)
-                    )
-                if f.number < g.number and implies(negation(f), g):
-                    exclusions = table.conjunction(exclusions, table.disjunction(v, w))
-            self._relations[support] = implications, exclusions
-        return self._relations[support]
+            self._implied[support] = self._all(
+                self.booleans.ite(self.encode(f), self.encode(g), TRUE)
+                for f, g in permutations(formulas, 2)
+                if self.factory.implies(f, g)
+            )
+        return self._implied[support]
 
     def substitute(self, state: int, by: dict[int, LtlFormula]) -> int:
         """The combination with some formulas (given by number) replaced by others."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial, reduce
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import assert_never
 
 from symcheck.automata.automaton import Automaton
 from symcheck.automata.formula import Kind, LtlFormula
@@ -14,30 +16,15 @@ from symcheck.errors import UnsupportedError, UsageError
 
 __all__ = ["SYNTAXES", "format_formula", "translate_externally"]
 
-SYNTAXES = ("lbt", "spin", "spot", "rabinizer")
-
-_INFIX = {
-    "spin": {
-        "AND": "&&",
-        "OR": "||",
-        "UNTIL": "U",
-        "RELEASE": "V",
-        "NEXT": "X",
-        "F": "<>",
-        "G": "[]",
-    },
-    "spot": {"AND": "&", "OR": "|", "UNTIL": "U", "RELEASE": "R", "NEXT": "X", "F": "F", "G": "G"},
-    "rabinizer": {
-        "AND": "&",
-        "OR": "|",
-        "UNTIL": "U",
-        "RELEASE": "R",
-        "NEXT": "X",
-        "F": "F",
-        "G": "G",
-    },
+SYNTAXES: Mapping[str, str] = {
+    "lbt": "& | U V X F G t f",
+    "spin": "&& || U V X <> [] true false",
+    "spot": "& | U R X F G true false",
+    "rabinizer": "& | U R X F G true false",
 }
-_PREFIX = {"AND": "&", "OR": "|", "UNTIL": "U", "RELEASE": "V", "NEXT": "X", "F": "F", "G": "G"}
+"""By the name of a syntax, its words for `_OPERATORS`."""
+
+_OPERATORS = ("AND", "OR", "UNTIL", "RELEASE", "NEXT", "F", "G", "TRUE", "FALSE")
 
 
 def format_formula(formula: LtlFormula, syntax: str = "lbt") -> str:
@@ -52,71 +39,46 @@ def format_formula(formula: LtlFormula, syntax: str = "lbt") -> str:
     """
     if syntax not in SYNTAXES:
         raise UsageError(f"unknown syntax of formulas '{syntax}': known are {', '.join(SYNTAXES)}")
-    unary, binary = (
-        (_prefix_unary, _prefix_binary) if syntax == "lbt" else (_infix_unary, _infix_binary)
-    )
-    words = _PREFIX if syntax == "lbt" else _INFIX[syntax]
-    true, false = ("t", "f") if syntax == "lbt" else ("true", "false")
+    words = dict(zip(_OPERATORS, SYNTAXES[syntax].split(), strict=True))
+
+    def applied(word: str, *parts: str) -> str:
+        if syntax == "lbt":
+            return " ".join((word, *parts))
+        return f"{word}({parts[0]})" if len(parts) == 1 else f"({f' {word} '.join(parts)})"
+
     texts: dict[int, str] = {}
     for f in formula.subformulas():
         parts = [texts[p.number] for p in f.parts]
         match f.kind:
-            case Kind.TRUE:
-                text = true
-            case Kind.FALSE:
-                text = false
-            case Kind.POSITIVE | Kind.NEGATIVE:
-                text = f"p{f.atom}" if f.kind is Kind.POSITIVE else unary("!", f"p{f.atom}")
+            case Kind.TRUE | Kind.FALSE:
+                text = words[f.kind.name]
+            case Kind.POSITIVE:
+                text = f"p{f.atom}"
+            case Kind.NEGATIVE:
+                text = applied("!", f"p{f.atom}")
             case Kind.AND | Kind.OR:
-                text = parts[0]
-                for part in parts[1:]:
-                    text = binary(words[f.kind.name], text, part)
+                text = reduce(partial(applied, words[f.kind.name]), parts)
             case Kind.NEXT:
-                text = unary(words["NEXT"], parts[0])
+                text = applied(words["NEXT"], *parts)
             case Kind.UNTIL | Kind.RELEASE if f.bound is not None:
-                text = _unrolled(f, parts, words, unary, binary)
+                # left U<=k right is right | left & X (left U<=k-1 right); R is its dual.
+                left, right = parts
+                dual = f.kind is Kind.RELEASE
+                outer, inner = ("AND", "OR") if dual else ("OR", "AND")
+                text = right
+                for _ in range(f.bound):
+                    later = applied(words[inner], left, applied(words["NEXT"], text))
+                    text = applied(words[outer], right, later)
+            case Kind.UNTIL if f.eventually is not None:
+                text = applied(words["F"], parts[1])
+            case Kind.RELEASE if f.always is not None:
+                text = applied(words["G"], parts[1])
+            case Kind.UNTIL | Kind.RELEASE:
+                text = applied(words[f.kind.name], *parts)
             case _:
-                inner = f.eventually or f.always
-                short = words["F" if f.eventually is not None else "G"]
-                text = (
-                    binary(words[f.kind.name], *parts) if inner is None else unary(short, parts[1])
-                )
+                assert_never(f.kind)
         texts[f.number] = text
     return texts[formula.number]
-
-
-def _unrolled(
-    f: LtlFormula,
-    parts: list[str],
-    words: dict[str, str],
-    unary: Callable[[str, str], str],
-    binary: Callable[[str, str, str], str],
-) -> str:
-    """`left U<=k right` is right | left & X (left U<=k-1 right); R is its dual."""
-    left, right = parts
-    outer, inner = (
-        (words["OR"], words["AND"]) if f.kind is Kind.UNTIL else (words["AND"], words["OR"])
-    )
-    text = right
-    for _ in range(f.bound or 0):
-        text = binary(outer, right, binary(inner, left, unary(words["NEXT"], text)))
-    return text
-
-
-def _prefix_unary(word: str, part: str) -> str:
-    return f"{word} {part}"
-
-
-def _prefix_binary(word: str, left: str, right: str) -> str:
-    return f"{word} {left} {right}"
-
-
-def _infix_unary(word: str, part: str) -> str:
-    return f"{word}({part})"
-
-
-def _infix_binary(word: str, left: str, right: str) -> str:
-    return f"({left} {word} {right})"
 
 
 def translate_externally(

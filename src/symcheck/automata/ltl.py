@@ -6,7 +6,7 @@ Sources of the rules: Etessami & Holzmann (CONCUR 2000), Somenzi & Bloem (CAV 20
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from symcheck.automata.formula import Kind, LtlFormula
 
@@ -114,46 +114,14 @@ class LtlFactory:
     def _combine(self, kind: Kind, parts: Iterable[LtlFormula]) -> LtlFormula:
         conjunctive = kind is Kind.AND
         neutral, absorbing = (self.true, self.false) if conjunctive else (self.false, self.true)
-        kept = self._merged(kind, _flat(kind, parts, neutral))
+        kept = _flat(kind, parts, neutral)
         if absorbing in kept:
             return absorbing
-        if 1 < len(kept) <= _MAX_PARTS:
-            if self._contradict(kept, conjunctive=conjunctive):
-                return absorbing
+        if len(kept) <= _MAX_PARTS:
             kept = self._irredundant(kept, conjunctive=conjunctive)
         if len(kept) < 2:
             return kept[0] if kept else neutral
         return self._node(kind, tuple(kept))
-
-    def _merged(self, kind: Kind, parts: list[LtlFormula]) -> list[LtlFormula]:
-        """Join parts with the same temporal operators, as G a & G b to G (a & b)."""
-        groups: dict[str, list[LtlFormula]] = {}
-        for part in parts:
-            shape = _shape(part)
-            groups.setdefault(shape if shape in _MERGING[kind] else "", []).append(part)
-        rest = groups.pop("", [])
-        if all(len(group) == 1 for group in groups.values()):
-            return parts
-        for shape, group in groups.items():
-            if len(group) == 1:
-                rest += group
-                continue
-            inner = self._combine(kind, [_inside(p, len(shape)) for p in group])
-            for symbol in reversed(shape):
-                inner = {"X": self.next, "F": self.eventually, "G": self.always}[symbol](inner)
-            rest.append(inner)
-        return _flat(kind, rest, self.true if kind is Kind.AND else self.false)
-
-    def _contradict(self, parts: list[LtlFormula], *, conjunctive: bool) -> bool:
-        """Whether two parts of a conjunction (disjunction) exclude (exhaust) each other."""
-        for i, part in enumerate(parts):
-            negated = self.negation(part)
-            if any(
-                self.implies(p, negated) if conjunctive else self.implies(negated, p)
-                for p in parts[:i]
-            ):
-                return True
-        return False
 
     def _irredundant(self, parts: list[LtlFormula], *, conjunctive: bool) -> list[LtlFormula]:
         """The parts of a conjunction (disjunction) that no other part implies (that imply none)."""
@@ -199,67 +167,11 @@ class LtlFactory:
             return right
         if bound is not None:
             return self._node(Kind.UNTIL, (left, right), bound=bound)
-        if left is self.true:
-            return self._eventually(right)
-        if right.kind is Kind.UNTIL and right.bound is None:
-            first, second = right.parts
-            if self.implies(left, first):
-                return right
-            if self.implies(first, left):
-                return self.until(left, second)
-        if left.fixpoint and left.kind is Kind.UNTIL and left.parts[1] is right:
-            return left
-        if self.implies(self.negation(right), left):
-            return self._eventually(right)
-        lasting, rest = _split(right, Kind.AND, lambda p: p.suspendable)
-        if lasting:
-            return self.conjunction((*lasting, self.until(left, self.conjunction(rest))))
-        eventual, rest = _split(right, Kind.OR, lambda p: p.eventual)
-        if eventual:
-            return self.disjunction((*eventual, self.until(left, self.disjunction(rest))))
-        if left.suspendable:
-            return self.disjunction((right, self.conjunction((left, self._eventually(right)))))
+        if left is self.true and right.kind is Kind.NEXT:
+            return self.next(self.eventually(right.parts[0]))
+        if left is self.true and right.fixpoint and right.kind is Kind.UNTIL:
+            return self.eventually(right.parts[1])
         return self._node(Kind.UNTIL, (left, right))
-
-    def _eventually(self, f: LtlFormula) -> LtlFormula:
-        if f.eventual:
-            return f
-        if f.kind is Kind.NEXT:
-            return self.next(self._eventually(f.parts[0]))
-        if f.kind is Kind.UNTIL and f.bound is None:
-            return self._eventually(f.parts[1])
-        if f.always is not None:
-            return self._eventually_always(f, f.always)
-        lasting, rest = _split(f, Kind.AND, lambda p: p.suspendable)
-        if lasting:
-            return self.conjunction((*lasting, self._eventually(self.conjunction(rest))))
-        eventual, rest = _split(f, Kind.OR, lambda p: p.eventual)
-        if eventual:
-            return self.disjunction((*eventual, self._eventually(self.disjunction(rest))))
-        return self._node(Kind.UNTIL, (self.true, f))
-
-    def _eventually_always(self, always: LtlFormula, f: LtlFormula) -> LtlFormula:
-        """F G f, where `always` is G f. Only the long-run behaviour of f matters."""
-
-        def fg(g: LtlFormula) -> LtlFormula:
-            return self.eventually(self.always(g))
-
-        match f.kind:
-            case Kind.NEXT:
-                return fg(f.parts[0])
-            case Kind.RELEASE if f.bound is None:
-                return fg(f.parts[1])
-            case Kind.UNTIL if f.bound is None:
-                return self.conjunction(
-                    (fg(self.disjunction(f.parts)), self.always(self.eventually(f.parts[1])))
-                )
-            case Kind.AND if any(_fg_simplifies(p) for p in f.parts):
-                return self.conjunction([fg(p) for p in f.parts])
-            case Kind.OR if _fg_simplifies(f):
-                split, rest = _split(f, Kind.OR, lambda p: p.eventual or p.universal)
-                return self.disjunction((fg(self.disjunction(rest)), *(fg(p) for p in split)))
-            case _:
-                return self._node(Kind.UNTIL, (self.true, always))
 
     # ---------------------------------------------------------------------------------- implication
 
@@ -300,10 +212,7 @@ class LtlFactory:
             return True
         if f.kind is Kind.NEXT and g.eventual and implies(f.parts[0], g):
             return True
-        if g.kind is Kind.NEXT and f.universal and implies(f, g.parts[0]):
-            return True
-        fg, gf = _inner(f, "FG"), _inner(g, "GF")
-        return fg is not None and gf is not None and implies(fg, gf)
+        return g.kind is Kind.NEXT and f.universal and implies(f, g.parts[0])
 
     def _monotone(self, f: LtlFormula, g: LtlFormula, depth: int) -> bool:
         if f.kind in (Kind.UNTIL, Kind.RELEASE):
@@ -314,7 +223,6 @@ class LtlFactory:
 
 
 _TEMPORAL = frozenset({Kind.NEXT, Kind.UNTIL, Kind.RELEASE})
-_MERGING = {Kind.AND: frozenset({"X", "G", "FG"}), Kind.OR: frozenset({"X", "F", "GF"})}
 
 
 def _persistence(kind: Kind, parts: tuple[LtlFormula, ...], bound: int | None) -> tuple[bool, bool]:
@@ -327,13 +235,11 @@ def _persistence(kind: Kind, parts: tuple[LtlFormula, ...], bound: int | None) -
         case Kind.AND | Kind.OR | Kind.NEXT:
             return all(p.eventual for p in parts), all(p.universal for p in parts)
         case Kind.UNTIL:
-            return parts[1].eventual or (bound is None and parts[0].kind is Kind.TRUE), parts[
-                1
-            ].universal
+            is_eventually = bound is None and parts[0].kind is Kind.TRUE
+            return parts[1].eventual or is_eventually, parts[1].universal
         case Kind.RELEASE:
-            return parts[1].eventual, parts[1].universal or (
-                bound is None and parts[0].kind is Kind.FALSE
-            )
+            is_always = bound is None and parts[0].kind is Kind.FALSE
+            return parts[1].eventual, parts[1].universal or is_always
 
 
 def _flat(kind: Kind, parts: Iterable[LtlFormula], neutral: LtlFormula) -> list[LtlFormula]:
@@ -341,44 +247,3 @@ def _flat(kind: Kind, parts: Iterable[LtlFormula], neutral: LtlFormula) -> list[
     flat = {p.number: p for part in parts for p in (part.parts if part.kind is kind else (part,))}
     flat.pop(neutral.number, None)
     return [flat[number] for number in sorted(flat)]
-
-
-def _split(
-    f: LtlFormula, kind: Kind, test: Callable[[LtlFormula], bool]
-) -> tuple[list[LtlFormula], list[LtlFormula]]:
-    """The operands that pass the test, and the others; none and f itself for another kind."""
-    if f.kind is not kind:
-        return [], [f]
-    chosen = [p for p in f.parts if test(p)]
-    return chosen, [p for p in f.parts if p not in chosen]
-
-
-def _shape(f: LtlFormula) -> str:
-    """The leading temporal operators of a formula: X, F, G, FG or GF; '' for others."""
-    if f.kind is Kind.NEXT:
-        return "X"
-    for shape in ("GF", "FG", "F", "G"):
-        if _inner(f, shape) is not None:
-            return shape
-    return ""
-
-
-def _inner(f: LtlFormula, shape: str) -> LtlFormula | None:
-    """The operand behind the leading operators F and G of a shape, or None."""
-    inner: LtlFormula | None = f
-    for symbol in shape:
-        inner = None if inner is None else inner.eventually if symbol == "F" else inner.always
-    return inner
-
-
-def _inside(f: LtlFormula, depth: int) -> LtlFormula:
-    for _ in range(depth):
-        f = f.parts[-1]
-    return f
-
-
-def _fg_simplifies(f: LtlFormula) -> bool:
-    """Whether F G f has a simpler form."""
-    if f.kind is Kind.OR:
-        return any(p.eventual or p.universal for p in f.parts)
-    return f.kind is Kind.NEXT or f.fixpoint or f.suspendable
