@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from symcheck.simulate.statistics import Method, Plan
     from symcheck.simulate.stepper import Simulator
     from symcheck.simulate.steps import Steps
+    from symcheck.teach.model_page import Page
 
 __all__ = ["Model", "ReducedModel", "load", "loads", "takes_options"]
 
@@ -309,6 +310,23 @@ class Model:
         from symcheck.check.state_distributions import steady_state
 
         return steady_state(self.engine, self.options, initial)
+
+    def page(
+        self,
+        properties: str | Path | PropertiesFile | Sequence[str] = (),
+        constants: GivenConstants | str | None = None,
+        *,
+        max_states: int = 500,
+        title: str = "",
+    ) -> Page:
+        """A page to step through; see `symcheck.teach.model_page`.
+
+        Example:
+            >>> load("die.pm").page("P=? [ F d=6 ]").save("die.html")  # doctest: +SKIP
+        """
+        from symcheck.teach.model_page import model_page
+
+        return model_page(self, properties, constants, max_states=max_states, title=title)
 
     def simulate(
         self,

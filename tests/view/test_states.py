@@ -77,4 +77,4 @@ def test_steps_back_and_loops_are_drawn() -> None:
     layer = {n.name: n.layer for n in picture.nodes}
     back = [e for e in picture.edges if layer[e.source] > layer[e.target]]
     assert len(back) == 5
-    assert picture.svg.count('class="edge"') == len(picture.edges)
+    assert picture.svg.count('class="edge ') == len(picture.edges)

@@ -91,6 +91,7 @@ class Arguments(argparse.Namespace):
     importtransrewards: str | None
     importinitdist: str | None
     exportdot: str | None
+    exportpage: str | None
     exportprism: str | None
     exportprismconst: str | None
     exportprecision: int
@@ -456,6 +457,12 @@ def _exports(parser: _Parser) -> None:
         metavar="FILE",
         action=_BuiltModel,
         help="write the matrix as a decision diagram, in DOT (engines -m, -h, -s)",
+    )
+    parser.add(
+        "exportpage",
+        metavar="FILE",
+        action=_BuiltModel,
+        help="write an HTML page: state graph, values, simulator, and a player for each stage",
     )
     parser.add("exportprism", metavar="FILE", help="write the text of the model")
     parser.add(

@@ -124,6 +124,10 @@ def export_model(
     """
     if a.exportdot is not None:
         _export_dot(a.exportdot, output, model.engine, varying)
+    if a.exportpage is not None:
+        path = instance_path(a.exportpage, varying)
+        model.page(file, {n: v[0] for n, v in constants.items()}).save(path)
+        output.exported(path)
     targets = _targets(a, varying)
     if not targets:
         return

@@ -13,6 +13,7 @@ import numpy as np
 
 from symcheck.matrices.blocks import blocks, quad_dag
 from symcheck.matrices.rows import Int64s
+from symcheck.teach.source import GivenModel, transitions_of
 
 if TYPE_CHECKING:
     from symcheck.symbolic.model import Transitions
@@ -58,14 +59,15 @@ class BlockStructure:
     nbytes: int
 
 
-def block_structure(made: Transitions, budget: int = 60_000) -> BlockStructure:
+def block_structure(model: GivenModel | Transitions, budget: int = 60_000) -> BlockStructure:
     """The ODD of the reachable states, and the blocks of the matrix.
 
     Args:
-        made: the transitions of a symbolic model.
+        model: the model, or its transitions.
         budget: the most diagonal runs that all distinct blocks may have together. A small budget
             partitions the matrix of a small model too.
     """
+    made = transitions_of(model)
     odd, encoding = made.space.odd, made.space.symbolic.encoding
     quad = quad_dag(made.roots, odd, odd, encoding.columns)
     matrix = blocks(quad, budget=budget)

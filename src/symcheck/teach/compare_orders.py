@@ -8,10 +8,11 @@ from itertools import islice, permutations
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from symcheck.options import Options
 from symcheck.symbolic.build import construct
+from symcheck.teach.source import GivenModel, bound_of
 
 if TYPE_CHECKING:
-    from symcheck.options import Options
     from symcheck.semantics.model import BoundModel
 
 __all__ = ["OrderFrame", "compare_orders"]
@@ -30,8 +31,8 @@ class OrderFrame:
 
 
 def compare_orders(
-    model: BoundModel,
-    options: Options,
+    model: GivenModel | BoundModel,
+    options: Options | None = None,
     orders: Iterable[Sequence[str]] | None = None,
     *,
     limit: int = 120,
@@ -39,7 +40,7 @@ def compare_orders(
     """Build a model under each variable order, in a diagram manager of its own.
 
     Args:
-        model: the bound model.
+        model: the model, or the bound model.
         options: limits of memory and time.
         orders: variable names from the top of the diagrams down. None: all permutations.
         limit: the most orders that are tried.
@@ -47,10 +48,11 @@ def compare_orders(
     Raises:
         SymcheckError: as `construct`.
     """
-    names = [v.name for v in model.variables]
+    bound = bound_of(model)
+    names = [v.name for v in bound.variables]
     for order in islice(permutations(names) if orders is None else orders, limit):
         started = perf_counter()
-        made = construct(model, options, order=order)
+        made = construct(bound, options or Options(), order=order)
         seconds = perf_counter() - started
         manager = made.space.symbolic.manager
         yield OrderFrame(

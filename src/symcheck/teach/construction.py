@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from symcheck.options import Options
 from symcheck.symbolic.events.commands import touched_by
 from symcheck.symbolic.matrix.transitions import full_matrix, participant_matrix, transitions
+from symcheck.teach.board import Board, Show, played
+from symcheck.teach.source import GivenModel, state_space
+from symcheck.teach.trace import Trace
 
 if TYPE_CHECKING:
-    from symcheck.dd.manager import Bdd, Mtbdd
-    from symcheck.options import Options
+    from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
     from symcheck.symbolic.encoding.variables import Encoding
     from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
 
-__all__ = ["BuildFrame", "construction"]
+__all__ = ["BuildFrame", "construction", "construction_show"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +31,16 @@ class BuildFrame:
         title: the stage, with action, command and module.
         diagram: the BDD or MTBDD.
         encoding: says which bits encode which variable.
+        states: the reachable states in which the command, the event or the model has a transition.
+        manager: of the diagrams.
     """
 
     stage: str
     title: str
     diagram: Bdd | Mtbdd = field(repr=False)
     encoding: Encoding = field(repr=False)
+    states: Bdd = field(repr=False)
+    manager: DiagramManager = field(repr=False)
 
     @property
     def nodes(self) -> int:
@@ -41,16 +48,29 @@ class BuildFrame:
         return self.diagram.node_count
 
 
-def construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
+def construction(
+    model: GivenModel | StateSpace, options: Options | None = None
+) -> Trace[BuildFrame]:
     """The diagrams from which the matrix is built, restricted to reachable states.
 
     Per event: guards and updates of its commands, the commands, their sum per module, and the
     product over modules. The last frames are the matrices of the model: one of a chain, one per
     choice class of an MDP.
 
+    Args:
+        model: the model, or its reachable states.
+        options: limits of time and memory.
+
     Raises:
         SymcheckError: as `transitions`.
     """
+    return Trace(
+        _construction(state_space(model), options or Options()),
+        lambda made: played(board := Board.of(model), construction_show(made, board)),
+    )
+
+
+def _construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
     symbolic = space.symbolic
     for number, event in enumerate(symbolic.events):
         if event.guard.disjoint(space.states):
@@ -65,34 +85,67 @@ def construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
                 matrix = participant_matrix(symbolic, commands, touched_by(commands), space.states)
                 module = _module(symbolic, commands[0])
                 title = f"[{name}] module {module}: sum of {len(commands)} commands"
-                yield BuildFrame("module", title, matrix, symbolic.encoding)
+                yield _frame(space, "module", title, matrix, event.guard)
         yield _event(space, event, name)
     made = transitions(space, options)
     for slot, root in enumerate(made.roots):
-        yield BuildFrame(
-            "model",
-            "matrix" if made.matrix is not None else f"choice class {slot + 1}",
-            root,
-            symbolic.encoding,
-        )
+        title = "matrix" if made.matrix is not None else f"choice class {slot + 1}"
+        enabled = space.states if made.matrix is not None else made.choices[slot].guard
+        yield _frame(space, "model", title, root, enabled)
 
 
 def _command(space: StateSpace, command: EncodedCommand, title: str) -> Iterator[BuildFrame]:
-    encoding = space.symbolic.encoding
-    yield BuildFrame("guard", f"{title}: guard", command.guard, encoding)
+    yield _frame(space, "guard", f"{title}: guard", command.guard, command.guard)
     for number, update in enumerate(command.updates):
-        yield BuildFrame("update", f"{title}: update {number + 1}", update.relation, encoding)
+        name = f"{title}: update {number + 1}"
+        yield _frame(space, "update", name, update.relation, command.guard)
     matrix = participant_matrix(space.symbolic, [command], touched_by([command]), space.states)
-    yield BuildFrame("command", title, matrix, encoding)
+    yield _frame(space, "command", title, matrix, command.guard)
 
 
 def _event(space: StateSpace, event: EncodedEvent, name: str) -> BuildFrame:
     matrix = full_matrix(space.symbolic, [(event, event.participants)], space.states)
     modules = " × ".join(_module(space.symbolic, commands[0]) for commands in event.participants)
-    return BuildFrame(
-        "event", f"[{name}] {modules}, other variables unchanged", matrix, space.symbolic.encoding
+    return _frame(
+        space, "event", f"[{name}] {modules}, other variables unchanged", matrix, event.guard
     )
+
+
+def _frame(
+    space: StateSpace, stage: str, title: str, diagram: Bdd | Mtbdd, enabled: Bdd
+) -> BuildFrame:
+    symbolic = space.symbolic
+    states = enabled & space.states
+    return BuildFrame(stage, title, diagram, symbolic.encoding, states, symbolic.manager)
 
 
 def _module(symbolic: SymbolicModel, command: EncodedCommand) -> str:
     return symbolic.model.modules[command.command.module].name
+
+
+_MOST_FRAMES = 150
+"""Frames of the construction that a page has."""
+
+
+def construction_show(frames: Sequence[BuildFrame], board: Board) -> Show:
+    """A diagram for each frame; guards and commands also on the state graph."""
+    shown: list[dict[str, object]] = []
+    for frame in frames[:_MOST_FRAMES]:
+        drawn = board.diagram([frame.diagram], frame.encoding, title=frame.title)
+        enabled = board.nodes(frame.states, frame.manager, frame.encoding)
+        shown.append(
+            {
+                "title": frame.title,
+                "note": f"{frame.nodes} nodes" + ("" if drawn.panes else ", too many to be drawn"),
+                "panes": [*board.panes, *drawn.panes],
+                "marks": board.marks("in", enabled),
+            }
+        )
+    left_out = len(frames) - len(shown)
+    return {
+        "name": "Construction of the matrix, guard by guard",
+        "note": "Guards and updates become commands, modules, events, and finally the matrix."
+        + (f" The last {left_out} diagrams are left out." if left_out else ""),
+        "frames": shown,
+        "keys": [["in", "states in which it is enabled"]],
+    }

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, assert_never
 
 from symcheck.direction import Direction
+from symcheck.engines.base import erased
 from symcheck.engines.symbolic.graph import SymbolicGraph
+from symcheck.teach.board import Board, Show, played
+from symcheck.teach.source import GivenModel, symbolic_engine
+from symcheck.teach.trace import Trace
+from symcheck.view.choice_graph import set_of
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
     from symcheck.engines.symbolic.engine import SymbolicEngine
     from symcheck.engines.symbolic.sets import SymbolicSet
 
-__all__ = ["SetFrame", "prob0", "prob1"]
+__all__ = ["SetFrame", "fixpoint_show", "prob0", "prob1"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,38 +52,100 @@ class SetFrame:
 
 
 def prob0(
-    engine: SymbolicEngine,
-    left: SymbolicSet,
-    right: SymbolicSet,
+    model: GivenModel | SymbolicEngine,
+    left: str | SymbolicSet,
+    right: str | SymbolicSet,
     direction: Direction | None = None,
-) -> Iterator[SetFrame]:
+) -> Trace[SetFrame]:
     """The iterates of prob0; the last frame holds the states with probability 0.
 
     Args:
-        engine: a symbolic engine.
-        left, right: the sets of `left U right`.
+        model: a model, or an engine with diagrams.
+        left, right: the sets of `left U right`: formulas such as "true" and "d=6", or sets of the
+            engine.
         direction: minimise or maximise over strategies; None for a chain.
     """
-    return _trace(engine, lambda graph: graph.prob0(left, right, direction))
+    return _trace(model, "prob0", left, right, direction)
 
 
 def prob1(
-    engine: SymbolicEngine,
-    left: SymbolicSet,
-    right: SymbolicSet,
+    model: GivenModel | SymbolicEngine,
+    left: str | SymbolicSet,
+    right: str | SymbolicSet,
     direction: Direction | None = None,
-) -> Iterator[SetFrame]:
+) -> Trace[SetFrame]:
     """The iterates of prob1; the last frame holds the states with probability 1. See `prob0`."""
-    return _trace(engine, lambda graph: graph.prob1(left, right, direction))
+    return _trace(model, "prob1", left, right, direction)
 
 
 def _trace(
-    engine: SymbolicEngine, run: Callable[[SymbolicGraph], SymbolicSet]
+    model: GivenModel | SymbolicEngine,
+    question: Literal["prob0", "prob1"],
+    left: str | SymbolicSet,
+    right: str | SymbolicSet,
+    direction: Direction | None,
+) -> Trace[SetFrame]:
+    engine = symbolic_engine(model)
+    sets = set_of(engine, left), set_of(engine, right)
+    board = Board(erased(engine))
+    return Trace(
+        _frames(engine, question, *sets, direction),
+        lambda made: played(board, fixpoint_show(question, made, engine, board)),
+    )
+
+
+def _frames(
+    engine: SymbolicEngine,
+    question: Literal["prob0", "prob1"],
+    left: SymbolicSet,
+    right: SymbolicSet,
+    direction: Direction | None,
 ) -> Iterator[SetFrame]:
     from symcheck.engines.symbolic.sets import SymbolicSet
 
     seen: list[tuple[str, Bdd]] = []
-    result = run(SymbolicGraph(engine, lambda what, states: seen.append((what, states))))
+    graph = SymbolicGraph(engine, lambda what, states: seen.append((what, states)))
+    match question:
+        case "prob0":
+            result = graph.prob0(left, right, direction)
+        case "prob1":
+            result = graph.prob1(left, right, direction)
+        case _:
+            assert_never(question)
     for number, (what, bdd) in enumerate([*seen, ("result", result.bdd)]):
         states = SymbolicSet(engine.diagrams, bdd)
         yield SetFrame(number, what, states, states.count, bdd.node_count)
+
+
+def fixpoint_show(
+    name: str, frames: Sequence[SetFrame], engine: SymbolicEngine, board: Board
+) -> Show:
+    """A fixpoint on the state graph, and on one diagram of all its sets."""
+    symbolic = engine.space.symbolic
+    diagram = board.diagram([f.bdd for f in frames], symbolic.encoding)
+    shown, before = [], set[str]()
+    for frame in frames:
+        here = set(board.nodes(frame.bdd, symbolic.manager, symbolic.encoding))
+        marks = (("in", here & before), ("new", here - before), ("gone", before - here))
+        shown.append(
+            {
+                "title": f"{frame.number}: {frame.stage}",
+                "note": f"{frame.count} states in {frame.nodes} nodes",
+                "marks": [
+                    *(m for kind, nodes in marks for m in board.marks(kind, sorted(nodes))),
+                    *diagram.marks(frame.number),
+                ],
+            }
+        )
+        before = here
+    return {
+        "name": name,
+        "note": "Each frame is a set of states on the way to the fixpoint; the last is the result.",
+        "panes": [*board.panes, *diagram.panes],
+        "frames": shown,
+        "keys": [
+            ["in", "in the set"],
+            ["new", "new, or changed in the diagram"],
+            ["gone", "no longer in the set"],
+        ],
+    }

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING
 
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.reachability.search import search
+from symcheck.teach.board import Board, Show, played
+from symcheck.teach.source import GivenModel, encoded
+from symcheck.teach.trace import Trace
 
 if TYPE_CHECKING:
-    from symcheck.dd.manager import Bdd
+    from symcheck.dd.manager import Bdd, DiagramManager
     from symcheck.symbolic.encoding.variables import Encoding
     from symcheck.symbolic.model import Iteration, SymbolicModel
 
-__all__ = ["SearchFrame", "frontiers"]
+__all__ = ["SearchFrame", "frontiers", "search_show"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,7 @@ class SearchFrame:
         frontier: the states that this iteration found.
         found: the first of these, as values in declaration order.
         encoding: says which bits encode which variable.
+        manager: of the diagrams.
     """
 
     iteration: Iteration
@@ -35,6 +39,7 @@ class SearchFrame:
     frontier: Bdd = field(repr=False)
     found: tuple[tuple[bool | int, ...], ...]
     encoding: Encoding = field(repr=False)
+    manager: DiagramManager = field(repr=False)
 
     def __str__(self) -> str:
         i = self.iteration
@@ -48,24 +53,33 @@ class SearchFrame:
 
 
 def frontiers(
-    symbolic: SymbolicModel,
+    model: GivenModel | SymbolicModel,
     schedule: str = "frontier",
     *,
     limit: int = 8,
     frames: int | None = None,
-) -> Iterator[SearchFrame]:
+) -> Trace[SearchFrame]:
     """A frame per iteration of the reachability search.
 
     Args:
-        symbolic: the encoded model.
+        model: the model, or the encoded model.
         schedule: 'frontier' (breadth first), 'chaining' or 'saturation'.
         limit: the most new states that a frame lists.
         frames: the most frames. None: no limit.
 
     Example:
-        >>> for frame in teach.frontiers(symbolic):  # doctest: +SKIP
+        >>> for frame in teach.frontiers(model):  # doctest: +SKIP
         ...     print(frame)
     """
+    return Trace(
+        _frontiers(encoded(model), schedule, limit, frames),
+        lambda made: played(board := Board.of(model), search_show(made, board)),
+    )
+
+
+def _frontiers(
+    symbolic: SymbolicModel, schedule: str, limit: int, frames: int | None
+) -> Iterator[SearchFrame]:
     encoding = symbolic.encoding
     for found in islice(search(symbolic, schedule), frames):
         rows = enumerate_states(found.symbolic.manager, found.frontier, encoding.rows, limit)
@@ -73,7 +87,37 @@ def frontiers(
             tuple(bool(x) if v.is_bool else x for v, x in zip(encoding.variables, row, strict=True))
             for row in encoding.codes(rows).tolist()
         )
-        yield SearchFrame(found.iteration, found.states, found.frontier, values, encoding)
+        yield SearchFrame(
+            found.iteration, found.states, found.frontier, values, encoding, symbolic.manager
+        )
+
+
+def search_show(frames: Sequence[SearchFrame], board: Board) -> Show:
+    """The search on the state graph, and on one diagram of the reached sets of all frames."""
+    diagram = board.diagram([f.states for f in frames], frames[0].encoding)
+    reached: list[str] = []
+    shown = []
+    for number, frame in enumerate(frames):
+        found = board.nodes(frame.frontier, frame.manager, frame.encoding)
+        shown.append(
+            {
+                "title": f"Iteration {frame.iteration.number}",
+                "note": str(frame),
+                "marks": [
+                    *board.marks("in", reached),
+                    *board.marks("new", found),
+                    *diagram.marks(number),
+                ],
+            }
+        )
+        reached = [*reached, *found]
+    return {
+        "name": "Reachability, frontier by frontier",
+        "note": "Each iteration adds the successors of the states that the one before it found.",
+        "panes": [*board.panes, *diagram.panes],
+        "frames": shown,
+        "keys": [["in", "reached before"], ["new", "new, or changed in the diagram"]],
+    }
 
 
 def _text(value: bool | int) -> str:

@@ -4,10 +4,13 @@ By default the bits of a model variable are drawn as one node, with one edge per
 leads to the same node: the picture is the multi-valued diagram that the binary diagram encodes.
 With `bits=True`, the binary nodes are drawn. Edges to the leaf 0 are omitted. Blue nodes test the
 value of a variable before a step, orange nodes the value after it (marked '), purple nodes both.
+CUDD marks edges to a negated function as complement edges; pictures have none, so that a path shows
+the value of a function: a negated part is drawn as nodes of its own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -22,13 +25,18 @@ if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
     from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
 
-__all__ = ["dot", "picture"]
+__all__ = ["dot", "picture", "shared_picture"]
 
 _MOST_PAIRS = 2**20
 """A variable with more pairs (value, next value) than this is drawn bit by bit."""
 
-_BITS = "solid edge: 1; dashed edge: 0; edges to the leaf 0 are omitted"
+_BITS = "solid edge: 1; dashed edge: 0; edges to the leaf 0 are omitted; no complement edges"
 _VALUES = "edges are labelled with values; edges to the leaf 0 are omitted"
+_KEYS: dict[Kind, tuple[str, str]] = {
+    "row": ("#dce9f7", "value before a step"),
+    "column": ("#fde3c8", "value after it"),
+    "pair": ("#ece2f3", "both"),
+}
 _Ints = NDArray[np.int64]
 
 
@@ -69,7 +77,30 @@ def picture(
     Example:
         >>> view.picture(space.states, space.symbolic.encoding).save("states.svg")  # doctest: +SKIP
     """
-    graph = _Graph.of(diagram)
+    return shared_picture([diagram], encoding, max_nodes=max_nodes, bits=bits, title=title)[0]
+
+
+def shared_picture(
+    diagrams: Sequence[Bdd | Mtbdd],
+    encoding: Encoding,
+    *,
+    max_nodes: int = 200,
+    bits: bool = False,
+    title: str = "diagrams",
+) -> tuple[Picture, tuple[str, ...]]:
+    """One picture of several diagrams, all sets or all functions, which share their equal nodes.
+
+    Args:
+        diagrams: at least one.
+        encoding, max_nodes, bits, title: as for `picture`.
+
+    Returns:
+        The picture, and the name of the root of each diagram.
+
+    Raises:
+        UnsupportedError: the picture has more than `max_nodes` nodes.
+    """
+    graph = _Graph.of(diagrams)
     if len(graph.level) > 64 * max_nodes:
         raise UnsupportedError(_too_many(len(graph.level), max_nodes))
     blocks = _blocks(graph, encoding)
@@ -80,7 +111,10 @@ def picture(
     if len(nodes) > max_nodes:
         raise UnsupportedError(_too_many(len(nodes), max_nodes))
     legend = "" if not edges else _BITS if by_bit else _VALUES
-    return Picture(title, tuple(nodes), tuple(edges), tuple(layers), legend)
+    kinds = {n.kind for n in nodes}
+    keys = tuple(key for kind, key in _KEYS.items() if kind in kinds) if len(kinds) > 2 else ()
+    picture = Picture(title, tuple(nodes), tuple(edges), tuple(layers), legend, keys)
+    return picture, tuple(f"n{root}" for root in graph.roots)
 
 
 def _too_many(count: int, limit: int) -> str:
@@ -98,21 +132,22 @@ class _Graph:
     low: NDArray[np.int32]
     high: NDArray[np.int32]
     values: NDArray[np.float64]
-    root: int
+    roots: tuple[int, ...]
     names: tuple[str, ...]
     is_set: bool
 
     @staticmethod
-    def of(diagram: Bdd | Mtbdd) -> _Graph:
+    def of(diagrams: Sequence[Bdd | Mtbdd]) -> _Graph:
         from symcheck.dd.cudd import extension
 
-        core = diagram.core
+        core = diagrams[0].core
         names = tuple(str(core.bdd.var_at_level(i)) for i in range(core.size()))
-        if isinstance(diagram, extension.Mtbdd):
-            level, low, high, values, roots = extension.export_nodes(core, [diagram])
-            return _Graph(level, low, high, values, int(roots[0]), names, False)
-        level, low, high, roots = extension.export_sets(core, [diagram])
-        return _Graph(level, low, high, np.array([0.0, 1.0]), int(roots[0]), names, True)
+        if is_set := not isinstance(diagrams[0], extension.Mtbdd):
+            level, low, high, roots = extension.export_sets(core, diagrams)  # type: ignore[arg-type]
+            values = np.array([0.0, 1.0])
+        else:
+            level, low, high, values, roots = extension.export_nodes(core, diagrams)  # type: ignore[arg-type]
+        return _Graph(level, low, high, values, tuple(roots.tolist()), names, is_set)
 
     def is_leaf(self, node: int) -> bool:
         """Whether the node is a leaf."""
@@ -183,7 +218,7 @@ def _grouped(graph: _Graph, blocks: list[_Block]) -> tuple[list[Node], list[Edge
     layer_of = {level: number for number, block in enumerate(blocks) for level in block.levels}
     nodes: dict[int, Node] = {}
     edges: list[Edge] = []
-    todo = [graph.root]
+    todo = list(graph.roots)
     while todo:
         number = todo.pop()
         if number in nodes:
@@ -259,6 +294,6 @@ def _binary(graph: _Graph, encoding: Encoding) -> tuple[list[Node], list[Edge], 
         for child, dashed in ((int(graph.low[number]), True), (int(graph.high[number]), False)):
             if not graph.is_zero(child):
                 edges.append(Edge(f"n{number}", f"n{child}", "", dashed))
-    seen = {f"n{graph.root}", *(e.target for e in edges)}
+    seen = {*(f"n{root}" for root in graph.roots), *(e.target for e in edges)}
     nodes = [n for n in nodes if n.name in seen]
     return nodes, edges, [*(graph.names[level] for level in used), "value"]

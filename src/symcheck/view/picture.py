@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from symcheck.errors import UnsupportedError, UsageError
+from symcheck.page.document import fragment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Edge", "Kind", "Node", "Picture"]
+__all__ = ["Edge", "Emphasis", "Kind", "Node", "Picture"]
 
 Kind = Literal["row", "column", "pair", "leaf", "root", "state", "initial", "marked", "choice"]
+Emphasis = Literal["", "chosen", "other", "path"]
 Format = Literal["svg", "png", "pdf"]
 
 _STYLES: dict[Kind, str] = {
@@ -26,7 +29,13 @@ _STYLES: dict[Kind, str] = {
     "state": 'shape=ellipse, style=filled, fillcolor="#f4f4f4"',
     "initial": 'shape=ellipse, style=filled, fillcolor="#dce9f7", color="#1f4e8c"',
     "marked": 'shape=ellipse, style=filled, fillcolor="#d7efd9", color="#2b7a33"',
-    "choice": "shape=point",
+    "choice": "shape=point, width=0.07",
+}
+_EMPHASES: dict[Emphasis, str] = {
+    "": "",
+    "chosen": 'color="#1f4e8c", penwidth=2.2',
+    "other": 'color="#b8b8b8", fontcolor="#707070"',
+    "path": 'color="#b3261e", penwidth=2.2',
 }
 
 
@@ -40,22 +49,31 @@ class Node:
         layer: the layer, counted from 0 at the top.
         kind: what the node stands for, which decides how it looks. 'row' and 'column' are
             decisions on a variable's value before and after a step, 'pair' is one on both.
+        fill: the colour of the node, such as '#d7efd9'; '' for that of its kind.
     """
 
     name: str
     label: str
     layer: int
     kind: Kind
+    fill: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """An edge between two nodes, given by name; dashed for the decision 0 of a bit."""
+    """An edge between two nodes, given by name; dashed for the decision 0 of a bit.
+
+    Attributes:
+        emphasis: 'chosen' by a strategy, an 'other' choice than that, or on a 'path'.
+        classes: the CSS classes of the edge in SVG.
+    """
 
     source: str
     target: str
     label: str = ""
     dashed: bool = False
+    emphasis: Emphasis = ""
+    classes: str = ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +84,9 @@ class Picture:
         title: the caption above the picture.
         nodes, edges: the graph.
         layers: the name of each layer from the top ('' where it has none).
-        legend: what the edges mean, written below the picture.
+        legend: what nodes and edges mean, written below the picture.
+        keys: colours and what they stand for, drawn above the legend.
+        sideways: layers go from left to right instead of from top to bottom.
     """
 
     title: str
@@ -74,6 +94,8 @@ class Picture:
     edges: tuple[Edge, ...]
     layers: tuple[str, ...]
     legend: str = ""
+    keys: tuple[tuple[str, str], ...] = ()
+    sideways: bool = False
 
     @property
     def dot(self) -> str:
@@ -83,22 +105,41 @@ class Picture:
             '  node [fontname="sans-serif", fontsize=11];',
             '  edge [fontname="sans-serif", fontsize=9, color="#404040"];',
         ]
-        if self.legend:
-            lines.append(f'  label={_quoted(self.legend)}; fontname="sans-serif"; fontsize=9;')
-        lines += [
-            f"  {_quoted(n.name)} [label={_quoted(n.label)}, {_STYLES[n.kind]}];"
-            for n in self.nodes
-        ]
+        if self.sideways:
+            lines.append("  rankdir=LR; nodesep=0.12;")
+        if self.legend or self.keys:
+            lines.append(f'  label={self._label}; fontname="sans-serif"; fontsize=9;')
+        for n in self.nodes:
+            fill = f', fillcolor="{n.fill}"' if n.fill else ""
+            lines.append(
+                f"  {_quoted(n.name)} [label={_quoted(n.label)}, {_STYLES[n.kind]}{fill}];"
+            )
         for number, name in enumerate(self.layers):
             members = " ".join(f"{_quoted(n.name)};" for n in self.nodes if n.layer == number)
             if members:
                 lines.append(f"  {{ rank=same; {members} }}" + (f" // {name}" if name else ""))
         for edge in self.edges:
             label = f"label={_quoted(_padded(edge.label))}" if edge.label else ""
-            options = ", ".join(filter(None, (label, "style=dashed" if edge.dashed else "")))
+            classes = f"class={_quoted(edge.classes)}" if edge.classes else ""
+            dashed = "style=dashed" if edge.dashed else ""
+            parts = (label, dashed, _EMPHASES[edge.emphasis], classes)
+            options = ", ".join(filter(None, parts))
             ends = f"  {_quoted(edge.source)} -> {_quoted(edge.target)}"
             lines.append(f"{ends} [{options}];" if options else f"{ends};")
         return "\n".join([*lines, "}"]) + "\n"
+
+    @property
+    def _label(self) -> str:
+        """Colours and legend as a label of the graph: a table if there are colours."""
+        if not self.keys:
+            return _quoted(self.legend)
+        cells = "".join(
+            f'<TD BGCOLOR="{colour}" WIDTH="22"></TD><TD>{escape(text)}  </TD>'
+            for colour, text in self.keys
+        )
+        row = '<TR><TD><TABLE BORDER="0" CELLSPACING="4"><TR>{}</TR></TABLE></TD></TR>'
+        text = escape(self.legend).replace("\n", "<BR/>") or " "
+        return f'<<TABLE BORDER="0">{row.format(cells)}<TR><TD>{text}</TD></TR></TABLE>>'
 
     def render(self, format: Format = "svg") -> bytes:
         """The picture as Graphviz draws it, in the format 'svg', 'png' or 'pdf'.
@@ -167,6 +208,11 @@ class Picture:
 
     def _repr_svg_(self) -> str:
         return self.svg
+
+    def _repr_html_(self) -> str:
+        """The picture with zoom and pan, for notebooks."""
+        show = {"name": self.title, "panes": [0], "frames": [{"title": self.title}]}
+        return fragment({"title": self.title, "graphs": [self.svg], "shows": [show]}, height=460)
 
 
 def _padded(label: str) -> str:

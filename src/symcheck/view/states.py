@@ -2,119 +2,222 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.errors import UnsupportedError
-from symcheck.matrices.rows import Bools
-from symcheck.view.picture import Edge, Kind, Node, Picture
+from symcheck.check.result import Result
+from symcheck.engines.base import Engine, erased
+from symcheck.errors import UsageError
+from symcheck.matrices.rows import Bools, Int64s
+from symcheck.view.choice_graph import (
+    ChoiceGraph,
+    Source,
+    States,
+    StatesOnPath,
+    engine_of,
+    number_text,
+    refuse,
+    strategy_of,
+)
+from symcheck.view.picture import Edge, Emphasis, Kind, Node, Picture
 
 if TYPE_CHECKING:
-    from symcheck.explicit.model import ExplicitModel
+    from symcheck.check.strategies.strategy import Strategy
 
-__all__ = ["state_graph"]
+__all__ = ["draw_states", "state_graph"]
+
+_COLOURS = ("#fbe3a2", "#f6c6bd", "#c9e4c5", "#d9cdec", "#bfe3ea", "#e6d3b8")
+_NAMED = 40
+"""States up to which each is labelled with the names of its variables."""
+_WIDE = 9
+"""Layers with more states than this are drawn as columns: labels are wider than high."""
 
 
 def state_graph(
-    model: ExplicitModel,
+    model: Source,
     *,
-    marked: Bools | None = None,
+    values: Result | Sequence[float] | None = None,
+    strategy: Strategy | Result | None = None,
+    sets: Mapping[str, States] | None = None,
+    path: StatesOnPath | None = None,
+    around: States | None = None,
+    radius: int = 2,
+    marked: States | None = None,
     max_states: int = 150,
+    names: bool | None = None,
     title: str = "states",
 ) -> Picture:
     """The state graph of a model: transitions carry probabilities (rates); choices are points.
 
     Args:
-        model: an explicitly explored model.
-        marked: states that are drawn in green, bool[n].
+        model: a model, an explored model or an engine.
+        values: numbers that are written into the states: a result, or one per state, float64[n].
+        strategy: a strategy, or a result that has one; its choices are bold. A strategy with memory
+            is drawn on the product of the model with its memory.
+        sets: sets of states by name, each in a colour of its own: formulas such as "d=6", sets of
+            the engine, bool[n], or numbers of states.
+        path: states whose transitions are red: a random path, a witness, or states as tuples.
+        around: draw only states within `radius` steps, forward or backward, of these.
+        radius: see `around`.
+        marked: states that are drawn in green.
         max_states: the most states that are drawn.
+        names: write the names of variables into the states. None: up to 40 states; the legend has
+            the names otherwise.
         title: the caption.
 
     Raises:
-        UnsupportedError: the model has more than `max_states` states.
+        UnsupportedError: the picture would have more than `max_states` states.
+        UsageError: values, strategy or path do not belong to the model.
+        InputError: a formula is faulty.
+
+    Example:
+        >>> die = symcheck.load("models/die/die.pm")  # doctest: +SKIP
+        >>> view.state_graph(die, values=die.check("P=? [ F d=6 ]"), sets={"six": "d=6"})
+        ... # doctest: +SKIP
     """
-    n = len(model.states)
-    if n > max_states:
-        raise UnsupportedError(
-            f"the model has {n:,} states, and at most {max_states} are drawn\n"
-            "  hint: draw a smaller model, or raise max_states"
-        )
-    distance = _distances(model)
-    spread = 1 if model.matrix.groups is None else 2
-    initial = set(model.initial.tolist())
-    nodes = [
-        Node(f"s{s}", _state_text(model, s), spread * distance[s], _kind(s, initial, marked))
-        for s in range(n)
-    ]
-    edges = _edges(model) if model.matrix.groups is None else _choices(model, distance, nodes)
-    layers = spread * max(distance, default=0) + spread
-    return Picture(title, tuple(nodes), tuple(edges), ("",) * layers)
-
-
-def _kind(state: int, initial: set[int], marked: Bools | None) -> Kind:
-    if marked is not None and marked[state]:
-        return "marked"
-    return "initial" if state in initial else "state"
-
-
-def _state_text(model: ExplicitModel, state: int) -> str:
-    pairs = zip(model.model.variables, model.states.row(state), strict=True)
-    texts = [
-        v.name if value is True else f"!{v.name}" if value is False else f"{v.name}={value}"
-        for v, value in pairs
-    ]
-    return "\n".join(", ".join(texts[i : i + 3]) for i in range(0, len(texts), 3))
-
-
-def _rows(model: ExplicitModel, state: int) -> range:
-    groups = model.matrix.groups
-    return (
-        range(state, state + 1)
-        if groups is None
-        else range(int(groups[state]), int(groups[state + 1]))
+    engine = engine_of(model)
+    chosen = None if strategy is None else strategy_of(strategy)
+    if chosen is not None:
+        engine = erased(chosen.engine)
+        if chosen.memory is not None and values is not None:
+            raise UsageError("values cannot be drawn on the product with the memory of a strategy")
+    graph = ChoiceGraph(engine, chosen)
+    drawn, distance = _part(graph, around, radius, max_states)
+    coloured = {} if sets is None else {name: graph.members(s) for name, s in sets.items()}
+    return draw_states(
+        graph,
+        drawn,
+        distance,
+        numbers=None if values is None else [_value(v) for v in graph.numbers(values)],
+        rows=None if chosen is None else chosen.rows,
+        sets=coloured,
+        steps=() if path is None else tuple(pairwise(graph.number(s) for s in path)),
+        marked=None if marked is None else graph.members(marked),
+        named=len(drawn) <= _NAMED if names is None else names,
+        title=title,
     )
 
 
-def _entries(model: ExplicitModel, row: int) -> list[tuple[int, float]]:
-    m = model.matrix
-    part = slice(int(m.indptr[row]), int(m.indptr[row + 1]))
-    return list(zip(m.indices[part].tolist(), m.data[part].tolist(), strict=True))
+def _part(
+    graph: ChoiceGraph, around: States | None, radius: int, max_states: int
+) -> tuple[Int64s, Int64s]:
+    """The states to be drawn, and their distances. Raises UnsupportedError."""
+    engine: Engine = graph.engine
+    if around is None:
+        if engine.states > max_states:
+            raise refuse(engine.states, max_states)
+        return np.arange(engine.states), graph.distances(graph.initial, None, 1 << 62, back=False)
+    start = graph.members(around)
+    drawn = np.flatnonzero(graph.distances(start, radius, 0, back=True) >= 0)
+    if len(drawn) > max_states:
+        raise refuse(len(drawn), max_states)
+    return drawn, graph.distances(start, radius, 0, back=False)
 
 
-def _distances(model: ExplicitModel) -> list[int]:
-    """The distance of each state from the initial states, in steps."""
-    distance = np.full(len(model.states), -1)
-    layer, number = model.initial.tolist(), 0
-    while layer:
-        distance[layer] = number
-        number += 1
-        after = {t for s in layer for row in _rows(model, s) for t, _ in _entries(model, row)}
-        layer = sorted(t for t in after if distance[t] < 0)
-    return [int(d) for d in distance]
+def _value(value: object) -> str:
+    if isinstance(value, bool | np.bool_):
+        return str(bool(value)).lower()
+    return number_text(value)  # type: ignore[arg-type]
 
 
-def _edges(model: ExplicitModel) -> list[Edge]:
-    return [
-        Edge(f"s{s}", f"s{t}", f"{p:.6g}")
-        for s in range(len(model.states))
-        for t, p in _entries(model, s)
-    ]
+def draw_states(
+    graph: ChoiceGraph,
+    drawn: Int64s,
+    distance: Int64s,
+    *,
+    numbers: Sequence[str] | None = None,
+    rows: Int64s | None = None,
+    sets: Mapping[str, Bools] | None = None,
+    steps: Sequence[tuple[int, int]] = (),
+    marked: Bools | None = None,
+    named: bool = True,
+    title: str = "states",
+) -> Picture:
+    """The picture of some states of a graph.
+
+    The node of state 3 is called s3; an edge of row 5 that leads to it has the classes r5 and t3.
+
+    Args:
+        graph: the states.
+        drawn: the numbers of those that are drawn.
+        distance: the layer of each state of the graph; -1: in no layer.
+        numbers: a text for each state of the graph, below its label.
+        rows: the row that a strategy chooses in each state.
+        sets: states in a colour.
+        steps: transitions of a path.
+        marked: states in green.
+        named: write the names of variables.
+        title: the caption.
+    """
+    choices = graph.matrix.groups is not None
+    spread = 2 if choices else 1
+    layer = {s: spread * int(distance[s]) for s in drawn.tolist()}
+    keys = _colours(sets or {})
+    nodes, edges, outside = [], [], 0
+    taken = set(steps)
+    for s in drawn.tolist():
+        label = graph.text(graph.valuations[s], named=named, width=3 if named else 8)
+        if numbers is not None:
+            label += f"\n{numbers[s]}"
+        fill = next((c for c, (_, members) in keys.items() if members[s]), "")
+        nodes.append(Node(f"s{s}", label, layer[s], _kind(graph, s, marked), fill))
+        for number, choice in enumerate(graph.choices(s)):
+            emphasis: Emphasis = (
+                "" if rows is None else "chosen" if choice.row == rows[s] else "other"
+            )
+            source, row = f"s{s}", f"r{choice.row}"
+            # A choice with one successor is an edge; one with several leads to a point.
+            if choices and len(choice.successors) > 1:
+                source = f"c{s}_{number}"
+                nodes.append(Node(source, "", layer[s] + 1 if layer[s] >= 0 else -1, "choice"))
+                on_path = any((s, t) in taken for t, _ in choice.successors)
+                lead: Emphasis = "path" if on_path else emphasis
+                edges.append(Edge(f"s{s}", source, choice.action, False, lead, row))
+            rest = 0.0
+            for t, p in choice.successors:
+                if t not in layer:
+                    rest += float(p)
+                    continue
+                text = choice.action if choices and source == f"s{s}" else number_text(p)
+                kind: Emphasis = "path" if (s, t) in taken else emphasis
+                edges.append(Edge(source, f"s{t}", text, False, kind, f"{row} t{t}"))
+            if rest:
+                outside += 1
+                nodes.append(Node(f"m{choice.row}", "…", -1, "root"))
+                text = choice.action if choices and source == f"s{s}" else number_text(rest)
+                edges.append(Edge(source, f"m{choice.row}", text, True, emphasis, row))
+    widest = max(np.unique([d for d in layer.values() if d >= 0], return_counts=True)[1], default=0)
+    depth = max(layer.values(), default=0) + spread
+    return Picture(
+        title,
+        tuple(nodes),
+        tuple(edges),
+        ("",) * depth,
+        _legend(graph, named=named, outside=outside, rows=rows),
+        tuple((colour, name) for colour, (name, _) in keys.items()),
+        sideways=int(widest) > _WIDE,
+    )
 
 
-def _choices(model: ExplicitModel, distance: list[int], nodes: list[Node]) -> list[Edge]:
-    """The edges of an MDP. A choice with several successors adds a point to `nodes`."""
-    edges: list[Edge] = []
-    for s in range(len(model.states)):
-        for number, row in enumerate(_rows(model, s)):
-            action = int(model.choice_actions[row])
-            name = model.model.actions[action] if action >= 0 else ""
-            successors = _entries(model, row)
-            if len(successors) == 1:
-                edges.append(Edge(f"s{s}", f"s{successors[0][0]}", name))
-                continue
-            point = f"c{s}_{number}"
-            nodes.append(Node(point, "", 2 * distance[s] + 1, "choice"))
-            edges.append(Edge(f"s{s}", point, name))
-            edges += [Edge(point, f"s{t}", f"{p:.6g}") for t, p in successors]
-    return edges
+def _colours(sets: Mapping[str, Bools]) -> dict[str, tuple[str, Bools]]:
+    """A colour for each set. Raises UsageError if there are too many."""
+    if len(sets) > len(_COLOURS):
+        raise UsageError(f"at most {len(_COLOURS)} sets are drawn, not {len(sets)}")
+    return dict(zip(_COLOURS, sets.items(), strict=False))
+
+
+def _kind(graph: ChoiceGraph, state: int, marked: Bools | None) -> Kind:
+    if marked is not None and marked[state]:
+        return "marked"
+    return "initial" if graph.initial[state] else "state"
+
+
+def _legend(graph: ChoiceGraph, *, named: bool, outside: int, rows: Int64s | None) -> str:
+    """What the states and edges mean, as far as it is not obvious."""
+    parts = [] if named else [f"states are ({', '.join(graph.names)})"]
+    parts += ["bold: the choices of the strategy"] if rows is not None else []
+    parts += ["dashed: to states that are not drawn"] if outside else []
+    return "\n".join(parts)

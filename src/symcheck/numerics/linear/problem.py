@@ -34,6 +34,7 @@ class Progress:
     width: the distance of the bounds, or the last change of an estimate.
     lower, upper: the iterates, if the method has them (`upper` only if it is a bound); an end
       component is a single state there. They belong to the method and must not be written to.
+    policy: the row of each state that policy iteration evaluates; None for other methods.
     """
 
     method: str
@@ -42,6 +43,7 @@ class Progress:
     states: int
     lower: Numbers | None = field(default=None, compare=False, repr=False)
     upper: Numbers | None = field(default=None, compare=False, repr=False)
+    policy: Int64s | None = field(default=None, compare=False, repr=False)
 
 
 Observer = Callable[[Progress], None]

@@ -266,7 +266,11 @@ Evaluate = Callable[[LinearProblem, Settings], Solution]
 
 
 def policy_iteration(
-    local: LocalSystem, goal: float, evaluate: Evaluate, rounds: int = tuning.POLICY_ROUNDS
+    local: LocalSystem,
+    goal: float,
+    evaluate: Evaluate,
+    rounds: int = tuning.POLICY_ROUNDS,
+    observer: Callable[[int, Floats, Int32s], None] | None = None,
 ) -> Bounds | None:
     """Howard's policy iteration; the result is certified against all rows.
 
@@ -277,6 +281,8 @@ def policy_iteration(
         goal: the requested width.
         evaluate: solves the chain of a policy.
         rounds: the largest number of policies.
+        observer: receives the number of each policy, its values, and the row of each state, counted
+            from its first.
 
     Returns:
         Bounds and the policy; None if no proof is found.
@@ -296,6 +302,8 @@ def policy_iteration(
         x = evaluate(local.problem(policy, middle), accurate).middle
         if not np.all(np.isfinite(x)):
             return None
+        if observer is not None:
+            observer(count, x, (policy - first).astype(np.int32))
         rows = local.rows_of(x, middle)
         better = _improve_policy(local, policy, rows, local.mode)
         if better is None:

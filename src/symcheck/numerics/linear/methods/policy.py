@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from symcheck.errors import NumericalError
+from symcheck.matrices.rows import Floats, Int32s
 from symcheck.numerics.linear.methods.method import Solver
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.subsystem import LocalSystem, policy_iteration
 from symcheck.numerics.settings import Settings
 
@@ -35,7 +36,13 @@ def solve(
     if problem.mode == 0:
         return chains(problem, settings, observer)
     local = LocalSystem.whole(problem)
-    result = policy_iteration(local, settings.epsilon, chains)
+
+    def report(count: int, values: Floats, policy: Int32s) -> None:
+        if observer is not None:
+            rows = local.block.global_rows(policy)
+            observer(Progress("policy", count, np.inf, problem.n, values, policy=rows))
+
+    result = policy_iteration(local, settings.epsilon, chains, observer=report)
     if result is None:
         raise NumericalError(
             "policy iteration found no certificate: some strategy may collect rewards forever"

@@ -1,0 +1,203 @@
+"""What the pictures of a page share: the graphs, and the names of the nodes for states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symcheck.engines.base import Engine
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.rows import Bools, Int64s
+from symcheck.symbolic.encoding.enumerate_states import enumerate_states
+from symcheck.view.choice_graph import ChoiceGraph, HasEngine
+from symcheck.view.diagrams import shared_picture
+from symcheck.view.states import draw_states
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
+    from symcheck.symbolic.encoding.variables import Encoding
+
+__all__ = ["Board", "Marks", "SharedDiagram", "Show", "played"]
+
+Show = dict[str, Any]
+"""A sequence of frames, as `symcheck.page.document` describes it."""
+Marks = list[list[Any]]
+
+_MOST_EDGES = 2500
+"""Transitions of a state graph; Graphviz takes some seconds for more."""
+_MOST_NODES = 120
+"""Nodes of a diagram on a page."""
+_MOST_STATES = 100_000
+"""States of a model of which a part is drawn."""
+_NAMED = 40
+
+
+@dataclass(frozen=True, eq=False)
+class SharedDiagram:
+    """A picture of several diagrams: its number on the board, and the nodes of each diagram."""
+
+    graph: int | None
+    nodes: tuple[frozenset[str], ...] = ()
+
+    @property
+    def panes(self) -> list[int]:
+        """The picture, if it was not too large."""
+        return [] if self.graph is None else [self.graph]
+
+    def marks(self, number: int) -> Marks:
+        """Marks for one diagram: nodes of others are dim, nodes that the last one lacks are new."""
+        if self.graph is None:
+            return []
+        here = self.nodes[number]
+        new = here - self.nodes[number - 1] if number else frozenset()
+        others = frozenset[str]().union(*self.nodes) - here
+        return [[self.graph, "dim", sorted(others)], [self.graph, "new", sorted(new)]]
+
+
+@dataclass(frozen=True, eq=False)
+class Board:
+    """The pictures of a page.
+
+    Attributes:
+        engine: whose states are drawn; None for none.
+        max_states: the most states that are drawn: those nearest to the initial states.
+        numbers: a text in each state that leaves room for values; '' for no values.
+        graphs: the pictures as SVG.
+    """
+
+    engine: Engine | None
+    max_states: int = 150
+    numbers: str = ""
+    graphs: list[str] = field(default_factory=list)
+
+    @staticmethod
+    def of(source: object) -> Board:
+        """The pictures of a model; without states if it has too many, or is another stage."""
+        engine = source.engine if isinstance(source, HasEngine) else None
+        return Board(engine if engine is not None and engine.states <= _MOST_STATES else None)
+
+    @cached_property
+    def graph(self) -> ChoiceGraph:
+        """The states, choices and transitions."""
+        assert self.engine is not None
+        return ChoiceGraph(self.engine)
+
+    @cached_property
+    def _distances(self) -> Int64s:
+        return self.graph.distances(self.graph.initial, None, 1 << 62, back=False)
+
+    @cached_property
+    def drawn(self) -> Int64s:
+        """The numbers of the states that are drawn, ascending."""
+        nearest = np.argsort(self._distances, kind="stable")[: self.max_states]
+        entries = np.cumsum(
+            [sum(len(c.successors) for c in self.graph.choices(s)) for s in nearest]
+        )
+        return np.sort(nearest[: max(1, int((entries <= _MOST_EDGES).sum()))])
+
+    @cached_property
+    def named(self) -> bool:
+        """Whether states are labelled with the names of variables."""
+        return len(self.drawn) <= _NAMED
+
+    @cached_property
+    def panes(self) -> list[int]:
+        """The number of the state graph, drawn when it is first used; none without states."""
+        if self.engine is None:
+            return []
+        numbers = [self.numbers] * self.engine.states if self.numbers else None
+        picture = draw_states(
+            self.graph, self.drawn, self._distances, numbers=numbers, named=self.named
+        )
+        self.graphs.append(picture.svg)
+        return [len(self.graphs) - 1]
+
+    def nodes(self, states: Bdd, manager: DiagramManager, encoding: Encoding) -> list[str]:
+        """The nodes of a set of reachable states, over row bits."""
+        if self.engine is None:
+            return []
+        codes = encoding.codes(enumerate_states(manager, states, encoding.rows))
+        kinds = [v.is_bool for v in encoding.variables]
+        found = [
+            self.graph.number(tuple(bool(x) if b else x for x, b in zip(row, kinds, strict=True)))
+            for row in codes.tolist()
+        ]
+        return [f"s{s}" for s in found if s in self._drawn]
+
+    @cached_property
+    def _drawn(self) -> frozenset[int]:
+        return frozenset(self.drawn.tolist())
+
+    def names(self, members: Bools) -> list[str]:
+        """The nodes of a set of states, bool[states]."""
+        return [f"s{s}" for s in self.drawn[members[self.drawn]].tolist()]
+
+    def marks(self, name: str, nodes: Sequence[str]) -> Marks:
+        """A mark of the state graph."""
+        return [[pane, name, list(nodes)] for pane in self.panes]
+
+    def diagram(
+        self,
+        diagrams: Sequence[Bdd | Mtbdd],
+        encoding: Encoding,
+        *,
+        bits: bool = False,
+        title: str = "diagram",
+    ) -> SharedDiagram:
+        """Draw diagrams on one picture, unless it is too large."""
+        try:
+            picture, roots = shared_picture(
+                diagrams, encoding, max_nodes=_MOST_NODES, bits=bits, title=title
+            )
+        except UnsupportedError:
+            return SharedDiagram(None)
+        self.graphs.append(picture.svg)
+        children: dict[str, list[str]] = {}
+        for edge in picture.edges:
+            children.setdefault(edge.source, []).append(edge.target)
+        nodes = []
+        for root in roots:
+            seen, todo = {root}, [root]
+            while todo:
+                new = set(children.get(todo.pop(), ())) - seen
+                seen |= new
+                todo += new
+            nodes.append(frozenset(seen))
+        return SharedDiagram(len(self.graphs) - 1, tuple(nodes))
+
+    def data(self) -> dict[str, Any]:
+        """The graphs, and the states that are drawn, for `symcheck.page.document`."""
+        if self.engine is None:
+            return {"graphs": self.graphs}
+        place = {s: i for i, s in enumerate(self.drawn.tolist())}
+        rows = [
+            [
+                [c.row, c.action, [[place.get(t, -1), float(p)] for t, p in c.successors]]
+                for c in self.graph.choices(s)
+            ]
+            for s in place
+        ]
+        states = [
+            self.graph.text(self.graph.valuations[s], named=True, width=1 << 30) for s in place
+        ]
+        model = {
+            "kind": self.engine.model.type.name,
+            "ids": list(place),
+            "states": states,
+            "rows": rows,
+            "initial": [
+                place[s] for s in np.flatnonzero(self.graph.initial).tolist() if s in place
+            ],
+            "strategies": [],
+        }
+        (pane,) = self.panes
+        return {"graphs": self.graphs, "states": pane, "valued": bool(self.numbers), "model": model}
+
+
+def played(board: Board, show: Show) -> dict[str, Any]:
+    """The data of a page with one sequence of frames."""
+    return {"title": show["name"], "shows": [show], **board.data()}

@@ -1,0 +1,350 @@
+"""A page of a model: text, state graph, simulator, diagrams, and a player for each stage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, Unpack
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.path_formulas import UntilPath, resolve
+from symcheck.check.property_instance import PropertyInstance
+from symcheck.check.result import Result, show_value
+from symcheck.check.state_formulas import states_of
+from symcheck.constant_values import GivenConstants, constant_values
+from symcheck.direction import Direction
+from symcheck.engines.base import Engine
+from symcheck.errors import SymcheckError, UsageError
+from symcheck.options import MethodName, Options, OptionValues
+from symcheck.page.document import document, fragment
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import ModelType, ProbabilityOperator
+from symcheck.syntax.declarations import Program, PropertiesFile
+from symcheck.syntax.parse import parse_properties, parse_properties_file
+from symcheck.syntax.printer import pretty
+from symcheck.teach.board import Board, Show
+from symcheck.teach.construction import construction, construction_show
+from symcheck.teach.fixpoints import fixpoint_show, prob0, prob1
+from symcheck.teach.frontiers import frontiers, search_show
+from symcheck.teach.source import symbolic_engine
+from symcheck.teach.vectors import until_show, until_trace
+
+if TYPE_CHECKING:
+    from symcheck.dd.manager import Bdd, Mtbdd
+    from symcheck.engines.symbolic.engine import SymbolicEngine
+
+__all__ = ["Page", "PageModel", "model_page"]
+
+_MOST_DIAGRAM_STATES = 20_000
+"""States up to which a page has the stages on diagrams."""
+_MOST_STEPS = 3000
+"""Iterations of a method that are computed for a page."""
+
+
+class PageModel(Protocol):
+    """What a page needs of a model: `symcheck.Model`."""
+
+    @property
+    def program(self) -> Program:
+        """The parsed text."""
+        ...
+
+    @property
+    def bound(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    @property
+    def options(self) -> Options:
+        """How it is built and checked."""
+        ...
+
+    @property
+    def engine(self) -> Engine:
+        """The built model."""
+        ...
+
+    def with_options(self, **options: Unpack[OptionValues]) -> PageModel:
+        """The model with other options."""
+        ...
+
+    def check_instance(self, instance: PropertyInstance) -> Result:
+        """Check a property."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Page:
+    """A page to step through. It draws itself in a notebook.
+
+    Attributes:
+        data: its content (see `symcheck.page.document`).
+    """
+
+    data: Mapping[str, Any] = field(repr=False)
+
+    @property
+    def html(self) -> str:
+        """The page as one HTML file that needs no network."""
+        return document(self.data)
+
+    def save(self, path: str | Path) -> None:
+        """Write the page. Raises UsageError if it cannot be written."""
+        try:
+            Path(path).write_text(self.html, encoding="utf-8")
+        except OSError as error:
+            raise UsageError(f"cannot write {path}: {error.strerror}") from None
+
+    def __repr__(self) -> str:
+        return f"<Page: {self.data['title']}, {len(self.data['shows'])} pictures and players>"
+
+    def _repr_html_(self) -> str:
+        return fragment(self.data, height=760)
+
+
+def model_page(
+    model: PageModel,
+    properties: str | Path | PropertiesFile | Sequence[str] = (),
+    constants: GivenConstants | str | None = None,
+    *,
+    max_states: int = 500,
+    title: str = "",
+) -> Page:
+    """A page of a model and its properties.
+
+    The model is explored state by state, and its properties are checked in all states.
+
+    Args:
+        model: the model.
+        properties: a text or texts, a file (a Path), or a parsed file.
+        constants: one value for each constant that the properties leave open.
+        max_states: the most states that are drawn, those nearest to the initial states.
+        title: the heading; '' for the names of the modules.
+
+    Raises:
+        SymcheckError: the model cannot be built, or the properties cannot be read. A property that
+            cannot be checked is on the page with its error.
+
+    Example:
+        >>> model_page(model, "P=? [ F d=6 ]").save("die.html")  # doctest: +SKIP
+    """
+    bound = model.bound
+    explicit = model.with_options(
+        engine="explicit",
+        bisim=False,
+        reduce=False,
+        order=None,
+        everywhere=True,
+        strategy=bound.type is ModelType.MDP and not model.options.exact,
+    )
+    file = _properties(properties)
+    given = constant_values(constants)
+    instances = [PropertyInstance(file, i, given) for i in range(len(file.properties))]
+    numbers = "0.0000…0.0000" if instances else ""
+    writer = _Writer(explicit, Board(explicit.engine, max_states, numbers))
+    return writer.page(instances, title or " ".join(m.name for m in model.program.modules))
+
+
+def _properties(properties: str | Path | PropertiesFile | Sequence[str]) -> PropertiesFile:
+    match properties:
+        case PropertiesFile():
+            return properties
+        case Path():
+            return parse_properties_file(properties)
+        case str():
+            return parse_properties(properties)
+        case _:
+            return parse_properties("\n".join(properties))
+
+
+@dataclass(frozen=True, eq=False)
+class _Writer:
+    """Collects what a page shows. `model` is explicit."""
+
+    model: PageModel
+    board: Board
+    shows: list[Show] = field(default_factory=list)
+    strategies: list[dict[str, Any]] = field(default_factory=list)
+
+    def page(self, instances: Sequence[PropertyInstance], title: str) -> Page:
+        board, engine, bound = self.board, self.model.engine, self.model.bound
+        drawn, total = len(board.drawn), engine.states
+        left_out = (
+            ""
+            if drawn == total
+            else f"The page shows the {drawn} states of {total:,} that are nearest to the "
+            "initial states. Results are those of the whole model."
+        )
+        states = {"title": f"{drawn} states", "note": left_out}
+        shows = self.shows
+        shows.append(self._on_states("State graph", "", states))
+        properties = [self._property(instance) for instance in instances]
+        how = "Take a transition by its button, or let chance or a strategy choose (→, Space)."
+        shows.insert(1, {**self._on_states("Simulator", how, {}), "play": "simulator"})
+        shows[1]["keys"] = [
+            ["now", "current state"],
+            ["in", "visited"],
+            ["taken", "last transition"],
+        ]
+        for entry in properties:
+            entry["show"] = None if entry["show"] is None else entry["show"] + 1
+        if bound.events and total <= _MOST_DIAGRAM_STATES:
+            shows.extend(self._stages(instances))
+        choices = {} if bound.type is not ModelType.MDP else {"choices": f"{engine.choices:,}"}
+        facts = {
+            "type": bound.type.name,
+            "states": f"{total:,}",
+            **choices,
+            "transitions": f"{engine.transitions:,}",
+            "constants": ", ".join(f"{n}={v}" for n, v in bound.constants.items()),
+            "left out": left_out,
+        }
+        data = board.data()
+        data["model"]["strategies"] = self.strategies
+        return Page(
+            {
+                "title": title,
+                "facts": [[name, text] for name, text in facts.items() if text],
+                "text": _text(self.model.program) if bound.events else "",
+                "properties": properties,
+                "shows": shows,
+                **data,
+            }
+        )
+
+    def _on_states(self, name: str, note: str, frame: Mapping[str, Any]) -> Show:
+        return {"name": name, "note": note, "panes": self.board.panes, "frames": [frame]}
+
+    def _property(self, instance: PropertyInstance) -> dict[str, Any]:
+        """The line of a property; its values become a picture."""
+        title = instance.title
+        try:
+            result = self.model.check_instance(instance)
+        except SymcheckError as error:
+            return {"text": title, "value": "error", "detail": str(error), "show": None}
+        detail = "; ".join(filter(None, (str(result.accuracy), result.explanation)))
+        value = show_value(result.value)
+        entry: dict[str, Any] = {"text": title, "value": value, "detail": detail, "show": None}
+        frame = self._values(instance, result)
+        if frame is not None:
+            entry["show"] = len(self.shows)
+            show = self._on_states("Values", "", {**frame, "title": str(result)})
+            show["group"] = title
+            keys = {
+                "rows": ["chosen", "the strategy"],
+                "marks": ["in", "the states where it holds"],
+            }
+            show["keys"] = [key for part, key in keys.items() if part in frame]
+            self.shows.append(show)
+        return entry
+
+    def _values(self, instance: PropertyInstance, result: Result) -> dict[str, Any] | None:
+        """What a result says about the states."""
+        engine, drawn = self.board.engine, self.board.drawn
+        assert engine is not None
+        if result.satisfying is not None:
+            names = self.board.names(engine.to_bools(result.satisfying))
+            return {"marks": self.board.marks("in", names)}
+        if result.values is None:
+            return None
+        low, high = result.values.at(engine.all)
+        middle = [_plain((a + b) / 2 if a != b else a) for a, b in zip(low, high, strict=True)]
+        frame: dict[str, Any] = {"low": [middle[s] for s in drawn.tolist()]}
+        if result.strategy is not None and result.strategy.memory is None:
+            frame["rows"] = [int(result.strategy.rows[s]) for s in drawn.tolist()]
+            self.strategies.append(
+                {"name": instance.title, "rows": frame["rows"], "values": frame["low"]}
+            )
+        return frame
+
+    def _stages(self, instances: Sequence[PropertyInstance]) -> Iterator[Show]:
+        """The stages on diagrams, and those of each property."""
+        board = self.board
+        engine = symbolic_engine(self.model)
+        space = engine.space
+        encoding = space.symbolic.encoding
+        yield search_show(list(frontiers(space.symbolic)), board)
+        yield construction_show(list(construction(space, self.model.options)), board)
+        pictures: dict[str, Bdd | Mtbdd] = {"Reachable states": space.states}
+        roots = list(engine.diagrams.roots)
+        for i, root in enumerate(roots):
+            pictures[f"Matrix, choice class {i + 1}" if len(roots) > 1 else "Matrix"] = root
+        for name, diagram in pictures.items():
+            for bits, how in ((False, "variables"), (True, "bits")):
+                drawn = board.diagram([diagram], encoding, bits=bits, title=name)
+                count = f"{diagram.node_count} nodes with the leaf 0"
+                note = count if drawn.panes else f"{count}: too many to be drawn."
+                frame = {"title": name, "note": note}
+                yield {
+                    "name": f"{name} as a diagram ({how})",
+                    "panes": drawn.panes,
+                    "frames": [frame],
+                }
+        for instance in instances:
+            for show in self._until(instance, engine):
+                yield {**show, "group": instance.title}
+
+    def _until(self, instance: PropertyInstance, symbolic: SymbolicEngine) -> Iterator[Show]:
+        """prob0, prob1, value and policy iteration for a property `P [ left U right ]`."""
+        try:
+            yield from self._until_stages(instance, symbolic)
+        except SymcheckError as error:
+            frame = {"title": "This trace ended with an error.", "note": str(error)}
+            yield self._on_states("Trace", "", frame)
+
+    def _until_stages(self, instance: PropertyInstance, symbolic: SymbolicEngine) -> Iterator[Show]:
+        bound, labels = instance.bind(self.model.bound)
+        formula = bound.formula
+        if not isinstance(formula, ProbabilityOperator):
+            return
+        explicit, of = self.board.engine, ""
+        assert explicit is not None
+        direction = _direction(formula, self.model.bound)
+        context = Context(explicit, self.model.options, labels)
+        path = resolve(formula.path, states_of(context), explicit)
+        if not isinstance(path, UntilPath) or not path.window.trivial:
+            return
+        if path.negative:
+            direction = direction and direction.dual
+            of = " of the complement"
+        # Both engines number the states lexicographically.
+        left, right = (symbolic.from_bools(explicit.to_bools(s)) for s in (path.left, path.right))
+        for question, trace in (("prob0", prob0), ("prob1", prob1)):
+            frames = list(trace(symbolic, left, right, direction))
+            yield fixpoint_show(f"{question}{of}", frames, symbolic, self.board)
+        methods: dict[MethodName, str] = {"interval": "Interval iteration"}
+        if direction is not None:
+            methods["policy"] = "Policy iteration"
+        for method, what in methods.items():
+            options = Options(method=method, epsilon=1e-4)
+            seen = until_trace(
+                explicit, path.left, path.right, options, direction, max_steps=_MOST_STEPS
+            )
+            yield until_show(f"{what}{of}", seen, self.board)
+
+
+def _direction(formula: ProbabilityOperator, model: BoundModel) -> Direction | None:
+    """The direction of an operator; that of a bound is the one that decides it."""
+    if model.type is not ModelType.MDP:
+        return None
+    if formula.direction is not None:
+        return Direction(formula.direction)
+    if formula.bound is None:
+        return None
+    return Direction.MIN if formula.bound.operator in (">", ">=") else Direction.MAX
+
+
+def _plain(value: float | Fraction | np.floating[Any]) -> float | str:
+    """A number with six digits, or the text of one that JSON does not have."""
+    number = float(value)
+    return float(f"{number:.6g}") if isfinite(number) else "∞" if number > 0 else str(number)
+
+
+def _text(program: Program) -> str:
+    """The text of the model, as it was read if it is known."""
+    return program.span.source.text or pretty(program)

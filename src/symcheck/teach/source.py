@@ -1,0 +1,69 @@
+"""What traces accept: a model, or one of the stages that it is built by."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from symcheck.engines.base import Engine
+from symcheck.engines.symbolic.engine import SymbolicEngine
+from symcheck.options import Options
+from symcheck.semantics.model import BoundModel
+from symcheck.symbolic.build import build, construct
+from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
+from symcheck.symbolic.reachability.search import reach
+
+__all__ = [
+    "GivenModel",
+    "bound_of",
+    "encoded",
+    "state_space",
+    "symbolic_engine",
+    "transitions_of",
+]
+
+
+@runtime_checkable
+class GivenModel(Protocol):
+    """A model with its options: `symcheck.Model`."""
+
+    @property
+    def bound(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    @property
+    def options(self) -> Options:
+        """How it is built."""
+        ...
+
+    @property
+    def engine(self) -> Engine:
+        """The built model."""
+        ...
+
+
+def bound_of(source: GivenModel | BoundModel) -> BoundModel:
+    """The bound model."""
+    return source if isinstance(source, BoundModel) else source.bound
+
+
+def encoded(source: GivenModel | SymbolicModel) -> SymbolicModel:
+    """The encoded model."""
+    return source if isinstance(source, SymbolicModel) else build(source.bound, source.options)
+
+
+def state_space(source: GivenModel | StateSpace) -> StateSpace:
+    """The reachable states."""
+    return source if isinstance(source, StateSpace) else reach(encoded(source))
+
+
+def transitions_of(source: GivenModel | Transitions) -> Transitions:
+    """The matrix as a diagram."""
+    return source if isinstance(source, Transitions) else construct(source.bound, source.options)
+
+
+def symbolic_engine(source: GivenModel | SymbolicEngine) -> SymbolicEngine:
+    """An engine with diagrams."""
+    from symcheck.engines.symbolic.mtbdd import MtbddEngine
+
+    return MtbddEngine.of(transitions_of(source)) if isinstance(source, GivenModel) else source

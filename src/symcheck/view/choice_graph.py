@@ -1,0 +1,288 @@
+"""States, choices and transitions as Python values: what pictures, pages and simulators show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.result import Result
+from symcheck.check.state_formulas import satisfying
+from symcheck.engines.base import Engine, EngineOf, S, StateSet, V, erased
+from symcheck.engines.capabilities import HasActions
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.errors import UnsupportedError, UsageError
+from symcheck.explicit.model import ExplicitModel
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
+from symcheck.options import Options
+from symcheck.semantics.binding.bind import bind_properties
+from symcheck.semantics.expressions.literals import format_value
+from symcheck.simulate.path import PathStep
+from symcheck.syntax.parse import parse_properties
+
+if TYPE_CHECKING:
+    from symcheck.check.strategies.strategy import Strategy
+
+__all__ = [
+    "Choice",
+    "ChoiceGraph",
+    "HasEngine",
+    "Source",
+    "States",
+    "StatesOnPath",
+    "engine_of",
+    "number_text",
+    "refuse",
+    "set_of",
+    "strategy_of",
+]
+
+State = tuple[bool | int, ...]
+States = str | StateSet | Bools | Sequence[int]
+"""A set of states: a formula such as 'd=6' or '"done"', a set of the engine, bool[states], or
+numbers of states.
+"""
+StatesOnPath = Iterable[PathStep | State | Mapping[str, Any] | int]
+
+
+@runtime_checkable
+class HasEngine(Protocol):
+    """A model that builds its engine: `symcheck.Model`."""
+
+    @property
+    def engine(self) -> Engine:
+        """The built model."""
+        ...
+
+
+Source = HasEngine | ExplicitModel | Engine
+"""Where states come from: a model, an explored model, or an engine."""
+
+
+def engine_of(source: Source) -> Engine:
+    """The engine of a model; an explored model becomes one."""
+    if isinstance(source, ExplicitModel):
+        return erased(ExplicitEngine(source))
+    return source.engine if isinstance(source, HasEngine) else source
+
+
+def set_of(engine: EngineOf[S, V], states: str | S) -> S:
+    """The states that satisfy a formula, such as 'd=6' or '"done"'; a set as it is.
+
+    Raises InputError.
+    """
+    if not isinstance(states, str):
+        return states
+    formula = bind_properties(parse_properties(states), engine.model, {}).properties[0].formula
+    whole = erased(engine)
+    return cast(S, satisfying(Context(whole, Options()), formula, whole.all))
+
+
+def number_text(value: float | Fraction) -> str:
+    """A number with four significant digits; a rational with a short text as it is."""
+    if isinstance(value, Fraction) and len(str(value)) <= 9:
+        return str(value)
+    return f"{float(value):.4g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A row of the matrix: its number, its action, and pairs (successor, probability or rate)."""
+
+    row: int
+    action: str
+    successors: tuple[tuple[int, float | Fraction], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ChoiceGraph:
+    """The states of an engine with their choices.
+
+    Attributes:
+        engine: the engine; states have its numbers.
+        strategy: a strategy on this engine, whose memory is then a part of the states.
+    """
+
+    engine: Engine
+    strategy: Strategy | None = None
+
+    @cached_property
+    def matrix(self) -> SparseMatrix:
+        """Probabilities or rates of all states."""
+        return self.engine.system(self.engine.all).matrix
+
+    @cached_property
+    def _starts(self) -> Int64s:
+        groups = self.matrix.groups
+        return np.arange(self.engine.states + 1) if groups is None else groups
+
+    @cached_property
+    def _entries(self) -> tuple[Int64s, Int64s]:
+        """The states from and to which each entry of the matrix leads."""
+        per_state = np.diff(self.matrix.indptr[self._starts])
+        return np.repeat(np.arange(self.engine.states), per_state), np.asarray(
+            self.matrix.indices, np.int64
+        )
+
+    @cached_property
+    def _actions(self) -> list[str] | None:
+        """The action of each row of an MDP."""
+        having = self.engine.capability(HasActions)
+        if self.matrix.groups is None or having is None:
+            return None
+        names = self.engine.model.actions
+        return [names[a] if a >= 0 else "" for a in having.row_actions().tolist()]
+
+    @cached_property
+    def initial(self) -> Bools:
+        """The initial states."""
+        return self.engine.to_bools(self.engine.initial)
+
+    @cached_property
+    def valuations(self) -> list[State]:
+        """The values of the variables in each state."""
+        engine, strategy = self.engine, self.strategy
+        return list(engine.valuations(engine.all) if strategy is None else strategy.states())
+
+    @cached_property
+    def _numbers(self) -> dict[State, int]:
+        return {state: i for i, state in enumerate(self.valuations)}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The variables of a state."""
+        return tuple(v.name for v in self.engine.model.variables)
+
+    def choices(self, state: int) -> list[Choice]:
+        """The choices of a state."""
+        m, found = self.matrix, []
+        for row in range(int(self._starts[state]), int(self._starts[state + 1])):
+            part = slice(int(m.indptr[row]), int(m.indptr[row + 1]))
+            successors = zip(m.indices[part].tolist(), m.data[part].tolist(), strict=True)
+            action = "" if self._actions is None else self._actions[row]
+            found.append(Choice(row, action, tuple(successors)))
+        return found
+
+    def number(self, state: PathStep | State | Mapping[str, Any] | int) -> int:
+        """The number of a state. Raises UsageError if it is not reachable."""
+        match state:
+            case int():
+                return state
+            case PathStep():
+                values = tuple(state.state)
+            case Mapping():
+                values = tuple(state[name] for name in self.names)
+            case _:
+                values = tuple(state)
+        if values not in self._numbers:
+            raise UsageError(f"{values} is not a reachable state of ({', '.join(self.names)})")
+        return self._numbers[values]
+
+    def members(self, states: States) -> Bools:
+        """Membership of each state, bool[states]. Raises InputError for a faulty formula."""
+        if not isinstance(states, str) and isinstance(states, Sequence | np.ndarray):
+            array = np.asarray(states)
+            if array.dtype == bool:
+                return array
+            mask = np.zeros(self.engine.states, bool)
+            mask[array.astype(np.int64)] = True
+            return mask
+        return self.engine.to_bools(set_of(self.engine, states))
+
+    def numbers(self, values: Result | Sequence[float]) -> Sequence[float | Fraction | bool]:
+        """A number for each state.
+
+        Args:
+            values: a result with values or with a set of states, or a number for each state.
+
+        Raises:
+            UsageError: there are none, or they belong to other states.
+        """
+        if not isinstance(values, Result):
+            found: list[Any] = list(values)
+            if len(found) == self.engine.states:
+                return found
+            raise UsageError(f"{self.engine.states:,} values are expected, not {len(found):,}")
+        on = values.engine or self.engine
+        if values.values is not None:
+            low, high = values.values.at(on.all)
+            found = [a if a == b else (a + b) / 2 for a, b in zip(low, high, strict=True)]
+        elif values.satisfying is not None:
+            found = on.to_bools(values.satisfying).tolist()
+        else:
+            raise UsageError("this result has no values of states")
+        if on is self.engine:
+            return found
+        if on.states != self.engine.states:
+            raise UsageError(
+                "the values belong to the states of another model\n"
+                "  hint: check without the options bisim and reduce"
+            )
+        known = dict(zip(on.valuations(on.all), found, strict=True))
+        return [known[state] for state in self.valuations]
+
+    def distances(self, start: Bools, radius: int | None, limit: int, *, back: bool) -> Int64s:
+        """The number of steps from the states `start`; -1 beyond the radius, or unreachable.
+
+        Args:
+            start: where steps begin, bool[states].
+            radius: the most steps. None: as many as keep the states within the limit.
+            limit: see `radius`.
+            back: take transitions in both directions.
+        """
+        source, target = self._entries
+        distance = np.where(start, 0, -1)
+        step, frontier = 0, start
+        while frontier.any() and (radius is None or step < radius):
+            step += 1
+            found = np.zeros_like(start)
+            found[target[frontier[source]]] = True
+            if back:
+                found[source[frontier[target]]] = True
+            frontier = found & (distance < 0)
+            if radius is None and int((distance >= 0).sum() + frontier.sum()) > limit:
+                break
+            distance[frontier] = step
+        return distance
+
+    def text(self, state: Sequence[bool | int], *, named: bool, width: int) -> str:
+        """A state in lines of `width` values: 's=0, !b', or without names '0, f'."""
+        short = {True: "t", False: "f"}
+        texts = (
+            [short[v] if isinstance(v, bool) else str(v) for v in state]
+            if not named
+            else [
+                (n if v else f"!{n}") if isinstance(v, bool) else f"{n}={format_value(v)}"
+                for n, v in zip((*self.names, "memory"), state, strict=False)
+            ]
+        )
+        lines = [
+            (", " if named else ",").join(texts[i : i + width]) for i in range(0, len(texts), width)
+        ]
+        return "\n".join(lines) or "state"
+
+
+def strategy_of(found: Strategy | Result) -> Strategy:
+    """A strategy, or that of a result. Raises UsageError if it has none."""
+    if not isinstance(found, Result):
+        return found
+    if found.strategy is None:
+        raise UsageError(
+            "this result has no strategy\n"
+            "  hint: check Pmin, Pmax, Rmin or Rmax of an MDP with the option strategy=True"
+        )
+    strategy: Strategy = found.strategy
+    return strategy
+
+
+def refuse(count: int, limit: int) -> UnsupportedError:
+    """The error for a graph that is too large to be drawn."""
+    return UnsupportedError(
+        f"the picture would have {count:,} states, and at most {limit} are drawn\n"
+        "  hint: draw a part with around='FORMULA', radius=2, a smaller model, or raise max_states"
+    )
