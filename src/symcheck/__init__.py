@@ -9,65 +9,76 @@ The names here are looked up when they are used, so that importing symcheck cost
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
-_HOME = {
-    "BoundModel": "symcheck.semantics.model",
-    "Engine": "symcheck.engines.base",
-    "Model": "symcheck.api",
-    "Options": "symcheck.options",
-    "Result": "symcheck.check.result",
-    "SymcheckError": "symcheck.errors",
-    "bind": "symcheck.semantics.binding.bind",
-    "bind_properties": "symcheck.semantics.binding.bind",
-    "build": "symcheck.symbolic.build",
-    "explore": "symcheck.explicit.build",
-    "export": "symcheck.exchange.api_io",
-    "from_function": "symcheck.exchange.from_function",
-    "from_matrix": "symcheck.exchange.from_matrix",
-    "load": "symcheck.api",
-    "load_explicit": "symcheck.exchange.api_io",
-    "loads": "symcheck.api",
-    "parse_model": "symcheck.syntax.parse",
-    "parse_model_file": "symcheck.syntax.parse",
-    "parse_properties": "symcheck.syntax.parse",
-    "parse_properties_file": "symcheck.syntax.parse",
-    "pretty": "symcheck.syntax.printer",
-    "reach": "symcheck.symbolic.reachability.search",
+if TYPE_CHECKING:
+    from symcheck import experiment as experiment
+    from symcheck import teach as teach
+    from symcheck import view as view
+    from symcheck.api import Model as Model
+    from symcheck.api import load as load
+    from symcheck.api import loads as loads
+    from symcheck.check.result import Result as Result
+    from symcheck.check.state_distributions import Distribution as Distribution
+    from symcheck.engines.base import Engine as Engine
+    from symcheck.engines.explicit.strategy import Strategy as Strategy
+    from symcheck.engines.states import State as State
+    from symcheck.engines.states import States as States
+    from symcheck.errors import SymcheckError as SymcheckError
+    from symcheck.exchange.api_io import export as export
+    from symcheck.exchange.api_io import load_explicit as load_explicit
+    from symcheck.exchange.from_function import from_function as from_function
+    from symcheck.exchange.from_matrix import from_matrix as from_matrix
+    from symcheck.explicit.build import explore as explore
+    from symcheck.options import Options as Options
+    from symcheck.semantics.binding.bind import bind as bind
+    from symcheck.semantics.binding.bind import bind_properties as bind_properties
+    from symcheck.semantics.model import BoundModel as BoundModel
+    from symcheck.symbolic.build import build as build
+    from symcheck.symbolic.reachability.search import reach as reach
+    from symcheck.syntax.parse import parse_model as parse_model
+    from symcheck.syntax.parse import parse_model_file as parse_model_file
+    from symcheck.syntax.parse import parse_properties as parse_properties
+    from symcheck.syntax.parse import parse_properties_file as parse_properties_file
+    from symcheck.syntax.printer import pretty as pretty
+
+_MODULES = {
+    "api": "Model load loads",
+    "check.result": "Result",
+    "check.state_distributions": "Distribution",
+    "engines.explicit.strategy": "Strategy",
+    "engines.base": "Engine",
+    "engines.states": "State States",
+    "errors": "SymcheckError",
+    "exchange.api_io": "export load_explicit",
+    "exchange.from_function": "from_function",
+    "exchange.from_matrix": "from_matrix",
+    "experiment": "",
+    "explicit.build": "explore",
+    "options": "Options",
+    "semantics.binding.bind": "bind bind_properties",
+    "semantics.model": "BoundModel",
+    "symbolic.build": "build",
+    "symbolic.reachability.search": "reach",
+    "syntax.parse": "parse_model parse_model_file parse_properties parse_properties_file",
+    "syntax.printer": "pretty",
+    "teach": "",
+    "view": "",
 }
+"""The names of each module; none for a package that is a name itself."""
+_HOME = {name: module for module, names in _MODULES.items() for name in names.split() or [module]}
 
 __version__ = "0.2.0"
-__all__ = [
-    "BoundModel",
-    "Engine",
-    "Model",
-    "Options",
-    "Result",
-    "SymcheckError",
-    "__version__",
-    "bind",
-    "bind_properties",
-    "build",
-    "explore",
-    "export",
-    "from_function",
-    "from_matrix",
-    "load",
-    "load_explicit",
-    "loads",
-    "parse_model",
-    "parse_model_file",
-    "parse_properties",
-    "parse_properties_file",
-    "pretty",
-    "reach",
-]
+__all__ = [*_HOME, "__version__"]
 
 
-def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        return getattr(import_module(_HOME[name]), name)
-    raise AttributeError(f"module 'symcheck' has no attribute '{name}'")
+if not TYPE_CHECKING:  # a type checker reports unknown names
+
+    def __getattr__(name):
+        if name not in _HOME:
+            raise AttributeError(f"module 'symcheck' has no attribute '{name}'")
+        module = import_module(f"symcheck.{_HOME[name]}")
+        return module if _HOME[name] == name else getattr(module, name)
 
 
 def __dir__() -> list[str]:

@@ -7,12 +7,14 @@ same methods.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from inspect import Parameter, signature
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, Unpack
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar, Unpack, cast
 
 from symcheck.check.checker import check
 from symcheck.check.property_instance import (
@@ -25,13 +27,24 @@ from symcheck.check.result import Result
 from symcheck.constant_values import ConstantValue, GivenConstants, constant_values
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
+from symcheck.engines.states import Named, States
 from symcheck.errors import UsageError
+from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options, OptionValues, make_options
-from symcheck.semantics.binding.bind import BoundProperties, BoundProperty, bind, bind_properties
+from symcheck.semantics.binding.bind import (
+    BoundProperties,
+    BoundProperty,
+    bind,
+    bind_properties,
+    check_constant_names,
+    undefined_constants,
+)
+from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.literals import as_expression
-from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import ModelType
+from symcheck.semantics.model import BoundModel, Value, Variable
+from symcheck.semantics.rewards import Structure
+from symcheck.syntax.ast import ModelType, Type
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import (
     parse_model,
@@ -41,8 +54,12 @@ from symcheck.syntax.parse import (
 )
 
 if TYPE_CHECKING:
+    from networkx import DiGraph
+    from scipy.sparse import csr_array
+
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.check.state_distributions import Distribution
+    from symcheck.engines.transition_table import TransitionTable
     from symcheck.matrices.rows import Floats
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
     from symcheck.simulate.path import Path as RandomPath
@@ -51,10 +68,36 @@ if TYPE_CHECKING:
     from symcheck.simulate.steps import Steps
     from symcheck.teach.model_page import Page
 
-__all__ = ["Model", "ReducedModel", "load", "loads", "takes_options"]
+__all__ = [
+    "Model",
+    "ModelTypeName",
+    "ReducedModel",
+    "StructureRewards",
+    "load",
+    "loads",
+    "model_type",
+    "takes_options",
+]
 
 F = TypeVar("F", bound=Callable[..., object])
 Observer = Callable[[object], None]
+ModelTypeName = Literal["dtmc", "ctmc", "mdp"]
+
+_FILE_NAME = re.compile(r"[^\s\[\]]+\.(pctl|csl|ltl|props|prop|prctl)")
+"""A text that names a file of properties and is none itself."""
+
+
+class StructureRewards(NamedTuple):
+    """A reward structure as arrays: float64, or rationals.
+
+    Attributes:
+        states: the reward of each state (per unit of time in a CTMC).
+        choices: the expected transition reward of each choice, a row of the matrix (per unit of
+            time in a CTMC).
+    """
+
+    states: Numbers
+    choices: Numbers
 
 
 def takes_options(function: F) -> F:
@@ -73,36 +116,57 @@ def takes_options(function: F) -> F:
 class Model:
     """A model with the constants and options that it is checked with.
 
+    `states`, `transitions`, `matrix`, `labels`, `rewards` and `where` show the built model.
     `bound` and `engine` are the stages of the path from text to result; each is made when it is
     first used. With the option `reduce`, properties are checked on a smaller model, made for each
     `check` (or `check_all`); `engine` is that of the whole model.
 
     Args:
         program: the parsed text.
-        constants: one value for each constant that the text leaves open.
+        given_constants: one value for each constant that the text leaves open.
         options: how the model is built and checked.
         type: read the model as this type, whatever its keyword says.
         observer: is told of the progress of building, and of the choice of an engine.
     """
 
     program: Program
-    constants: GivenConstants
+    given_constants: GivenConstants
     options: Options
     type: ModelType | None = None
     observer: Observer | None = None
 
     def __repr__(self) -> str:
-        given = "".join(f", {n}={v}" for n, v in self.constants.items())
-        kind = self.type or self.program.type or ModelType.MDP
+        given = "".join(f", {n}={v}" for n, v in self.given_constants.items())
         modules = " ".join(m.name for m in self.program.modules)
-        return f"<Model: {kind.value}, modules {modules}{given}>"
+        return f"<Model: {self._kind.value}, modules {modules}{given}>"
+
+    @property
+    def _kind(self) -> ModelType:
+        return self.type or self.program.type or ModelType.MDP
+
+    def _repr_html_(self) -> str:
+        from symcheck.tables import Table
+
+        given = [f"{n}={v}" for n, v in self.given_constants.items()]
+        rows = [
+            ("type", [self._kind.value]),
+            ("modules", [m.name for m in self.program.modules]),
+            ("constants", given),
+            ("labels", [x.name for x in self.program.labels]),
+            ("rewards", [r.name or "(unnamed)" for r in self.program.rewards]),
+        ]
+        if "engine" in vars(self):
+            rows.append(("states", [f"{self.engine.states:,}"]))
+        return Table.of(("", ""), [(n, ", ".join(t)) for n, t in rows if t])._repr_html_()
 
     # ------------------------------------------------------------------------- stages
 
     @cached_property
     def bound(self) -> BoundModel:
         """Constants evaluated, names resolved, types checked. Raises InputError."""
-        return bind(self.program, self.constants, model_type=self.type, exact=self.options.exact)
+        return bind(
+            self.program, self.given_constants, model_type=self.type, exact=self.options.exact
+        )
 
     @cached_property
     def engine(self) -> Engine:
@@ -121,7 +185,7 @@ class Model:
 
     def with_constants(self, constants: GivenConstants | str) -> Model:
         """The same model with other values of its constants. Raises UsageError."""
-        return replace(self, constants=constant_values(constants))
+        return _checked(replace(self, given_constants=constant_values(constants)))
 
     def with_observer(self, observer: Observer | None) -> Model:
         """The same model, which tells the observer of the progress of building."""
@@ -146,7 +210,12 @@ class Model:
             self._reduced_models.clear()
             reduction = reduced(self.bound, instances, keep_steps=keep_steps)
             self._reduced_models[asked] = ReducedModel(
-                self.program, self.constants, self.options, self.type, self.observer, reduction
+                self.program,
+                self.given_constants,
+                self.options,
+                self.type,
+                self.observer,
+                reduction,
             )
         return self._reduced_models[asked]
 
@@ -163,6 +232,96 @@ class Model:
             for c in self.program.constants
         )
         return replace(self.program, constants=constants)
+
+    # ------------------------------------------------------------------ the built model
+
+    @property
+    def constants(self) -> Mapping[str, Value]:
+        """The value of each constant."""
+        return self.bound.constants
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """The variables with their types and ranges, in the order of declaration."""
+        return self.bound.variables
+
+    @property
+    def states(self) -> States:
+        """The reachable states. They are listed only when they are asked for."""
+        return States(self.engine, self.engine.all)
+
+    @property
+    def deadlocks(self) -> States:
+        """The states without a transition, before they were given a self-loop."""
+        return States(self.engine, self.engine.deadlocks)
+
+    @property
+    def transitions(self) -> TransitionTable:
+        """The transitions: source, action, target, probability (a rate in a CTMC)."""
+        from symcheck.engines.transition_table import TransitionTable
+
+        return TransitionTable(self.engine)
+
+    @property
+    def labels(self) -> Named[States]:
+        """The states of each label, "init" and "deadlock" among them."""
+        names = dict.fromkeys((*self.bound.labels, "init", "deadlock"))
+        return Named("label", names, lambda name: self.where(f'"{name}"'))
+
+    @property
+    def rewards(self) -> Named[StructureRewards]:
+        """The numbers of each reward structure, as arrays; one without a name is `""`."""
+        names = [r.name or "" for r in self.bound.rewards]
+
+        def arrays(name: str) -> StructureRewards:
+            index = Structure(names.index(name))
+            return StructureRewards(*self.engine.system(self.engine.all).rewards(index))
+
+        return Named("reward structure", names, arrays)
+
+    @property
+    def matrix(self) -> csr_array:
+        """The probabilities (rates) as a sparse matrix of scipy, float64[choices, states].
+
+        A chain has a row per state. `transitions.source` and `transitions.choice` relate the rows
+        of an MDP, its choices, to states. A deadlock has a self-loop.
+        """
+        from scipy.sparse import csr_array
+
+        found = self.transitions.matrix.doubles()
+        shape = found.rows, found.columns
+        return csr_array((found.data, found.indices, found.indptr), shape=shape)
+
+    def to_networkx(self) -> DiGraph:
+        """The states and transitions as a graph (see `TransitionTable.to_networkx`)."""
+        return self.transitions.to_networkx()
+
+    def where(self, formula: str) -> States:
+        """The reachable states that satisfy a formula.
+
+        Args:
+            formula: may use variables, constants, formulas, labels, and operators such as P>0.5.
+
+        Raises:
+            SymcheckError: as for `check`; UsageError if the formula is a number.
+
+        Example:
+            >>> import symcheck
+            >>> model = symcheck.loads("dtmc module m x : [0..1]; [] x=0 -> (x'=1); endmodule")
+            >>> print(*model.where('x=1 & "deadlock"'))
+            (x=1)
+        """
+        everywhere = replace(self.options, everywhere=True, reduce=False, strategy=False)
+        instance = self._instance(formula, None)
+        bound, labels = instance.bind(self.bound)
+        if bound.type is not Type.BOOL:
+            instance.formula(self.bound)  # a fault of the text comes first
+            raise UsageError(f"a condition is expected, and {formula} is a number")
+        found = check(
+            self.engine, bound.formula, everywhere, labels=labels, rebind=instance.formula
+        ).satisfying
+        assert found is not None
+        return found
 
     # ---------------------------------------------------------------------- properties
 
@@ -197,18 +356,22 @@ class Model:
         properties: str | Path | PropertiesFile,
         constants: GivenConstants | str | None = None,
     ) -> Iterator[tuple[BoundProperty, Result]]:
-        """Check the properties of a file (a Path), a text or a parsed file, one after the other.
+        """Check several properties one after the other: an iterator of each with its result.
+
+        They are a file (a Path, or its name such as "die.pctl"), a text, or parsed properties.
 
         With the option `bisim`, one quotient serves all of them if it is small enough.
         """
         match properties:
             case PropertiesFile():
                 file = properties
-            case Path():
-                file = parse_properties_file(properties)
-            case str():
+            case str() if not _FILE_NAME.fullmatch(properties):
                 file = parse_properties(properties)
-        yield from self._check_all(file, constants, None)
+            case str() | Path():
+                file = parse_properties_file(properties)
+            case _:
+                raise UsageError(f"properties are a text or a file, not {properties!r}")
+        return self._check_all(file, constants, None)
 
     def _check_all(
         self,
@@ -225,6 +388,10 @@ class Model:
         for instance in instances:
             bound, _ = instance.bind(model.bound)
             yield bound, model.check_instance(instance, shared=shared, observer=observer)
+
+    @staticmethod
+    def _instance(formula: str, constants: GivenConstants | str | None) -> PropertyInstance:
+        return PropertyInstance(_single_property(formula), 0, constant_values(constants))
 
     def properties(
         self, file: PropertiesFile, constants: GivenConstants | str | None = None
@@ -383,8 +550,10 @@ class Model:
         The keyword parameters are those of `symcheck.simulate.statistics.Plan`. The accuracy of the
         result is an interval with a confidence. Raises SymcheckError.
         """
-        from symcheck.simulate.statistics import Plan
+        from symcheck.simulate.statistics import METHODS, Plan
 
+        if method not in METHODS:
+            raise UsageError(f"method={method!r}: expected one of {', '.join(METHODS)}")
         plan = Plan(
             method=method,
             samples=samples,
@@ -395,8 +564,7 @@ class Model:
             max_steps=max_steps,
             seed=seed,
         )
-        instance = PropertyInstance(_single_property(formula), 0, constant_values(constants))
-        return self.estimate_instance(instance, plan)
+        return self.estimate_instance(self._instance(formula, constants), plan)
 
     def estimate_instance(self, instance: PropertyInstance, plan: Plan) -> Result:
         """Estimate a property from random paths, sampled as planned. Raises SymcheckError."""
@@ -424,6 +592,8 @@ class ReducedModel(Model):
 
 def _single_property(formula: str) -> PropertiesFile:
     """A text with one property, parsed. Raises UsageError, SyntaxFault."""
+    if not isinstance(formula, str):
+        raise UsageError(f"a property is a text such as 'P=? [ F x=1 ]', not {formula!r}")
     file = parse_properties(formula)
     if len(file.properties) != 1:
         raise UsageError(
@@ -432,12 +602,33 @@ def _single_property(formula: str) -> PropertiesFile:
     return file
 
 
+def model_type(given: ModelType | str | None) -> ModelType | None:
+    """The model type of a name such as "mdp". Raises UsageError."""
+    try:
+        return None if given is None else ModelType(given)
+    except ValueError:
+        names = [t.value for t in ModelType]
+        near = suggest(str(given), names)
+        message = f"type={given!r}: expected one of {', '.join(names)}"
+        raise UsageError(message + (f"\n  hint: {near}" if near else "")) from None
+
+
+def _checked(model: Model) -> Model:
+    """The model; a faulty text or constant is an error now, unless values are still missing."""
+    missing = {c.name for c in undefined_constants(model.program)}
+    if missing <= model.given_constants.keys():
+        _ = model.bound
+    else:
+        check_constant_names(model.program, model.given_constants)
+    return model
+
+
 @takes_options
 def load(
     path: str | Path,
     constants: GivenConstants | str | None = None,
     *,
-    type: ModelType | None = None,
+    type: ModelType | ModelTypeName | None = None,
     **options: Unpack[OptionValues],
 ) -> Model:
     """Read a model file in the PRISM language.
@@ -446,11 +637,11 @@ def load(
         path: the file.
         constants: one value for each constant that the file leaves open: a mapping, or a text such
             as "N=3,p=0.5".
-        type: read the model as this type, whatever its keyword says.
+        type: read the model as this type ("dtmc", "ctmc" or "mdp"), whatever its keyword says.
         options: see `symcheck.Options`.
 
     Raises:
-        InputError: the text is faulty.
+        InputError: the text is faulty, or there is no such constant.
         UsageError: the file cannot be read, or an option or constant has a wrong value.
 
     Example:
@@ -458,7 +649,12 @@ def load(
         >>> symcheck.load("models/die/die.pm", engine="sparse").check("P=? [ F d=6 ]")  # doctest:
         +SKIP
     """
-    return Model(parse_model_file(path), constant_values(constants), make_options(options), type)
+    if not isinstance(cast(object, path), str | PathLike) or "endmodule" in str(path):
+        raise UsageError(
+            f"load takes the name of a file, not {path!r}\n  hint: symcheck.loads takes a text"
+        )
+    kind, given, chosen = model_type(type), constant_values(constants), make_options(options)
+    return _checked(Model(parse_model_file(path), given, chosen, kind))
 
 
 @takes_options
@@ -466,8 +662,13 @@ def loads(
     text: str,
     constants: GivenConstants | str | None = None,
     *,
-    type: ModelType | None = None,
+    type: ModelType | ModelTypeName | None = None,
     **options: Unpack[OptionValues],
 ) -> Model:
     """A model from its text; everything else is as for `load`."""
-    return Model(parse_model(text), constant_values(constants), make_options(options), type)
+    if not isinstance(cast(object, text), str) or re.fullmatch(r"\S+\.\S+", text):
+        raise UsageError(
+            f"loads takes the text of a model, not {text!r}\n  hint: symcheck.load reads a file"
+        )
+    kind, given, chosen = model_type(type), constant_values(constants), make_options(options)
+    return _checked(Model(parse_model(text), given, chosen, kind))

@@ -23,6 +23,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
+from itertools import takewhile
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
@@ -147,6 +148,16 @@ class Diagnostic:
 
 class SymcheckError(Exception):
     """Root of all errors that symcheck raises intentionally."""
+
+    def _render_traceback_(self) -> list[str]:
+        """What a notebook shows: the line that called symcheck, and the message."""
+        import traceback
+
+        package = __file__.removesuffix("errors.py")
+        frames = traceback.extract_tb(self.__traceback__)
+        outside = takewhile(lambda f: not f.filename.startswith(package), frames)
+        lines = [f"line {f.lineno}: {f.line}" for f in outside if f.line][-1:]
+        return [*lines, f"{type(self).__name__}: {self}"]
 
 
 class InputError(SymcheckError):

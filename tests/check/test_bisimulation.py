@@ -147,7 +147,7 @@ def test_listed_states_that_have_diagrams(monkeypatch):
     result = check_text(engine, "P=? [ F x=1|x=2 ]", bisim=True)
     assert "on diagrams" in result.runs[0].explanation
     assert result.values.at(engine.all)[0].tolist() == pytest.approx([2 / 3, 1, 1, 0])
-    assert check_text(engine, "P>0.5 [ F x=1|x=2 ]", bisim=True).satisfying.members.tolist() == [
+    assert check_text(engine, "P>0.5 [ F x=1|x=2 ]", bisim=True).satisfying.mask.tolist() == [
         True,
         True,
         True,

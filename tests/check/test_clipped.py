@@ -32,8 +32,8 @@ def test_probabilities_are_between_0_and_1(seed, engine):
         f"P=? [ F>=2 s<{n - 1} ]",
     ):
         result = model.check(formula)
-        assert result.values.minimum(model.engine.all)[0] >= 0
-        assert result.values.maximum(model.engine.all)[1] <= 1
+        assert min(result.values.lower) >= 0
+        assert max(result.values.upper) <= 1
         if isinstance(result.accuracy, Certified):
             assert 0 <= result.accuracy.lower <= result.value <= result.accuracy.upper <= 1
     assert model.check(f"S=? [ s<{n} ]").value == 1

@@ -76,7 +76,7 @@ def test_fixpoints(quantifier, operator, seed, kind):
             engine, f"{quantifier} [ {path} ]" if not sign else f"!({quantifier} [ {path} ])"
         )
         expected = ctl(quantifier, operator, a, b, successors(engine))
-        found = frozenset(np.flatnonzero(result.satisfying.members).tolist())
+        found = frozenset(np.flatnonzero(result.satisfying.mask).tolist())
         assert found == (frozenset(range(engine.states)) - expected if sign else expected)
 
 
@@ -207,7 +207,7 @@ def drawn(seed, kind, name):
 
 def satisfied(engine, text):
     """Numbers of the states that satisfy a formula."""
-    return frozenset(np.flatnonzero(engine.to_bools(check_text(engine, text).satisfying)).tolist())
+    return frozenset(np.flatnonzero(check_text(engine, text).satisfying.mask).tolist())
 
 
 def test_a_nested_in_p():

@@ -322,7 +322,7 @@ WRONG_MATRICES = [
     (([[1, "x"], [0, 1]],), {}, UsageError, "no array of finite real numbers"),
     (([[1, np.nan], [0, 1]],), {}, UsageError, "no array of finite real numbers"),
     (([[1, 1j], [0, 1]],), {}, UsageError, "no array of finite real numbers"),
-    ((SQUARE,), {"type": "chain"}, UsageError, "expected 'dtmc', 'ctmc' or 'mdp'"),
+    ((SQUARE,), {"type": "chain"}, UsageError, "expected one of dtmc, ctmc, mdp"),
     ((SQUARE,), {"type": "dtmc", "groups": [0, 1, 2]}, UsageError, "one row per state"),
     ((SQUARE,), {"groups": [0, 2]}, UsageError, "expected 3 ascending numbers"),
     ((SQUARE,), {"groups": [0, 3, 2]}, UsageError, "expected 3 ascending numbers"),

@@ -181,9 +181,9 @@ def test_a_threshold_on_numbers_that_are_no_distribution_is_left_open(tmp_path):
 def test_what_needs_commands_is_refused(tmp_path):
     (tmp_path / "m.tra").write_text("2 2\n0 1 1\n1 1 1\n")
     model = symcheck.load_explicit(str(tmp_path / "m.tra"))
-    for call in (model.simulate, model.estimate):
-        with pytest.raises(SymcheckError, match="commands"):
-            call("P=? [ F x=1 ]")
+    assert [step.state for step in model.simulate(2)] == [(0,), (1,), (1,)]
+    with pytest.raises(SymcheckError, match="commands"):
+        model.estimate("P=? [ F x=1 ]")
 
 
 def test_other_options_keep_the_states(tmp_path):

@@ -114,7 +114,7 @@ def by_exponentials(engine: ExplicitEngine, formula: str) -> float | None:
             expm(q * float(time)) @ states if kind == "I" else expm(larger * float(time))[:-1, -1]
         )
     else:
-        stay, goal = (check_text(engine, text).satisfying.members for text in (left, right))
+        stay, goal = (check_text(engine, text).satisfying.mask for text in (left, right))
         low, high = float(lower), float(upper or lower)
         values = expm(np.where((stay & ~goal)[:, None], q, 0) * (high - low)) @ goal.astype(float)
         values = np.where(

@@ -25,6 +25,7 @@ from symcheck.check.result import (
 )
 from symcheck.check.state_formulas import applied_filter, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
+from symcheck.engines.states import States, StateValues
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
@@ -42,7 +43,7 @@ from symcheck.syntax.declarations import Property
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.check.bisimulation.quotient import Quotient
-    from symcheck.check.strategies.strategy import Strategy
+    from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = ["check"]
 
@@ -146,7 +147,7 @@ def _check_on_quotient(
             result = (
                 _boolean(inner, formula) if kind is Type.BOOL else _numeric(inner, formula, kind)
             )
-            result = _lift_result(result, smaller, context.engine.initial)
+            result = _lift_result(result, smaller, context.engine)
     except (UnsupportedError, NumericalError) as error:
         context.log.warn(f"checked without -bisim: {error}")
         return None
@@ -158,11 +159,15 @@ def _check_on_quotient(
     return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
 
 
-def _lift_result(result: Result, smaller: Quotient, initial: StateSet) -> Result:
+def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
     """A result on the quotient, lifted to the states of the model."""
-    values = None if result.values is None else smaller.lift(result.values)
-    satisfied = None if result.satisfying is None else smaller.lift_set(result.satisfying)
-    result = replace(result, values=values, satisfying=satisfied)
+    initial, satisfied = engine.initial, None
+    if result.values is not None:
+        lifted = StateValues(engine, smaller.lift(result.values.values))
+        result = replace(result, values=lifted)
+    if result.satisfying is not None:
+        satisfied = smaller.lift_set(result.satisfying.members)
+        result = replace(result, satisfying=States(engine, satisfied))
     if initial.count == 1:
         return result
     if satisfied is not None:
@@ -208,14 +213,14 @@ def _numeric(context: Context, formula: Expression, type: Type) -> Result:
 
 def _initially(context: Context, values: Values, type: Type) -> Result:
     """The value in the initial state, or the range over several initial states."""
-    initial = context.engine.initial
+    initial, found = context.engine.initial, StateValues(context.engine, values)
     if initial.count == 1:
         single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
-        return Result(single, accuracy, "value in the initial state", values=values)
+        return Result(single, accuracy, "value in the initial state", values=found)
     value, accuracy = _range(
         context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type
     )
-    return Result(value, accuracy, _range_over(initial), values=values)
+    return Result(value, accuracy, _range_over(initial), values=found)
 
 
 def _filter_result(
@@ -228,19 +233,26 @@ def _filter_result(
         if condition.value is None:
             return _satisfied_result(context, condition.per_state)
         value, accuracy = _outcome(context, condition, type)
-        return Result(value, accuracy, f"filter '{about}'", satisfying=condition.per_state)
+        return Result(
+            value,
+            accuracy,
+            f"filter '{about}'",
+            satisfying=States(context.engine, condition.per_state),
+        )
     number = applied.number()
     if number.value is None:
         return _initially(context, number.per_state, type)
     value, accuracy = _outcome(context, number, type)
-    return Result(value, accuracy, f"filter '{about}'", values=number.per_state)
+    return Result(
+        value, accuracy, f"filter '{about}'", values=StateValues(context.engine, number.per_state)
+    )
 
 
 def _satisfied_result(context: Context, states: StateSet) -> Result:
     """Whether the initial states satisfy a formula."""
     initial = context.engine.initial
     text = _satisfied((states & initial).count, initial.count)
-    return Result(initial <= states, Exact(), text, satisfying=states)
+    return Result(initial <= states, Exact(), text, satisfying=States(context.engine, states))
 
 
 def _outcome(context: Context, outcome: Condition | Numeric, type: Type) -> tuple[Answer, Accuracy]:

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-import numpy as np
-
 from symcheck.check.context import Context
 from symcheck.check.result import Line
 from symcheck.engines.base import Number, StateSet, Values
@@ -196,7 +194,7 @@ def value_lines(context: Context, formula: Values, states: StateSet) -> list[Lin
 
 def _lines(context: Context, states: StateSet, values: Sequence[bool | float]) -> list[Line]:
     engine = context.engine
-    numbers = np.flatnonzero(engine.to_bools(states)).tolist()
+    numbers = engine.numbers(states).tolist()
     return [
         Line(i, s, v) for i, s, v in zip(numbers, engine.valuations(states), values, strict=True)
     ]

@@ -5,10 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, assert_never
 
-from symcheck.engines.base import Engine, StateSet, Values
-from symcheck.semantics.expressions.literals import format_state, format_value
+from symcheck.engines.base import Engine
+from symcheck.engines.states import States, StateValues
+from symcheck.errors import UnsupportedError
+from symcheck.semantics.expressions.literals import format_state, format_value, to_float
+from symcheck.tables import Table
+
+if TYPE_CHECKING:
+    from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [
     "Accuracy",
@@ -118,6 +124,8 @@ class SolverRun:
 class Result:
     """The result of one property.
 
+    `float(result)`, `bool(result)` and `f"{result:.3f}"` read its value.
+
     Attributes:
         value: a bool, an int, a float (a Fraction in rational arithmetic), a pair (lowest, highest)
             over several initial states, a list of points (Pareto), or None (argmin and print
@@ -138,15 +146,72 @@ class Result:
     value: Answer
     accuracy: Accuracy = field(default_factory=Exact)
     explanation: str = ""
-    satisfying: StateSet | None = field(default=None, repr=False)
-    values: Values | None = field(default=None, repr=False)
+    satisfying: States | None = field(default=None, repr=False)
+    values: StateValues | None = field(default=None, repr=False)
     lines: tuple[Line, ...] = field(default=(), repr=False)
     runs: tuple[SolverRun, ...] = field(default=(), repr=False)
     witness: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
-    strategy: Any = field(default=None, repr=False)
+    strategy: Strategy | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
     seconds: float = field(default=0.0, repr=False)
     engine: Engine | None = field(default=None, repr=False)
+
+    @property
+    def bounds(self) -> tuple[Number, Number]:
+        """Numbers between which the true value lies (with its confidence, if it is statistical).
+
+        An exact value is both of them, up to rounding if `accuracy` says so. Over several initial
+        states they enclose all values. Raises TypeError if the value is no number or range, and
+        UnsupportedError for an estimate, whose error is unknown.
+        """
+        match self.value:
+            case bool() | None | list():
+                raise self._wrong_type("a number")
+            case tuple():
+                low, high = self.value
+            case _:
+                low = high = self.value
+        match self.accuracy:
+            case Exact():
+                return low, high
+            case Certified(lower, upper):
+                if isinstance(self.value, tuple):
+                    return low - self.accuracy.epsilon, high + self.accuracy.epsilon
+                return lower, upper
+            case Statistical():
+                return self.accuracy.lower, self.accuracy.upper
+            case Estimate():
+                raise UnsupportedError(
+                    "an estimate has no bounds\n  hint: certify=True, the default, proves bounds"
+                )
+            case _:
+                assert_never(self.accuracy)
+
+    def _wrong_type(self, wanted: str) -> TypeError:
+        return TypeError(f"{wanted} is expected, and the value of this result is {self}")
+
+    def __bool__(self) -> bool:
+        if isinstance(self.value, bool):
+            return self.value
+        raise self._wrong_type("true or false")
+
+    def __float__(self) -> float:
+        if isinstance(self.value, bool) or not isinstance(self.value, Number):
+            raise self._wrong_type("a number")
+        return to_float(self.value)
+
+    def __format__(self, spec: str) -> str:
+        return format(float(self), spec) if spec else str(self)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            ("value", show_value(self.value)),
+            ("accuracy", self.accuracy),
+            ("", self.explanation),
+            ("method", self.method),
+            *(("warning", w) for w in self.warnings),
+        ]
+        return Table.of(("", ""), [r for r in rows if r[1]])._repr_html_()
 
     @property
     def iterations(self) -> int:

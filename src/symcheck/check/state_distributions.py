@@ -10,18 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from numbers import Real
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.engines.base import ROUNDING, Engine
+from symcheck.engines.base import ROUNDING, Engine, StateSet
+from symcheck.engines.states import StateVector
 from symcheck.errors import NumericalError, UnsupportedError, UsageError, converts_memory_error
 from symcheck.kernels.rows import sparse
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
+from symcheck.tables import SHOWN_ROWS, Table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
 
@@ -29,8 +37,10 @@ _UNIT = 2.0**-53
 
 
 @dataclass(frozen=True, eq=False)
-class Distribution:
+class Distribution(StateVector):
     """Probabilities of all states, in index order.
+
+    It is indexed as `StateVector` says, and iteration gives the states with positive probability.
 
     Attributes:
         engine: the engine of the states.
@@ -57,8 +67,10 @@ class Distribution:
         """The largest possible distance of a value from the true probability."""
         return 0.5 * float(np.max(self.upper - self.lower, initial=0.0))
 
-    def __len__(self) -> int:
-        return len(self.lower)
+    def at(self, states: StateSet) -> tuple[Numbers, Numbers]:
+        """Lower and upper bounds over a set of the engine, in index order."""
+        numbers = self.engine.numbers(states)
+        return self.lower[numbers], self.upper[numbers]
 
     def __iter__(self) -> Iterator[tuple[int, tuple[bool | int, ...], float]]:
         """Index, variable values and probability of each state with positive probability."""
@@ -66,6 +78,22 @@ class Distribution:
         some = values > 0
         states = self.engine.valuations(self.engine.from_bools(some))
         return zip(np.flatnonzero(some).tolist(), states, values[some].tolist(), strict=True)
+
+    def _table(self) -> Table:
+        rows = sorted(self, key=lambda row: -row[2])
+        head = ["state", *(v.name for v in self.engine.model.variables), "probability"]
+        note = f"{len(rows):,} of {len(self):,} states have positive probability"
+        return Table.of(head, [(n, *state, p) for n, state, p in rows[:SHOWN_ROWS]], note)
+
+    def __str__(self) -> str:
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table()._repr_html_()
+
+    def to_frame(self) -> DataFrame:
+        """A data frame of pandas: the variables, the probability, and bounds that differ."""
+        return self._frame("probability")
 
 
 def initial_distribution(engine: Engine) -> Floats:
@@ -93,8 +121,8 @@ def transient(
     """
     options, started = options or Options(), perf_counter()
     start = _prepared(engine, start)
-    if not 0 <= time < np.inf:
-        raise UsageError(f"a time is a number that is not negative, not {time}")
+    if not isinstance(time, Real) or not 0 <= time < np.inf:
+        raise UsageError(f"a time is a number that is not negative, not {time!r}")
     if engine.model.type is ModelType.DTMC and time != int(time):
         raise UsageError(f"a DTMC takes whole steps, not {time}")
     matrix = _matrix(engine)

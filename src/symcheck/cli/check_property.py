@@ -49,7 +49,7 @@ def check_property(
     bound, _ = instance.bind(model.bound)
     text = property_text(bound)
     name, title = bound.name or text, f'"{bound.name}": {text}' if bound.name else text
-    of_model = {n: str(v) for n, v in model.constants.items()}
+    of_model = {n: str(v) for n, v in model.given_constants.items()}
     of_property = {n: str(v) for n, v in instance.relevant.items()}
     constants = {**of_model, **of_property}
     state.output.property(text, bound.name, of_model, of_property)
@@ -139,6 +139,7 @@ def _write_strategy(argument: str, output: Output, result: Result, varying: Cons
 
     target = strategy_target(argument)
     path = instance_path(target.path, varying)
+    assert result.strategy is not None
     write_text(path, strategy_texts(result.strategy, target), output.out)
     if path != "stdout":
         output.line(f'Strategy written to "{path}" ({target.kind})')
@@ -155,15 +156,11 @@ def _write_vector(path: str, output: Output, result: Result, precision: int) -> 
         return
     order = state_order(engine)
     if result.values is not None:
-        low, high = result.values.at(engine.all)
-        # The midpoint of bounds, as for a result; equal bounds may be infinite.
-        values = (
-            np.asarray(low) if low is high else np.where(low == high, low, low + (high - low) / 2)
-        )
+        values = result.values.midpoints(engine.all)
         column = values if order is None else values[order]
         text = lines("%s", len(column), column, precision=precision)
     elif result.satisfying is not None:
-        members = engine.to_bools(result.satisfying)
+        members = engine.to_bools(result.satisfying.members)
         names = np.where(members if order is None else members[order], "true", "false").tolist()
         text = lines("%s", len(names), names)
     write_text(path, text, output.out)

@@ -143,7 +143,7 @@ def _check_instance(
     """
     a = state.arguments
     asked = model.instances(file, of_properties, indices)
-    constants = {n: str(v) for n, v in model.constants.items()}
+    constants = {n: str(v) for n, v in model.given_constants.items()}
     try:
         watch = Progress(state.output)
         model = _bound_model(state, model.with_observer(_observer(state, watch)), asked)
@@ -197,7 +197,7 @@ def _bound_model(state: RunState, model: Model, asked: Sequence[PropertyInstance
     Raises InputError.
     """
     a = state.arguments
-    state.output.model(model.bound, {n: str(v) for n, v in model.constants.items()})
+    state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
     if not state.options.reduce or a.imports_model:
         return model
     if state.options.fairness:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.dd.export import BddTable, NodeTable
+from symcheck.errors import UnsupportedError
 from symcheck.kernels.diagrams import odd as kernel
 from symcheck.kernels.diagrams import vectors
 
@@ -47,7 +48,7 @@ class Odd:
         rows: its variables (bits), from the top of the diagrams down.
 
     Raises:
-        OverflowError: on first use, for 2**63 members or more.
+        UnsupportedError: on first use, for 2**63 members or more.
         ValueError: on first use, if the set depends on other variables.
     """
 
@@ -64,7 +65,10 @@ class Odd:
     def table(self) -> OddTable:
         """The diagram as arrays."""
         t = self.manager.export_bdd(self.states)
-        return kernel.build((t.level, t.low, t.high, _TRUTH, t.root), self.levels)
+        try:
+            return kernel.build((t.level, t.low, t.high, _TRUTH, t.root), self.levels)
+        except OverflowError as error:
+            raise UnsupportedError(f"{error}, which cannot be numbered") from error
 
     @property
     def levels(self) -> NDArray[np.int32]:

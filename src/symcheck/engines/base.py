@@ -48,6 +48,7 @@ __all__ = [
     "ValuesOf",
     "bracket",
     "erased",
+    "require_expression",
 ]
 
 
@@ -62,6 +63,12 @@ def bracket(threshold: float | Fraction) -> tuple[float, float]:
     if isinstance(threshold, float) or near in (inf, -inf) or near == threshold:
         return near, near
     return (near, nextafter(near, inf)) if near < threshold else (nextafter(near, -inf), near)
+
+
+def require_expression(expression: Expression) -> None:
+    """Raise TypeError for a text in place of a bound expression."""
+    if isinstance(expression, str):
+        raise TypeError(f"an engine takes a bound expression; model.where({expression!r}) a text")
 
 
 CapabilityT = TypeVar("CapabilityT")
@@ -546,8 +553,20 @@ class EngineOf(Protocol[S, V]):
         """The singleton of the state with the lowest index; `states` must not be empty."""
         ...
 
-    def valuations(self, states: S, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
-        """The states' variable values, in index order (lexicographic in declaration order)."""
+    def numbers(self, states: S, limit: int | None = None, start: int = 0) -> Int64s:
+        """The index of each state of a set among the reachable states, int64[count], ascending.
+
+        The first `start` states are left out, and of the others at most `limit` are given.
+        """
+        ...
+
+    def valuations(
+        self, states: S, limit: int | None = None, start: int = 0
+    ) -> Iterator[tuple[bool | int, ...]]:
+        """The states' variable values, in index order (lexicographic in declaration order).
+
+        `limit` and `start` are as for `numbers`.
+        """
         ...
 
     def product(self, letters: Sequence[S], automaton: Automaton) -> ProductOf[S, V]:

@@ -26,6 +26,7 @@ __all__ = [
     "GRAPH_LOOKUPS_PER_STATE",
     "INITIAL_CANDIDATES",
     "KEPT_TRANSPOSE_TRANSITIONS",
+    "LISTED_STATES",
     "LUMPING_MEMORY",
     "MANY_STATES",
     "MATERIALIZED_STATES",
@@ -173,6 +174,9 @@ MANY_STATES = 50_000_000
 
 CONSTANT_PIECES = 20_000
 """Constants on sets that the values of a quotient may be lifted to."""
+
+LISTED_STATES = 10_000_000
+"""States (or transitions) that are listed at most: more take minutes and gigabytes in Python."""
 
 LUMPING_MEMORY = 2 * 2**30
 """Bytes that a partition of diagrams and its signatures may take, unless the caller says more."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NoReturn, TextIO, Unpack
 
-from symcheck.api import Model, takes_options
+from symcheck.api import Model, ModelTypeName, model_type, takes_options
 from symcheck.check.context import Context
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet, erased
@@ -126,7 +126,7 @@ def export_targets(
 
 @takes_options
 def load_explicit(
-    files: str, *, type: ModelType | None = None, **options: Unpack[OptionValues]
+    files: str, *, type: ModelType | ModelTypeName | None = None, **options: Unpack[OptionValues]
 ) -> Model:
     """Read a model from explicit files: `die.all` or `die.tra,lab` as in PRISM, or `die.umb`.
 
@@ -139,7 +139,7 @@ def load_explicit(
         SyntaxFault: a file is faulty; the error names the place.
         UsageError: a file cannot be read, or an option has a wrong value.
     """
-    return imported_model(files, make_options(options), type)
+    return imported_model(files, make_options(options), model_type(type))
 
 
 @converts_memory_error("reading a .umb file needs less memory than reading text")

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar, Unpack, cast
 
 import numpy as np
 
-from symcheck.api import Model, takes_options
+from symcheck.api import Model, model_type, takes_options
 from symcheck.errors import (
     Diagnostic,
     InputError,
@@ -24,7 +24,7 @@ from symcheck.errors import (
 )
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, reward_structure
-from symcheck.exchange.from_matrix import check_rows, identifier, label, model_type
+from symcheck.exchange.from_matrix import check_rows, identifier, label
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.options import OptionValues, make_options

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symcheck.api import Model, takes_options
+from symcheck.api import Model, model_type, takes_options
 from symcheck.errors import Diagnostic, ModelFault, NameFault, UsageError
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, reward_structure
@@ -96,14 +96,6 @@ def from_matrix(
 
 
 # ------------------------------------------------------------------------------------- matrices
-
-
-def model_type(given: ModelType | str | None) -> ModelType | None:
-    """The model type of this name. Raises UsageError."""
-    try:
-        return None if given is None else ModelType(given)
-    except ValueError:
-        raise UsageError(f"type={given!r}: expected 'dtmc', 'ctmc' or 'mdp'") from None
 
 
 def _entries(matrix: Any, what: str) -> tuple[Int64s, Int64s, Numbers, tuple[int, int]]:

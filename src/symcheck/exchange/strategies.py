@@ -8,7 +8,7 @@ from typing import TextIO
 
 import numpy as np
 
-from symcheck.check.strategies.strategy import Strategy
+from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UsageError
 from symcheck.exchange.text import number_text
 from symcheck.matrices.rows import Bools

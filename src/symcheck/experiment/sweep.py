@@ -147,7 +147,7 @@ def check_instance(instance: Instance) -> Finished:
 
 def _row(model: Model, property: PropertyInstance, shared: SharedQuotient | None) -> Row:
     """The answer to a property, or the first line of its error."""
-    constants = {n: str(v) for n, v in {**model.constants, **property.relevant}.items()}
+    constants = {n: str(v) for n, v in {**model.given_constants, **property.relevant}.items()}
     try:
         result = model.check_instance(property, shared=shared)
     except SymcheckError as error:

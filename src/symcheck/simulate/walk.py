@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from numbers import Integral
+from typing import cast
+
 import numpy as np
 
-from symcheck.errors import converts_memory_error
+from symcheck.errors import UsageError, converts_memory_error
 from symcheck.semantics.interpreter import State
 from symcheck.simulate.path import Path
 from symcheck.simulate.steps import Steps
@@ -37,7 +40,10 @@ def simulate(
 
     Raises:
         ModelFault: the model breaks a rule in a state on the path.
+        UsageError: `steps` is no whole number from 0.
     """
+    if steps is not None and (not isinstance(cast(object, steps), Integral) or steps < 0):
+        raise UsageError(f"steps={steps!r}: expected a whole number from 0, or None")
     used_seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
     generator = np.random.default_rng(used_seed)
     limit = max_steps if steps is None else min(steps, max_steps)

@@ -248,7 +248,7 @@ class _Writer:
         engine, drawn = self.board.engine, self.board.drawn
         assert engine is not None
         if result.satisfying is not None:
-            names = self.board.names(engine.to_bools(result.satisfying))
+            names = self.board.names(engine.to_bools(result.satisfying.members))
             return {"marks": self.board.marks("in", names)}
         if result.values is None:
             return None

@@ -26,7 +26,7 @@ from symcheck.simulate.path import PathStep
 from symcheck.syntax.parse import parse_properties
 
 if TYPE_CHECKING:
-    from symcheck.check.strategies.strategy import Strategy
+    from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [
     "Choice",
@@ -213,7 +213,7 @@ class ChoiceGraph:
             low, high = values.values.at(on.all)
             found = [a if a == b else (a + b) / 2 for a, b in zip(low, high, strict=True)]
         elif values.satisfying is not None:
-            found = on.to_bools(values.satisfying).tolist()
+            found = on.to_bools(values.satisfying.members).tolist()
         else:
             raise UsageError("this result has no values of states")
         if on is self.engine:

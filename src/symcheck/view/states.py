@@ -25,7 +25,7 @@ from symcheck.view.choice_graph import (
 from symcheck.view.picture import Edge, Emphasis, Kind, Node, Picture
 
 if TYPE_CHECKING:
-    from symcheck.check.strategies.strategy import Strategy
+    from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = ["draw_states", "state_graph"]
 

@@ -15,9 +15,8 @@ Source: Baier & Katoen (2008), 10.6.4; de Alfaro (1997).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,9 +37,9 @@ from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UnsupportedError
-from symcheck.kernels.rows import sparse
-from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, spans
+from symcheck.matrices.rows import Bools, Int64s, spans
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.semantics.rewards import Reward
@@ -52,59 +51,7 @@ from symcheck.syntax.ast import (
     RewardOperator,
 )
 
-__all__ = ["Strategy", "strategy_of"]
-
-
-@dataclass(frozen=True, eq=False)
-class Strategy:
-    """A strategy: one row of the matrix for each state.
-
-    Attributes:
-        engine: the model, or its product with an automaton if the strategy has memory.
-        rows: the row of each state, int64[states].
-        direction: whether the strategy attains the minimum or the maximum.
-        matters: the states in which the choice is relevant to the value, bool[states].
-        memory: the state of the automaton in each state of the product, int32[states]; None without
-            memory.
-        entry: the initial state of the product for each state of the model; None without memory.
-    """
-
-    engine: ExplicitEngine = field(repr=False)
-    rows: Int64s = field(repr=False)
-    direction: Direction
-    matters: Bools = field(repr=False)
-    memory: Int32s | None = field(default=None, repr=False)
-    entry: Int64s | None = field(default=None, repr=False)
-
-    @cached_property
-    def induced(self) -> SparseMatrix:
-        """The Markov chain that the strategy induces, on all states."""
-        m = self.engine.matrix
-        part = sparse.select(
-            m.indptr, m.indices, m.data, self.rows, np.arange(m.columns, dtype=np.int32)
-        )
-        return SparseMatrix(*part, m.columns)
-
-    @cached_property
-    def reachable(self) -> Bools:
-        """States that the strategy reaches from the initial ones."""
-        return graph.forward_reachable(self.induced, self.engine.initial.members)
-
-    @property
-    def actions(self) -> list[str]:
-        """The action of the choice in each state; '' for a choice without action."""
-        names = self.engine.model.actions
-        return [
-            names[a] if a >= 0 else ""
-            for a in self.engine.explored.choice_actions[self.rows].tolist()
-        ]
-
-    def states(self) -> Iterator[tuple[bool | int, ...]]:
-        """The values of the variables in each state, followed by the memory if there is one."""
-        values = self.engine.valuations(self.engine.all)
-        if self.memory is None:
-            return values
-        return ((*state, m) for state, m in zip(values, self.memory.tolist(), strict=True))
+__all__ = ["strategy_of"]
 
 
 def strategy_of(

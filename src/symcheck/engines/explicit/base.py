@@ -58,6 +58,10 @@ class Enumerated(Capable, HasMatrix):
         """Membership of each state, in index order."""
         return states.members
 
+    def numbers(self, states: ArraySet, limit: int | None = None, start: int = 0) -> Int64s:
+        """The index of each state of a set."""
+        return np.flatnonzero(states.members)[start:][:limit]
+
     def first(self, states: ArraySet) -> ArraySet:
         """The singleton of the state with the lowest index."""
         return self._of(np.array([int(np.argmax(states.members))]))

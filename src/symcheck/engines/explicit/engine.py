@@ -17,7 +17,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.engines import tuning
-from symcheck.engines.base import Automaton, Number
+from symcheck.engines.base import Automaton, Number, require_expression
 from symcheck.engines.capabilities import HasActions, HasExploredModel
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.base import Enumerated, Numeric
@@ -84,6 +84,7 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
 
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy a boolean expression over the variables."""
+        require_expression(expression)
         if expression not in self._sets:
             value = np.asarray(self.explored.evaluate(expression))
             while self._sets and len(self._sets) >= min(
@@ -161,10 +162,10 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         return full(n, value, exact=self.exact)
 
     def valuations(
-        self, states: ArraySet, limit: int | None = None
+        self, states: ArraySet, limit: int | None = None, start: int = 0
     ) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
-        return self.explored.states.valuations(np.flatnonzero(states.members)[:limit])
+        return self.explored.states.valuations(self.numbers(states, limit, start))
 
     def product(self, letters: Sequence[ArraySet], automaton: Automaton) -> ExplicitProduct:
         """The product with a deterministic automaton whose letters are sets of states."""

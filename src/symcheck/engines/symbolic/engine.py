@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.direction import Direction
+from symcheck.engines.base import require_expression
 from symcheck.engines.capabilities import Capable, HasActions
 from symcheck.engines.linear_system import DivisibleOperator, Preprocessing, refuse_infinite_minimum
 from symcheck.engines.symbolic.acyclic import AcyclicSolution
@@ -21,7 +22,7 @@ from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_o
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues, constant_piece, values_of
 from symcheck.engines.symbolic.system import SymbolicSystem
-from symcheck.matrices.rows import Bools, Int32s, SparseMatrix
+from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, Type
@@ -120,6 +121,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
 
     def where(self, expression: Expression) -> SymbolicSet:
         """The states that satisfy a boolean expression over the variables."""
+        require_expression(expression)
         return self._set(self.space.where(expression) & self.diagrams.states)
 
     def values(self, expression: Expression, type: Type) -> SymbolicValues:
@@ -213,14 +215,21 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
             finite = finite - self.graph.exists_until(~target, infinite)
         return finite
 
+    def numbers(self, states: SymbolicSet, limit: int | None = None, start: int = 0) -> Int64s:
+        """The index of each state of a set."""
+        if limit is None:
+            return states.odd.indices_in(self.diagrams.odd)[start:]
+        stop = min(start + limit, states.odd.count)
+        return self.diagrams.odd.rank(states.odd.unrank(np.arange(start, stop)))
+
     def valuations(
-        self, states: SymbolicSet, limit: int | None = None
+        self, states: SymbolicSet, limit: int | None = None, start: int = 0
     ) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
         odd = states.odd
-        numbers = np.arange(odd.count if limit is None else min(limit, odd.count))
-        for start in range(0, len(numbers), 65536):
-            yield from self._decoded(odd.unrank(numbers[start : start + 65536]))
+        numbers = np.arange(start, odd.count if limit is None else min(start + limit, odd.count))
+        for i in range(0, len(numbers), 65536):
+            yield from self._decoded(odd.unrank(numbers[i : i + 65536]))
 
     def _decoded(self, bits: NDArray[np.uint8]) -> Iterator[tuple[bool | int, ...]]:
         encoding = self.space.symbolic.encoding

@@ -71,13 +71,13 @@ class MaterializedEngine(ExplicitEngine):
         return ArraySet(self.source.to_bools(self.source.where(expression)))
 
     def valuations(
-        self, states: ArraySet, limit: int | None = None
+        self, states: ArraySet, limit: int | None = None, start: int = 0
     ) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
         assert self.source is not None
         if limit is None:
-            return super().valuations(states)
-        return self.source.valuations(self.source.from_bools(states.members), limit)
+            return super().valuations(states, limit, start)
+        return self.source.valuations(self.source.from_bools(states.members), limit, start)
 
 
 @dataclass(frozen=True, eq=False)

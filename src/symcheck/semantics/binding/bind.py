@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from symcheck.semantics.binding.bind_model import bind, undefined_constants
+from symcheck.semantics.binding.bind_model import (
+    bind,
+    check_constant_names,
+    undefined_constants,
+)
 from symcheck.semantics.binding.bind_properties import (
     BoundProperties,
     BoundProperty,
@@ -20,6 +24,7 @@ __all__ = [
     "bind",
     "bind_expression",
     "bind_properties",
+    "check_constant_names",
     "needed_constants",
     "split_constants",
     "undefined_constants",

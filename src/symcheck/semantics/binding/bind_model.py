@@ -32,7 +32,7 @@ from symcheck.semantics.model import (
 from symcheck.syntax.ast import Expression, Literal, ModelType, Type
 from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
 
-__all__ = ["bind", "undefined_constants"]
+__all__ = ["bind", "check_constant_names", "undefined_constants"]
 
 _ONE = Literal(Fraction(1), Type.DOUBLE)
 
@@ -40,6 +40,13 @@ _ONE = Literal(Fraction(1), Type.DOUBLE)
 def undefined_constants(program: Program) -> tuple[Constant, ...]:
     """The constants of a program that are defined without a value."""
     return tuple(c for c in program.constants if c.value is None)
+
+
+def check_constant_names(program: Program, constants: Mapping[str, ConstantValue]) -> None:
+    """Raise NameFault if a value is given for a constant that the program does not declare."""
+    report = DiagnosticCollector()
+    set_constants(SymbolTable(report, exact=False), program.constants, constants)
+    report.raise_all()
 
 
 def bind(

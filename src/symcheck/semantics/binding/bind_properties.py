@@ -59,6 +59,10 @@ class BoundProperty:
     span: Span = field(default=NO_SPAN, compare=False, repr=False)
     bound: Expression | None = field(default=None, repr=False)
 
+    def __str__(self) -> str:
+        """The name of the property, or its text on one line."""
+        return self.name or " ".join(self.span.text.strip().rstrip(";").split())
+
     @property
     def formula(self) -> Expression:
         """The formula over variables, literals and labels, with other properties inlined.

@@ -237,7 +237,10 @@ def read_value(text: str, name: str = "<expression>") -> Expression:
 
 def undefined(constant: Constant) -> Diagnostic:
     """The diagnostic about a constant without a value."""
-    hint = f"give it with -const {constant.name}=VALUE"
+    hint = (
+        f"give it with -const {constant.name}=VALUE, "
+        f"in Python with constants='{constant.name}=VALUE'"
+    )
     return Diagnostic(
         f"constant {constant.name} is not defined", constant.span, "undefined-constant", hint
     )

@@ -1,0 +1,99 @@
+"""A strategy of an MDP: a choice per state, and the chain that it induces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import count, islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.kernels.rows import sparse
+from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.numerics import graph
+from symcheck.tables import SHOWN_ROWS, Table, data_frame
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+__all__ = ["Strategy"]
+
+
+@dataclass(frozen=True, eq=False)
+class Strategy:
+    """A strategy: one row of the matrix for each state.
+
+    Attributes:
+        engine: the model, or its product with an automaton if the strategy has memory.
+        rows: the row of each state, int64[states].
+        direction: whether the strategy attains the minimum or the maximum.
+        matters: the states in which the choice is relevant to the value, bool[states].
+        memory: the state of the automaton in each state of the product, int32[states]; None without
+            memory.
+        entry: the initial state of the product for each state of the model; None without memory.
+    """
+
+    engine: ExplicitEngine = field(repr=False)
+    rows: Int64s = field(repr=False)
+    direction: Direction
+    matters: Bools = field(repr=False)
+    memory: Int32s | None = field(default=None, repr=False)
+    entry: Int64s | None = field(default=None, repr=False)
+
+    @cached_property
+    def induced(self) -> SparseMatrix:
+        """The Markov chain that the strategy induces, on all states."""
+        m = self.engine.matrix
+        part = sparse.select(
+            m.indptr, m.indices, m.data, self.rows, np.arange(m.columns, dtype=np.int32)
+        )
+        return SparseMatrix(*part, m.columns)
+
+    @cached_property
+    def reachable(self) -> Bools:
+        """States that the strategy reaches from the initial ones."""
+        return graph.forward_reachable(self.induced, self.engine.initial.members)
+
+    @property
+    def actions(self) -> list[str]:
+        """The action of the choice in each state; '' for a choice without action."""
+        names = self.engine.model.actions
+        return [
+            names[a] if a >= 0 else ""
+            for a in self.engine.explored.choice_actions[self.rows].tolist()
+        ]
+
+    def states(self) -> Iterator[tuple[bool | int, ...]]:
+        """The values of the variables in each state, followed by the memory if there is one."""
+        values = self.engine.valuations(self.engine.all)
+        if self.memory is None:
+            return values
+        return ((*state, m) for state, m in zip(values, self.memory.tolist(), strict=True))
+
+    def _names(self) -> list[str]:
+        names = [v.name for v in self.engine.model.variables]
+        return names if self.memory is None else [*names, "memory"]
+
+    def _table(self) -> Table:
+        states = zip(count(), self.states(), self.actions, self.reachable.tolist(), strict=False)
+        shown = islice(((n, *s, action) for n, s, action, there in states if there), SHOWN_ROWS)
+        note = f"{np.count_nonzero(self.reachable):,} of {self.engine.states:,} states are reached"
+        return Table.of(["state", *self._names(), "action"], shown, note)
+
+    def __str__(self) -> str:
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table()._repr_html_()
+
+    def to_frame(self) -> DataFrame:
+        """A data frame of pandas: variables, memory if there is one, action, and whether the
+        strategy reaches the state.
+        """
+        columns = dict(zip(self._names(), zip(*self.states(), strict=True), strict=True))
+        columns |= {"action": tuple(self.actions), "reached": tuple(self.reachable.tolist())}
+        return data_frame(columns, range(self.engine.states))

@@ -1,0 +1,432 @@
+"""States, sets of states and values of states, as users see them: by number and by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, reduce
+from sys import maxsize
+from typing import TYPE_CHECKING, Any, TypeVar, overload
+
+import numpy as np
+
+from symcheck.engines import tuning
+from symcheck.engines.base import Engine, StateSet, Values
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Bools, Int64s
+from symcheck.semantics.diagnostics import suggest
+from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import Operator, UnaryOperator
+from symcheck.tables import SHOWN_ROWS, Table, data_frame
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+    from pandas import DataFrame
+
+__all__ = ["Named", "State", "StateKey", "StateValues", "StateVector", "States", "refuse_many"]
+
+T = TypeVar("T")
+
+
+class Named(Mapping[str, T]):
+    """Values by name; each is made when it is asked for.
+
+    Args:
+        noun: what the names are of, for messages.
+        names: the names.
+        make: the value of a name.
+    """
+
+    def __init__(self, noun: str, names: Collection[str], make: Callable[[str], T]) -> None:
+        self._noun, self._names, self._make = noun, names, make
+
+    def __getitem__(self, name: str) -> T:
+        if name in self._names:
+            return self._make(name)
+        raise KeyError(_unknown(self._noun, name, self._names))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __repr__(self) -> str:
+        return f"<{self._noun}s: {', '.join(map(repr, self._names))}>"
+
+
+def _unknown(noun: str, name: object, names: Collection[str]) -> str:
+    near = suggest(str(name), names)
+    known = f"there are {', '.join(map(repr, names))}" if names else "there are none"
+    return f"there is no {noun} {name!r}" + (f", {near}" if near else f"; {known}")
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class State(Mapping[str, bool | int]):
+    """A state: the values of the variables by name.
+
+    Attributes:
+        engine: the built model of the state.
+        number: of the state among the reachable states, from 0.
+        valuation: the values, in the order of the variables.
+    """
+
+    engine: Engine
+    number: int
+    valuation: tuple[bool | int, ...]
+
+    def __getitem__(self, name: str) -> bool | int:
+        names = list(self)
+        if name in names:
+            return self.valuation[names.index(name)]
+        raise KeyError(_unknown("variable", name, names))
+
+    def __iter__(self) -> Iterator[str]:
+        return (v.name for v in self.engine.model.variables)
+
+    def __len__(self) -> int:
+        return len(self.valuation)
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self.items()))
+
+    def __repr__(self) -> str:
+        return f"({', '.join(f'{name}={_lower(value)}' for name, value in self.items())})"
+
+
+def _lower(value: bool | int) -> str:
+    return str(value).lower()
+
+
+StateKey = int | State | Mapping[str, bool | int] | tuple[bool | int, ...]
+"""A state as an index: its number, or the values of all variables by name or in order."""
+
+
+def refuse_many(count: int, noun: str = "states") -> None:
+    """Raise UnsupportedError if there are too many to enumerate."""
+    if count > tuning.LISTED_STATES:
+        raise UnsupportedError(
+            f"{count:,} {noun} are too many to list: at most {tuning.LISTED_STATES:,} are"
+            "\n  hint: model.where(…) selects states, and `states[:10]` lists the first of them"
+        )
+
+
+def _one(engine: Engine, key: object) -> StateSet:
+    """The set of the state with this valuation.
+
+    Raises KeyError for one that is not reachable, TypeError for what is no valuation.
+    """
+    variables = engine.model.variables
+    names = [v.name for v in variables]
+    if isinstance(key, Mapping):
+        for name in key:
+            if name not in names:
+                raise KeyError(_unknown("variable", name, names))
+        if missing := [name for name in names if name not in key]:
+            raise KeyError(
+                f"a state has a value for each variable: {', '.join(missing)} missing; "
+                "model.where(…) selects states by some of them"
+            )
+        key = tuple(key[name] for name in names)
+    if not isinstance(key, tuple) or len(key) != len(names):
+        raise TypeError(
+            f"a state is given by its number, or by the values of {', '.join(names)}, not {key!r}; "
+            "model.where(…) selects states by a condition"
+        )
+    parts: list[Expression] = [Literal(True, Type.BOOL)]
+    for variable, value in zip(variables, key, strict=True):
+        name = Name(variable.name)
+        if variable.type is not Type.BOOL:
+            parts.append(Binary(Operator.EQ, name, Literal(int(value), Type.INT)))
+        else:
+            parts.append(name if value else Unary(UnaryOperator.NOT, name))
+    found = engine.where(reduce(lambda x, y: Binary(Operator.AND, x, y), parts))
+    if not found:
+        text = ", ".join(f"{n}={_lower(v)}" for n, v in zip(names, key, strict=True))
+        raise KeyError(f"the state ({text}) is not reachable")
+    return found
+
+
+def _place(number: int, count: int) -> int:
+    """An index from 0, negative ones counted from the end. Raises IndexError."""
+    if not -count <= number < count:
+        raise IndexError(f"state {number} of {count:,} states, which have the numbers from 0")
+    return int(number) % count
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class States(Collection[State]):
+    """A set of reachable states, in the order of their numbers.
+
+    `|`, `&`, `-` and `~` are union, intersection, difference and complement; `<=` is inclusion. The
+    states are listed only when they are asked for: `count` and set operations enumerate nothing.
+
+    Example:
+        >>> done = model.where("s=7")
+        >>> len(done), done[0]["d"], done <= model.states
+        (6, 1, True)
+    """
+
+    engine: Engine
+    members: StateSet
+
+    @property
+    def count(self) -> int:
+        """Number of states; `len` is limited to 2**63."""
+        return self.members.count
+
+    @property
+    def initial(self) -> States:
+        """The initial states among these."""
+        return self._with(self.members & self.engine.initial)
+
+    @property
+    def numbers(self) -> Int64s:
+        """The number of each state, int64[count], ascending."""
+        refuse_many(self.count)
+        return self.engine.numbers(self.members)
+
+    @property
+    def mask(self) -> Bools:
+        """Whether each reachable state of the model is in the set, bool[states]."""
+        refuse_many(self.engine.states)
+        return self.engine.to_bools(self.members)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Bools:
+        return np.array(self.mask, dtype, copy=copy)
+
+    def __len__(self) -> int:
+        if self.count > maxsize:
+            raise OverflowError(f"{self.count:,} states are too many for len; `count` has no limit")
+        return self.count
+
+    def __iter__(self) -> Iterator[State]:
+        refuse_many(self.count)
+        return self._listed(0, self.count)
+
+    def _listed(self, start: int, stop: int) -> Iterator[State]:
+        numbers = self.engine.numbers(self.members, stop - start, start).tolist()
+        found = self.engine.valuations(self.members, stop - start, start)
+        return (State(self.engine, n, v) for n, v in zip(numbers, found, strict=True))
+
+    @overload
+    def __getitem__(self, key: slice) -> list[State]: ...
+    @overload
+    def __getitem__(self, key: StateKey) -> State: ...
+    def __getitem__(self, key: slice | StateKey) -> State | list[State]:
+        if isinstance(key, slice):
+            start, stop, step = key.indices(self.count)
+            if step != 1:
+                return list(self)[key]
+            refuse_many(stop - start)
+            return list(self._listed(start, max(start, stop)))
+        if isinstance(key, int | np.integer) and not isinstance(key, bool):
+            place = _place(key, self.count)
+            return next(self._listed(place, place + 1))
+        found = self._with(self.members & _one(self.engine, key))
+        if not found:
+            raise KeyError(f"the state {key} is not in this set")
+        return found[0]
+
+    def __contains__(self, state: object) -> bool:
+        try:
+            return bool(self.members & _one(self.engine, state))
+        except (KeyError, TypeError, ValueError):
+            return False
+
+    def __bool__(self) -> bool:
+        return bool(self.members)
+
+    def _with(self, members: StateSet) -> States:
+        return States(self.engine, members)
+
+    def _of(self, other: object) -> StateSet:
+        """The members of another set of the same model. Raises TypeError."""
+        if not isinstance(other, States):
+            raise TypeError(f"a set of states is expected, such as model.where(…), not {other!r}")
+        if other.engine is not self.engine:
+            raise TypeError("the sets are of different models: numbers of states differ")
+        return other.members
+
+    def __and__(self, other: States) -> States:
+        return self._with(self.members & self._of(other))
+
+    def __or__(self, other: States) -> States:
+        return self._with(self.members | self._of(other))
+
+    def __sub__(self, other: States) -> States:
+        return self._with(self.members - self._of(other))
+
+    def __invert__(self) -> States:
+        return self._with(~self.members)
+
+    def __le__(self, other: States) -> bool:
+        return self.members <= self._of(other)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, States):
+            return NotImplemented
+        return other.engine is self.engine and other.members == self.members
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"<States: {self.count:,} of {self.engine.states:,}>"
+
+    def _table(self) -> Table:
+        shown = self[:SHOWN_ROWS] if self.engine.states <= maxsize else []
+        names = [v.name for v in self.engine.model.variables]
+        rest = f"{self.count:,} of {self.engine.states:,} states"
+        return Table.of(["state", *names], [(s.number, *s.valuation) for s in shown], rest)
+
+    def __str__(self) -> str:
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table()._repr_html_()
+
+    def columns(self) -> dict[str, list[bool | int]]:
+        """The values of each variable, by its name."""
+        rows = [s.valuation for s in self]
+        return {v.name: [r[i] for r in rows] for i, v in enumerate(self.engine.model.variables)}
+
+    def to_frame(self) -> DataFrame:
+        """A data frame of pandas: a row per state, a column per variable."""
+        return data_frame(self.columns(), self.numbers)
+
+
+class StateVector:
+    """A number for each reachable state, known to lie between a lower and an upper bound.
+
+    numpy takes it as an array: float64[states], or Fractions of rational arithmetic. It is indexed
+    by the number of a state, by its valuation, by a slice, or by a set of states.
+    """
+
+    engine: Engine
+
+    def at(self, states: StateSet) -> tuple[Numbers, Numbers]:
+        """Lower and upper bounds over a set, in index order."""
+        raise NotImplementedError
+
+    def midpoints(self, states: StateSet) -> Numbers:
+        """The number in each state of a set, in index order: the midpoint of its bounds."""
+        low, high = self.at(states)
+        if low is high:
+            return low
+        with np.errstate(invalid="ignore"):  # equal bounds may be infinite
+            return np.where(low == high, low, low + (high - low) / 2)
+
+    @cached_property
+    def _bounds(self) -> tuple[Numbers, Numbers]:
+        refuse_many(self.engine.states)
+        return self.at(self.engine.all)
+
+    @cached_property
+    def array(self) -> Numbers:
+        """The number in each state: the midpoint of its bounds."""
+        refuse_many(self.engine.states)
+        return self.midpoints(self.engine.all)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Numbers:
+        return np.array(self.array, dtype, copy=copy)
+
+    def __len__(self) -> int:
+        return self.engine.states
+
+    @overload
+    def __getitem__(self, key: slice | States) -> Numbers: ...
+    @overload
+    def __getitem__(self, key: StateKey) -> float | Fraction: ...
+    def __getitem__(self, key: slice | States | StateKey) -> float | Fraction | Numbers:
+        if isinstance(key, States):
+            return self.midpoints(key.members)
+        if isinstance(key, slice):
+            return self.array[key]
+        few = self.engine.states <= tuning.LISTED_STATES
+        if isinstance(key, State) and key.engine is self.engine and few:
+            key = key.number
+        if isinstance(key, int | np.integer) and not isinstance(key, bool):
+            place = _place(key, self.engine.states)
+            return _plain(self.array[place : place + 1])
+        return _plain(self.midpoints(_one(self.engine, key)))
+
+    def items(self) -> Iterator[tuple[State, float | Fraction]]:
+        """Each state with its number."""
+        return zip(_all(self.engine), self.array.tolist(), strict=True)
+
+    def _frame(self, name: str) -> DataFrame:
+        columns = {**_all(self.engine).columns(), name: self.array}
+        low, high = self._bounds
+        if np.any(low != high):
+            columns |= {"lower": low, "upper": high}
+        return data_frame(columns, range(self.engine.states))
+
+
+def _all(engine: Engine) -> States:
+    return States(engine, engine.all)
+
+
+def _plain(values: Numbers) -> float | Fraction:
+    """The only number of an array."""
+    value: float | Fraction = values.tolist()[0]
+    return value
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StateValues(StateVector):
+    """The values of a numeric property in all states.
+
+    Bounds are proved everywhere; they are as close as `epsilon` asks for in the states that the
+    result reads, and in all states with the option `everywhere`.
+
+    Attributes:
+        engine: of the states.
+        values: the values in the form of the engine.
+
+    Example:
+        >>> values = model.check("P=? [ F d=6 ]").values
+        >>> values[0], values[{"s": 7, "d": 6}], max(values)
+        (0.16666666666666666, 1.0, 1.0)
+    """
+
+    engine: Engine
+    values: Values = field(repr=False)
+
+    def at(self, states: StateSet) -> tuple[Numbers, Numbers]:
+        """Lower and upper bounds over a set of the engine, in index order."""
+        return self.values.at(states)
+
+    @property
+    def lower(self) -> Numbers:
+        """The lower bound in each state."""
+        return self._bounds[0]
+
+    @property
+    def upper(self) -> Numbers:
+        """The upper bound in each state."""
+        return self._bounds[1]
+
+    def __iter__(self) -> Iterator[float | Fraction]:
+        return iter(self.array.tolist())
+
+    def __repr__(self) -> str:
+        return f"<StateValues: {self.engine.states:,} states>"
+
+    def _table(self) -> Table:
+        states = _all(self.engine)
+        shown = states[:SHOWN_ROWS]
+        head = ["state", *(v.name for v in self.engine.model.variables), "value"]
+        rows = [(s.number, *s.valuation, self[s]) for s in shown]
+        return Table.of(head, rows, f"{states.count:,} states")
+
+    def __str__(self) -> str:
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table()._repr_html_()
+
+    def to_frame(self) -> DataFrame:
+        """A data frame of pandas: the variables, the value, and bounds that differ."""
+        return self._frame("value")

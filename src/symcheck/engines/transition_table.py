@@ -1,0 +1,132 @@
+"""The transitions of a built model as a table and as a graph."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from symcheck.engines.base import Engine
+from symcheck.engines.capabilities import HasActions
+from symcheck.engines.states import State, States, refuse_many
+from symcheck.matrices.rows import Int64s, SparseMatrix
+from symcheck.syntax.ast import ModelType
+from symcheck.tables import SHOWN_ROWS, Table, data_frame, optional_package
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+    from networkx import DiGraph
+    from pandas import DataFrame
+
+__all__ = ["Transition", "TransitionTable"]
+
+
+class Transition(NamedTuple):
+    """A transition. action: of the choice in an MDP, None for none. probability: a rate in a CTMC,
+    a Fraction in rational arithmetic.
+    """
+
+    source: State
+    action: str | None
+    target: State
+    probability: float | Fraction
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TransitionTable:
+    """The transitions, ordered by source and choice; they are listed when they are asked for.
+
+    Example:
+        >>> for source, action, target, probability in model.transitions: ...
+    """
+
+    engine: Engine = field(repr=False)
+
+    @cached_property
+    def matrix(self) -> SparseMatrix:
+        """The matrix: a row per choice, which is a state in a chain."""
+        refuse_many(self.engine.transitions, "transitions")
+        return self.engine.system(self.engine.all).matrix
+
+    @property
+    def choice(self) -> Int64s:
+        """The choice (row of the matrix) of each transition, int64[transitions]."""
+        return np.repeat(np.arange(self.matrix.rows), np.diff(self.matrix.indptr))
+
+    @property
+    def source(self) -> Int64s:
+        """The number of the source of each transition, int64[transitions]."""
+        groups = self.matrix.groups
+        if groups is None:
+            return self.choice
+        return np.repeat(np.arange(self.matrix.states), np.diff(groups))[self.choice]
+
+    @property
+    def target(self) -> Int64s:
+        """The number of the target of each transition, int64[transitions]."""
+        return self.matrix.indices.astype(np.int64)
+
+    @property
+    def action(self) -> list[str | None]:
+        """The action of each transition of an MDP; None for none, and in a chain."""
+        known = self.engine.capability(HasActions)
+        if self.engine.model.type is not ModelType.MDP or known is None:
+            return [None] * self.matrix.entries
+        names = (*self.engine.model.actions, None)
+        return [names[a] for a in known.row_actions()[self.choice].tolist()]
+
+    def __len__(self) -> int:
+        return self.engine.transitions
+
+    def __iter__(self) -> Iterator[Transition]:
+        states = list(States(self.engine, self.engine.all))
+        return (Transition(states[s], a, states[t], p) for s, _, a, t, p in self._rows())
+
+    def _rows(self) -> Iterator[tuple[int, int, str | None, int, float | Fraction]]:
+        columns = (self.source, self.choice, self.target, self.matrix.data)
+        source, choice, target, data = (c.tolist() for c in columns)
+        return zip(source, choice, self.action, target, data, strict=True)
+
+    def __repr__(self) -> str:
+        return f"<TransitionTable: {len(self):,} transitions>"
+
+    def _table(self) -> Table:
+        rows = [r for r, _ in zip(self, range(SHOWN_ROWS), strict=False)]
+        texts = [(s, "" if a is None else a, t, p) for s, a, t, p in rows]
+        return Table.of(Transition._fields, texts, f"{len(self):,} transitions")
+
+    def __str__(self) -> str:
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table()._repr_html_()
+
+    def to_frame(self) -> DataFrame:
+        """A data frame of pandas: numbers of source, choice and target, action, probability."""
+        columns = {
+            "source": self.source,
+            "choice": self.choice,
+            "action": self.action,
+            "target": self.target,
+            "probability": self.matrix.data,
+        }
+        return data_frame(columns, range(len(self)), "transition")
+
+    def to_networkx(self) -> DiGraph:
+        """A graph of networkx (a multigraph for an MDP).
+
+        Nodes are numbers of states, with the variables as attributes; edges have `probability`,
+        `action` and `choice`.
+        """
+        networkx = optional_package("networkx", "frames")
+        several = self.engine.model.type is ModelType.MDP
+        graph = networkx.MultiDiGraph() if several else networkx.DiGraph()
+        for state in States(self.engine, self.engine.all):
+            graph.add_node(state.number, **state)
+        for source, choice, action, target, probability in self._rows():
+            graph.add_edge(source, target, probability=probability, action=action, choice=choice)
+        return graph

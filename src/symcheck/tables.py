@@ -1,0 +1,77 @@
+"""Tables that print as text and as HTML, data frames, and packages that are optional."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from symcheck.errors import UnsupportedError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+__all__ = ["SHOWN_ROWS", "Table", "data_frame", "optional_package"]
+
+SHOWN_ROWS = 10
+"""Rows of a table of states that are shown; its last line says how many there are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table of texts; each row is as long as `head`. `note` is a line below the rows."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+    def __str__(self) -> str:
+        lines = [self.head, *self.rows] if any(self.head) else list(self.rows)
+        widths = [max((len(line[i]) for line in lines), default=0) for i in range(len(self.head))]
+        texts = [
+            "  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip()
+            for line in lines
+        ]
+        return "\n".join([*texts, self.note] if self.note else texts)
+
+    def _repr_html_(self) -> str:
+        head = "".join(f"<th>{escape(cell)}</th>" for cell in self.head)
+        rows = "".join(
+            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+            for row in self.rows
+        )
+        first = f"<tr>{head}</tr>" if any(self.head) else ""
+        note = f"<div>{escape(self.note)}</div>" if self.note else ""
+        return f"<table>{first}{rows}</table>{note}"
+
+    @staticmethod
+    def of(head: Sequence[str], rows: Iterable[Sequence[object]], note: str = "") -> Table:
+        """A table of any values: floats have six significant digits, others are shown by str()."""
+        return Table(tuple(head), tuple(tuple(map(_text, row)) for row in rows), note)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def data_frame(
+    columns: Mapping[str, object], index: Iterable[int], name: str = "state"
+) -> DataFrame:
+    """A data frame of pandas with a named index. Raises UnsupportedError without pandas."""
+    pandas = optional_package("pandas", "frames")
+    frame: DataFrame = pandas.DataFrame(dict(columns), index=pandas.Index(index, name=name))
+    return frame
+
+
+def optional_package(name: str, extra: str) -> Any:
+    """A package that only some functions need. Raises UnsupportedError if it is not installed."""
+    try:
+        return import_module(name)
+    except ImportError:
+        raise UnsupportedError(
+            f"this needs {name}, which is not installed\n  hint: pip install 'symcheck[{extra}]'"
+        ) from None

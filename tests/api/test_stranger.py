@@ -1,0 +1,132 @@
+"""A stranger's notebook: each cell works, or its error says what to do, from the outermost code."""
+
+from __future__ import annotations
+
+import linecache
+import re
+import traceback
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import symcheck
+
+DIE = str(Path(__file__).parents[2] / "models/die/die.pm")
+WALK = """dtmc const int N; module m x : [0..N]; b : bool;
+  [] x<N -> 0.5:(x'=x+1)&(b'=true) + 0.5:(x'=0)&(b'=false); [] x=N -> true; endmodule
+  formula top = x=N; label "end" = top; rewards "steps" true : 1; endrewards"""
+CELLS = [
+    ("load('nosuch.pm')", "UsageError: cannot read nosuch.pm"),
+    ("load(WALK)", "UsageError: load takes the name of a file, .*loads takes a text"),
+    ("load(3)", "UsageError: load takes the name of a file, not 3"),
+    ("loads(DIE)", "UsageError: loads takes the text of a model, .*load reads a file"),
+    ("loads(None)", "UsageError: loads takes the text of a model, not None"),
+    ("load(DIE, type='mpd')", "UsageError: type='mpd': expected one of dtmc, .*did you mean mdp"),
+    ("load(DIE, type='mdp').bound.type.name", "'MDP'"),
+    ("load(DIE, engine='sprase')", "UsageError: engine='sprase': .*did you mean 'sparse'"),
+    ("load(DIE, epsilon=-1)", "UsageError: epsilon=-1: expected a number between 0 and 1"),
+    ("load(DIE, engin='sparse')", "UsageError: there is no option 'engin' .*'engine'"),
+    ("load(DIE, {'N': 3})", "NameFault: .*constant N is given a value, but the model has no such"),
+    ("loads(WALK, 'n=3')", "NameFault: .*did you mean N"),
+    ("loads(WALK, {'N': 2.5})", "TypeFault: .*constant N is of type int"),
+    ("loads(WALK, 'N=3').constants", "{'N': 3}"),
+    ("loads(WALK, 'N=1:3')", "UsageError: constants: N is given 3 values .*one value is expected"),
+    ("loads(WALK).states", "NameFault: .*constant N is not defined.*constants='N=VALUE'"),
+    ("loads('dtmc module m x : [0..y]; endmodule')", "NameFault: .*unknown name y"),
+    ("m.check('P=? [ F x=3')", "SyntaxFault: .*']' is missing"),
+    ("m.check('P=? [ F \"ende\" ]')", "NameFault: .*did you mean end"),
+    ("m.check('Pmax=? [ F x=3 ]').value", "1.0"),
+    ("m.check(3)", "UsageError: a property is a text .*, not 3"),
+    ("m.check('x=1; x=2')", "UsageError: .*check_all takes several"),
+    ("m.check('P=? [ F x=3 ]', 'k=1')", "NameFault: .*k is given a value"),
+    ("m.check('P=? [ F x=3 ]', method='foo')", "TypeError: .*unexpected keyword .*'method'"),
+    (
+        "[(str(p), r.value) for p, r in m.check_all('x=0; \"a\": x=1')]",
+        "[('x=0', True), ('a', False)]",
+    ),
+    ("m.check_all('nosuch.pctl')", "UsageError: cannot read nosuch.pctl"),
+    ("m.check_all(3)", "UsageError: properties are a text or a file, not 3"),
+    ("float(m.check('x=0'))", "TypeError: a number is expected, .*is true"),
+    ("bool(m.check('x'))", "TypeError: true or false is expected, .*is 0"),
+    ("m.check('x=0').bounds", "TypeError: a number is expected"),
+    ("m.check('x=0').values", "None"),
+    (
+        "m.check('x').values['x']",
+        "TypeError: a state is given by its number, or by the values of x, b",
+    ),
+    ("m.check('x').values[99]", "IndexError: state 99 of 4 states"),
+    ("m.check('x').values[{'x': 3, 'b': True}]", "3.0"),
+    ("sum(m.check('x').values)", "6.0"),
+    ("m.where('x=1 | top')", "<States: 2 of 4>"),
+    ("m.where('x')", "UsageError: a condition is expected, and x is a number"),
+    ("m.where('y=1')", "NameFault: .*unknown name y"),
+    ("m.engine.where('x=1')", "TypeError: an engine takes a bound expression; model.where"),
+    ("m.states & {0, 1}", "TypeError: a set of states is expected"),
+    ("m.states & load(DIE).states", "TypeError: the sets are of different models"),
+    ("m.states['x=1']", "TypeError: .*model.where"),
+    ("m.states[{'x': 1}]", "KeyError: .*b missing"),
+    ("m.states[{'x': 1, 'b': False}]", r"KeyError: .*\(x=1, b=false\) is not reachable"),
+    ("m.states[0]['y']", "KeyError: .*there is no variable 'y'; there are 'x', 'b'"),
+    ("m.labels['edn']", "KeyError: .*did you mean end"),
+    ("m.rewards['stps'].states", "KeyError: .*did you mean steps"),
+    ("m.transient('soon')", "UsageError: a time is a number that is not negative, not 'soon'"),
+    ("m.transient(2, [1, 0])", "UsageError: the initial distribution has 2 probabilities"),
+    ("m.steady_state()[3]", "1.0"),
+    ("m.simulate('x')", "UsageError: steps='x': expected a whole number"),
+    ("m.estimate('P=? [ F x=3 ]', method='foo')", "UsageError: method='foo': expected one of ci"),
+    ("load(DIE, type='mdp').transient(1)", "UnsupportedError: an MDP has no distribution"),
+    ("np.asarray(m.check('x').values).tolist()", "[0.0, 1.0, 2.0, 3.0]"),
+    ("symcheck.laod", "AttributeError: module 'symcheck' has no attribute 'laod'"),
+    ("symcheck.view, symcheck.teach", r"\(<module 'symcheck.view'.*<module 'symcheck.teach'.*"),
+]
+INNER = ("dd", "kernels", "explicit", "symbolic", "numerics", "matrices", "automata")
+
+
+@pytest.mark.parametrize(("cell", "expected"), CELLS, ids=[c for c, _ in CELLS])
+def test_cell(cell: str, expected: str) -> None:
+    names = {
+        "symcheck": symcheck,
+        "np": np,
+        "load": symcheck.load,
+        "loads": symcheck.loads,
+        "m": symcheck.loads(WALK, "N=3"),
+        "WALK": WALK,
+        "DIE": DIE,
+    }
+    try:
+        shown = repr(eval(cell, names))
+    except (symcheck.SymcheckError, TypeError, LookupError, AttributeError) as error:
+        last = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+        if last.parent.name in INNER:
+            raise
+        shown = " ".join(f"{type(error).__name__}: {error}".split())
+    assert shown == expected or re.match(expected, shown), shown
+
+
+def test_there_are_enough_cells() -> None:
+    assert len(CELLS) >= 50
+
+
+def test_a_notebook_shows_one_frame_and_the_message() -> None:
+    source = "import symcheck\n\ndef ask(model):\n    return model.check('P=? [ F y=1 ]')\n"
+    names: dict[str, object] = {}
+    linecache.cache["<cell>"] = (len(source), None, source.splitlines(keepends=True), "<cell>")
+    exec(compile(source, "<cell>", "exec"), names)
+    with pytest.raises(symcheck.SymcheckError) as caught:
+        names["ask"](symcheck.load(DIE))  # type: ignore[operator]
+    lines = caught.value._render_traceback_()
+    assert lines[0] == "line 4: return model.check('P=? [ F y=1 ]')"
+    assert "\n".join(lines[1:]).splitlines()[:2] == [
+        "NameFault: <properties>:1:9: error[unknown-name]: unknown name y",
+        "  1 | P=? [ F y=1 ]",
+    ]
+
+
+def test_ipython_takes_the_rendered_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    shell = pytest.importorskip("IPython.core.interactiveshell")
+    session = shell.InteractiveShell.instance()
+    session.run_cell(f"import symcheck; symcheck.load({DIE!r}, engine='sprase')")
+    shown = capsys.readouterr().out
+    assert "UsageError: engine='sprase': expected one of auto" in shown
+    assert "make_options" not in shown

@@ -1,0 +1,101 @@
+"""Type checkers and completion know every public name."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import symcheck
+
+ROOT = Path(__file__).parents[2]
+REVEALED = {
+    'symcheck.load("x.pm")': "symcheck.api.Model",
+    'symcheck.loads("", {"N": 1}, type="mdp", engine="sparse", epsilon=1e-3)': "symcheck.api.Model",
+    'model.check("true")': "symcheck.check.result.Result",
+    "model.states": "symcheck.engines.states.States",
+    "model.states[0]": "symcheck.engines.states.State",
+    "model.states[:2]": "list[symcheck.engines.states.State]",
+    "model.states.mask.dtype": "numpy.dtype[numpy.bool[builtins.bool]]",
+    'model.states[0]["x"]': "int",
+    'model.where("x=1") & ~model.deadlocks': "symcheck.engines.states.States",
+    'model.labels["end"]': "symcheck.engines.states.States",
+    "model.constants": "Mapping[str, bool | int | float | Fraction]",
+    "next(iter(model.transitions)).target": "symcheck.engines.states.State",
+    'model.rewards["r"]': "symcheck.api.StructureRewards",
+    "result.bounds": "tuple[int | float | Fraction, int | float | Fraction]",
+    "result.values": "symcheck.engines.states.StateValues | None",
+    "result.accuracy": "Exact | Certified | Estimate | Statistical",
+    "result.strategy": "symcheck.engines.explicit.strategy.Strategy | None",
+    "model.steady_state()": "symcheck.check.state_distributions.Distribution",
+    "model.steady_state()[0]": "float | fractions.Fraction",
+    "list(model.check_all('x'))[0][1]": "symcheck.check.result.Result",
+    "symcheck.view.results([])": "symcheck.tables.Table",
+    "symcheck.teach.frontiers": "def (",
+}
+WRONG = ('symcheck.laod("x.pm")', 'symcheck.load("x.pm", engine="sprase")', 'model.chekc("true")')
+
+
+def plain(text: str) -> str:
+    """A type as mypy writes it, without the module of a standard name."""
+    for prefix in (
+        "typing.",
+        "collections.abc.",
+        "builtins.",
+        "fractions.",
+        "symcheck.check.result.",
+    ):
+        text = text.replace(prefix, "")
+    return text
+
+
+def test_mypy_knows_the_types(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    program = ["import symcheck", 'model = symcheck.load("x.pm")', 'result = model.check("true")']
+    program += [f"reveal_type({text})" for text in REVEALED] + list(WRONG)
+    path = tmp_path / "program.py"
+    path.write_text("\n".join(program) + "\n")
+    # The options and the cache are those of the project: the sources are not read again.
+    command = [sys.executable, "-m", "mypy", "--show-absolute-path", str(path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    found = (line.removeprefix(f"{path}:") for line in done.stdout.splitlines())
+    lines = {int(line.split(":")[0]): line for line in found if line[0].isdigit()}
+    for number, (text, expected) in enumerate(REVEALED.items(), 4):
+        assert plain(expected) in plain(lines[number]), text
+    wrong = range(4 + len(REVEALED), 4 + len(REVEALED) + len(WRONG))
+    assert all("error" in lines[n] for n in wrong), done.stdout
+
+
+def test_names_for_type_checkers_are_those_at_run_time() -> None:
+    tree = ast.parse(Path(symcheck.__file__).read_text(encoding="utf-8"))
+    typed = {
+        f"{node.module}:{alias.asname}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("symcheck")
+        for alias in node.names
+    }
+    home = {
+        f"symcheck:{name}" if module == name else f"symcheck.{module}:{name}"
+        for name, module in symcheck._HOME.items()
+    }
+    assert typed == home
+
+
+@pytest.mark.parametrize("name", symcheck.__all__)
+def test_names_exist(name: str) -> None:
+    assert getattr(symcheck, name) is not None
+    assert name in dir(symcheck)
+
+
+def test_completion_offers_public_names_of_a_model() -> None:
+    model = symcheck.loads("dtmc module m x : [0..1]; endmodule")
+    shown = {n for n in dir(model) if not n.startswith("_")}
+    assert {"states", "transitions", "where", "check", "matrix", "labels", "rewards"} <= shown
+    for name in shown - set(vars(model)):
+        value = inspect.getattr_static(type(model), name)
+        function = getattr(value, "fget", getattr(value, "func", getattr(value, "__func__", value)))
+        assert inspect.getdoc(function), name
