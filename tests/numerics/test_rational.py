@@ -53,7 +53,7 @@ def test_elimination_and_lifting_agree(chain: list, cheap: int) -> None:  # type
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rational, "CHEAP_PIVOT", cheap)
         found = rational._eliminate_and_lift(rows, [rational.flint_number(r[1]) for r in chain])
-    assert rational.from_flint(found).tolist() == solve_chain(chain)
+    assert rational.fractions(found).tolist() == solve_chain(chain)
 
 
 @settings(max_examples=150, deadline=None)

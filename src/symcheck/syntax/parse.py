@@ -149,10 +149,10 @@ def _collector_paused() -> Iterator[None]:
 
 def _parse(name: str, start: str, source: Source) -> Any:
     """The value of the start symbol of a grammar."""
-    language = load(name)
-    builder = language.builder
     found: list[Diagnostic] = []
     with _ONE_AT_A_TIME, _collector_paused():
+        language = load(name)
+        builder = language.builder
         builder.begin(source)
         try:
             value = language.parser.parse(source.text, start=start)

@@ -7,7 +7,7 @@ Source: Dixon (1982), 'Exact solution of linear equations using p-adic expansion
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -23,9 +23,10 @@ __all__ = [
     "Number",
     "Row",
     "flint_number",
-    "flint_rows",
-    "from_flint",
+    "fractions",
     "least_solution",
+    "number_form",
+    "number_rows",
     "restrict_rows",
     "solve_chain",
     "stationary_distribution",
@@ -36,8 +37,12 @@ CHEAP_PIVOT = 400
 large, and lifting is faster: the steady state of fms with n=2 (810 states) takes 0.5 s, 0.9 s
 without elimination, and over 100 s by elimination alone."""
 
+SMALL_SYSTEM = 20
+"""Unknowns up to which numbers stay Fractions: loading FLINT takes 25 ms, longer than solving them.
+All of these unknowns are eliminated, because a pivot takes at most 20 * 20 products."""
+
 Number = Any
-"""A flint.fmpq: a rational with the usual operators."""
+"""A Fraction or a flint.fmpq: rationals with the same operators, all of one kind in a system."""
 Row = dict[int, Number]
 """The entries of a row by column."""
 
@@ -49,10 +54,15 @@ def flint_number(value: Fraction) -> Number:
     return flint.fmpq(value.numerator, value.denominator)
 
 
-def flint_rows(matrix: SparseMatrix) -> list[Row]:
+def number_form(n: int) -> Callable[[Fraction], Number]:
+    """The conversion of Fractions to the numbers of a system of n unknowns."""
+    return flint_number if n > SMALL_SYSTEM else Fraction
+
+
+def number_rows(matrix: SparseMatrix, form: Callable[[Fraction], Number]) -> list[Row]:
     """The rows of a matrix of rationals."""
     known: dict[Fraction, Number] = {}
-    data = [known[v] if v in known else known.setdefault(v, flint_number(v)) for v in matrix.data]
+    data = [known[v] if v in known else known.setdefault(v, form(v)) for v in matrix.data]
     columns, starts = matrix.indices.tolist(), matrix.indptr.tolist()
     return [dict(zip(columns[i:j], data[i:j], strict=True)) for i, j in pairwise(starts)]
 
@@ -70,12 +80,13 @@ def solve_chain(matrix: SparseMatrix, constant: Numbers) -> Rationals:
     Raises:
         NumericalError: the solution is not finite, or not unique.
     """
-    return from_flint(least_solution(flint_rows(matrix), [flint_number(c) for c in constant]))
+    form = number_form(matrix.rows)
+    return fractions(least_solution(number_rows(matrix, form), [form(c) for c in constant]))
 
 
-def from_flint(values: Sequence[Number]) -> Rationals:
-    """FLINT's rationals as a vector of Fractions."""
-    return rationals(Fraction(int(v.p), int(v.q)) for v in values)
+def fractions(values: Sequence[Number]) -> Rationals:
+    """Numbers as a vector of Fractions."""
+    return rationals(Fraction(int(v.numerator), int(v.denominator)) for v in values)
 
 
 def least_solution(rows: Sequence[Row], constant: Sequence[Number]) -> list[Number]:
@@ -85,7 +96,7 @@ def least_solution(rows: Sequence[Row], constant: Sequence[Number]) -> list[Numb
     shape = SparseMatrix(starts, columns, np.ones(len(columns)), len(rows))
     source = np.array([c != 0 for c in constant], dtype=np.bool_)
     parts = graph.sccs(shape, graph.backward_reachable(shape, source))
-    x: list[Number] = [flint_number(Fraction(0))] * len(rows)
+    x: list[Number] = [0] * len(rows)
     for c in range(parts.count):
         members = parts.members(c).tolist()
         inner, outer = restrict_rows(rows, constant, members, members, x)
@@ -163,11 +174,11 @@ def _eliminate_and_lift(rows: list[Row], right: list[Number]) -> list[Number]:
 
 def _lift(states: list[int], rows: list[Row], right: list[Number], x: list[Number]) -> None:
     """Solve the equations among `states` by p-adic lifting, and write the solution into x."""
-    import flint
-
     n = len(states)
     if n == 0:
         return
+    import flint
+
     index = {s: i for i, s in enumerate(states)}
     system = flint.fmpq_mat(n, n)
     for i, s in enumerate(states):
@@ -213,11 +224,11 @@ def stationary_distribution(matrix: SparseMatrix) -> Rationals:
     Returns:
         One rational per state; they sum to 1.
     """
-    rows = flint_rows(matrix)
-    n = len(rows)
-    one, zero = flint_number(Fraction(1)), flint_number(Fraction(0))
+    n = matrix.rows
+    form = number_form(n)
+    rows, one, zero = number_rows(matrix, form), form(Fraction(1)), form(Fraction(0))
     if n == 1:
-        return from_flint([one])
+        return fractions([one])
     # With weight 1 at state 0: pi_j * leave_j = sum of pi_i * rate_ij, an equation per state j > 0.
     leave = [sum((a for t, a in row.items() if t != s), zero) for s, row in enumerate(rows)]
     system: list[Row] = [{} for _ in range(n - 1)]
@@ -232,4 +243,4 @@ def stationary_distribution(matrix: SparseMatrix) -> Rationals:
                 system[j - 1][i - 1] = a / leave[j]
     weights = [one, *_solve(system, right)]
     total = sum(weights, zero)
-    return from_flint([w / total for w in weights])
+    return fractions([w / total for w in weights])

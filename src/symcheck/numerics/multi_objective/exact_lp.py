@@ -20,7 +20,7 @@ import numpy as np
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, doubles, full, is_exact
 from symcheck.matrices.rows import Floats, Int64s
-from symcheck.numerics.linear.rational import Number, Row, flint_number, from_flint
+from symcheck.numerics.linear.rational import Number, Row, flint_number, fractions
 
 __all__ = ["ROWS", "Optimum", "Program", "solve_program"]
 
@@ -264,7 +264,7 @@ class _Vertex:
         if any(v != flint_number(b) for v, b in zip(left, self.program.right, strict=True)):
             return None
         values = full(len(self.program.cost), 0, exact=True)
-        values[list(self.basis)] = from_flint(self.x)
+        values[list(self.basis)] = fractions(self.x)
         return values
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 
@@ -24,10 +23,10 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, 
 from symcheck.numerics.linear.rational import (
     Number,
     Row,
-    flint_number,
-    flint_rows,
-    from_flint,
+    fractions,
     least_solution,
+    number_form,
+    number_rows,
     restrict_rows,
 )
 from symcheck.numerics.settings import Accuracy, Settings
@@ -48,8 +47,8 @@ def solve(
     chooser: Chooser,
 ) -> Solution:
     """The exact least solution. Raises NumericalError where it is not unique or not finite."""
-    rows = flint_rows(problem.rows)
-    constant = [flint_number(c) for c in problem.constant]
+    form = number_form(problem.n)
+    rows, constant = number_rows(problem.rows, form), [form(c) for c in problem.constant]
     if problem.mode == 0:
         x, policy, rounds = least_solution(rows, constant), None, 1
         note = f"{problem.n} states: rational elimination"
@@ -57,7 +56,7 @@ def solve(
         policy = _first_policy(problem, chooser)
         x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
         note = f"{problem.n} states: rational policy iteration, {rounds} policies"
-    values = from_flint(x)
+    values = fractions(x)
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
 
 
@@ -77,7 +76,7 @@ def _policy_iteration(
     assert groups is not None
     starts = groups.tolist()
     sign = 1 if problem.direction is Direction.MAX else -1
-    x: list[Number] = [flint_number(Fraction(0))] * problem.n
+    x: list[Number] = [0] * problem.n
     parts = graph.sccs(problem.rows)
     most = 0
     for c in range(parts.count):
