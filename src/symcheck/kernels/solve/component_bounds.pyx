@@ -2,20 +2,21 @@
 """Bounds for x = A x + b with non-negative A and b, component by component, as far as cheap methods
 go.
 
-Rows are rounded outwards (`rounding.pxd`).
+Rows are rounded outwards (`rounding.pxd`). Functions raise MemoryError when memory ends.
 """
 
 import numpy as np
 
 from libc.float cimport DBL_MAX, DBL_MIN
-from libc.math cimport INFINITY
-from libc.stdint cimport int32_t, int64_t
+from libc.math cimport INFINITY, fabs, log
+from libc.stdint cimport int32_t, int64_t, uint8_t
 
-from symcheck.kernels.solve.equations cimport Equations, EquationBlock, index_t
-from symcheck.kernels.solve.sweeps cimport Block
 from symcheck.kernels.tuning cimport MAX_SWEEPS, MIN_SWEEPS, SWEEP_ENTRIES, SWEEP_STATES
-from symcheck.kernels.rounding cimport (UNDERFLOW_MARGIN, UNIT_ROUNDOFF, error_of_sum, round_down,
-                                        round_up)
+from symcheck.kernels.rounding cimport (EXTRA_ROUNDINGS, UNDERFLOW_MARGIN, UNIT_ROUNDOFF,
+                                        error_of_sum, round_down, round_up)
+
+include "_equations.pxi"
+include "_sweeps.pxi"
 
 
 cdef bint eliminate_block(EquationBlock block):
@@ -25,7 +26,7 @@ cdef bint eliminate_block(EquationBlock block):
     numbers leave the range of normal doubles (a normal sum has lost at most a rounding).
     Source: Grassmann, Taksar & Heyman (1985).
     """
-    cdef int64_t n = block.n, i, j, k
+    cdef int64_t n = block.n, i, j, k, e
     cdef double[:, ::1] matrix = np.zeros((n, n))
     cdef double[::1] exit_mass = block.exit_masses()
     cdef double[::1] pivot = np.empty(n)
@@ -35,10 +36,9 @@ cdef bint eliminate_block(EquationBlock block):
     cdef long double total, lo, hi
     block.start_bounds()
     with nogil:
-        if block.wide:
-            add_to_full_matrix(block, &block.row_ptr64[0], matrix)
-        else:
-            add_to_full_matrix(block, &block.row_ptr32[0], matrix)
+        for i in range(n):
+            for e in range(block.row_ptr[i], block.row_ptr[i + 1]):
+                matrix[i, block.indices[e]] += block.data[e]
         for k in range(n - 1, -1, -1):
             total = exit_mass[k]
             for j in range(k):
@@ -81,30 +81,20 @@ cdef bint eliminate_block(EquationBlock block):
     return not out_of_range
 
 
-cdef void add_to_full_matrix(EquationBlock block, const index_t* indptr,
-                             double[:, ::1] matrix) noexcept nogil:
-    """Add the entries of a block to a full matrix."""
-    cdef int64_t i, e
-    for i in range(block.n):
-        for e in range(indptr[i], indptr[i + 1]):
-            matrix[i, block.indices[e]] += block.data[e]
-
-
 cdef class ComponentSolver(Equations):
     """A system of equations, and the solution of its components by cheap methods; see Equations for
     the arguments.
     """
 
-    def block(self, const int32_t[::1] states, double[:, ::1] x, bint wide=False) -> Block:
+    def block(self, const int32_t[::1] states, double[:, ::1] x) -> Block:
         """The block of some states, with the bounds of all others known.
 
         Args:
             states: int32[n].
             x: float64[states of the system, 2], the bounds.
-            wide: force int64 starts, even for less than 2**31 entries.
         """
         cdef Block block = Block()
-        block.load(self, states, x, wide)
+        block.load(self, states, x)
         return block
 
     def store(self, Block block, double[:, ::1] x, int64_t[::1] strategy):
@@ -238,7 +228,7 @@ cdef class ComponentSolver(Equations):
             size = states.shape[0]
             if size > (elimination_limit if self.mode == 0 else SWEEP_STATES):
                 break
-            block.load(self, states, x, False)
+            block.load(self, states, x)
             if not block.has_exit or (block.mode == 0 and size > elimination_limit):
                 break
             if block.mode == 0:

@@ -12,7 +12,6 @@ import numpy as np
 from libc.math cimport fabs, isfinite, sqrt, INFINITY
 from libc.stdint cimport int32_t, int64_t
 
-from symcheck.kernels.solve.equations cimport index_t
 from symcheck.kernels.tuning cimport ANDERSON_MEMORY, SWEEPS_PER_COMBINATION
 from symcheck.kernels.rounding cimport error_of_sum, round_down, round_up
 
@@ -38,17 +37,14 @@ cdef class PolicyEvaluator:
     the policy.
 
     Args:
-        indptr, indices, data: starts of rows (int32 or int64), columns (int32) and entries
-        (float64),
-            without self-loops.
-        groups: starts of the rows of each state, of the same type as `indptr`; None without
-        choices. low, high: float64[rows], bounds on b, at least 0; infinite ones are allowed for
-        minima. mode: 0 without choices, 1 minimum, 2 maximum.
+        indptr, indices, data: int64[rows+1], int32, float64: A without self-loops.
+        groups: int64[n+1], the rows of each state; None without choices.
+        low, high: float64[rows], bounds on b, at least 0; infinite ones are allowed for minima.
+        mode: 0 without choices, 1 minimum, 2 maximum.
         relative: whether errors count relative to the values.
     """
 
-    cdef const int32_t[::1] ptr32, group32, policy_ptr32
-    cdef const int64_t[::1] ptr64, group64, policy_ptr64
+    cdef const int64_t[::1] row_ptr, groups, policy_ptr
     cdef const int32_t[::1] indices, policy_indices
     cdef const double[::1] data, low, high, policy_data, policy_b
     cdef const double[::1] middle
@@ -61,20 +57,14 @@ cdef class PolicyEvaluator:
     cdef int64_t stored, newest, combined
     cdef double norm, scale
     cdef readonly int mode
-    cdef bint relative, wide
+    cdef bint relative
     cdef double product[ANDERSON_MEMORY][ANDERSON_MEMORY]
     cdef double factor[ANDERSON_MEMORY]
 
-    def __init__(self, indptr: Int32s | Int64s, indices: Int32s, data: Floats,
-                 groups: Int32s | Int64s | None, low: Floats, high: Floats, int mode,
-                 bint relative):
-        cdef int64_t n = indptr.shape[0] - 1 if mode == 0 else groups.shape[0] - 1
-        self.wide = indptr.dtype == np.int64
-        groups = indptr if mode == 0 else groups
-        if self.wide:
-            self.ptr64, self.group64 = indptr, groups
-        else:
-            self.ptr32, self.group32 = indptr, groups
+    def __init__(self, indptr: Int64s, indices: Int32s, data: Floats, groups: Int64s | None,
+                 low: Floats, high: Floats, int mode, bint relative):
+        self.row_ptr, self.groups = indptr, indptr if mode == 0 else groups
+        cdef int64_t n = self.groups.shape[0] - 1
         self.indices, self.data, self.low, self.high = indices, data, low, high
         self.mode = mode
         self.relative = relative
@@ -94,7 +84,7 @@ cdef class PolicyEvaluator:
 
     cdef use_all_rows(self):
         """Without choices the rows of the policy are all rows; with choices there are none yet."""
-        self.policy_ptr32, self.policy_ptr64 = self.ptr32, self.ptr64
+        self.policy_ptr = self.row_ptr
         self.policy_indices, self.policy_data, self.policy_b = self.indices, self.data, self.middle
 
     def release_history(self):
@@ -134,11 +124,9 @@ cdef class PolicyEvaluator:
         for k in range(rounds):
             with nogil:
                 if self.mode == 0:
-                    change = self.sweep(k & 1)
-                elif self.wide:
-                    change = sweep_all_rows(self, &self.ptr64[0], &self.group64[0], &changed)
+                    change = sweep_policy(self, k & 1)
                 else:
-                    change = sweep_all_rows(self, &self.ptr32[0], &self.group32[0], &changed)
+                    change = sweep_all_rows(self, &changed)
         self.sweeps += rounds
         if changed:
             self.copy_policy_rows()
@@ -156,28 +144,26 @@ cdef class PolicyEvaluator:
 
     cdef copy_policy_rows(self):
         """Copy the rows of the policy together."""
-        cdef int64_t entries
-        cdef int32_t[::1] indices, policy_ptr32
-        cdef int64_t[::1] policy_ptr64
-        cdef double[::1] data, b
+        cdef int64_t i, k, r, entries = 0
         self.use_all_rows()  # frees the old copy first
-        if self.wide:
-            entries = count_policy_entries(self, &self.ptr64[0], &self.group64[0])
-        else:
-            entries = count_policy_entries(self, &self.ptr32[0], &self.group32[0])
-        indices, data, b = (np.empty(entries + 1, dtype=np.int32), np.empty(entries + 1),
-                            np.empty(self.n))
-        if self.wide:
-            policy_ptr64 = np.empty(self.n + 1, dtype=np.int64)
-            copy_rows(self, &self.ptr64[0], &self.group64[0], &policy_ptr64[0], &indices[0],
-                      &data[0], &b[0])
-            self.policy_ptr64 = policy_ptr64
-        else:
-            policy_ptr32 = np.empty(self.n + 1, dtype=np.int32)
-            copy_rows(self, &self.ptr32[0], &self.group32[0], &policy_ptr32[0], &indices[0],
-                      &data[0], &b[0])
-            self.policy_ptr32 = policy_ptr32
-        self.policy_indices, self.policy_data, self.policy_b = indices, data, b
+        cdef int64_t[::1] starts = np.empty(self.n + 1, dtype=np.int64)
+        with nogil:
+            for i in range(self.n):
+                starts[i] = entries
+                r = self.groups[i] + self.policy[i]
+                entries += self.row_ptr[r + 1] - self.row_ptr[r]
+            starts[self.n] = entries
+        cdef int32_t[::1] indices = np.empty(entries + 1, dtype=np.int32)
+        cdef double[::1] data = np.empty(entries + 1), b = np.empty(self.n)
+        with nogil:
+            for i in range(self.n):
+                r = self.groups[i] + self.policy[i]
+                b[i] = self.middle[r]
+                for k in range(self.row_ptr[r], self.row_ptr[r + 1]):
+                    indices[starts[i] + k - self.row_ptr[r]] = self.indices[k]
+                    data[starts[i] + k - self.row_ptr[r]] = self.data[k]
+        self.policy_ptr, self.policy_indices, self.policy_data, self.policy_b = (starts, indices,
+                                                                                 data, b)
 
     cdef void set_weights(self) noexcept nogil:
         """Set the weight of an error in each state, divided by the greatest value, and forget
@@ -193,12 +179,6 @@ cdef class PolicyEvaluator:
             a = fabs(self.x[i]) * self.scale if self.relative else 1.0
             self.weight[i] = <float>(1.0 / (a if a > 1e-3 else 1e-3))
         self.clear_history()
-
-    cdef double sweep(self, bint backwards) noexcept nogil:
-        """Sweep over the rows of the policy; the greatest relative change."""
-        if self.wide:
-            return sweep_policy(self, &self.policy_ptr64[0], backwards)
-        return sweep_policy(self, &self.policy_ptr32[0], backwards)
 
     def evaluate(self, double tolerance, int64_t steps) -> float:
         """Evaluate the policy by combination steps.
@@ -240,7 +220,7 @@ cdef class PolicyEvaluator:
             for i in range(n):
                 self.last_image[i] = self.x[i]
         for j in range(SWEEPS_PER_COMBINATION):
-            self.sweep(j & 1)
+            sweep_policy(self, j & 1)
         self.sweeps += SWEEPS_PER_COMBINATION
         for j in range(ANDERSON_MEMORY):
             right[j] = newest_products[j] = 0.0
@@ -350,19 +330,14 @@ cdef class PolicyEvaluator:
         cdef bint proved
         for k in range(rounds):
             with nogil:
-                if self.wide:
-                    proved = sweep_bounds(self, &self.ptr64[0], &self.group64[0], &y[0], upper,
-                                          policy)
-                else:
-                    proved = sweep_bounds(self, &self.ptr32[0], &self.group32[0], &y[0], upper,
-                                          policy)
+                proved = sweep_bounds(self, &y[0], upper, policy)
             self.sweeps += 1
             if proved:
                 return k + 1
         return 0
 
 
-cdef inline double add_row(double total, const index_t* indptr, int64_t row, const double* data,
+cdef inline double add_row(double total, const int64_t* indptr, int64_t row, const double* data,
                            const int32_t* indices, const double* x) noexcept nogil:
     """total + A_row x."""
     cdef int64_t k
@@ -371,14 +346,15 @@ cdef inline double add_row(double total, const index_t* indptr, int64_t row, con
     return total
 
 
-cdef double sweep_all_rows(PolicyEvaluator e, const index_t* indptr, const index_t* groups,
-                           int64_t* changed) noexcept nogil:
+cdef double sweep_all_rows(PolicyEvaluator e, int64_t* changed) noexcept nogil:
     """Sweep over all rows; a choice changes if another row is clearly better."""
     cdef int64_t n = e.n, i, r, k, best_row, old
     cdef double t, best, moved, change = 0.0
     cdef double* x = &e.x[0]
     cdef const double* data = &e.data[0]
     cdef const int32_t* indices = &e.indices[0]
+    cdef const int64_t* indptr = &e.row_ptr[0]
+    cdef const int64_t* groups = &e.groups[0]
     cdef double less = 1.0 - CLEARLY_BETTER, more = 1.0 + CLEARLY_BETTER
     for i in range(n):
         best_row = old = groups[i] + e.policy[i] if e.policy[i] >= 0 else -1
@@ -402,7 +378,7 @@ cdef double sweep_all_rows(PolicyEvaluator e, const index_t* indptr, const index
     return change
 
 
-cdef double sweep_policy(PolicyEvaluator e, const index_t* indptr, bint backwards) noexcept nogil:
+cdef double sweep_policy(PolicyEvaluator e, bint backwards) noexcept nogil:
     """Sweep over the rows of the policy; the greatest relative change."""
     cdef int64_t n = e.n, j, i, k
     cdef double t, moved, change = 0.0
@@ -410,6 +386,7 @@ cdef double sweep_policy(PolicyEvaluator e, const index_t* indptr, bint backward
     cdef const double* data = &e.policy_data[0]
     cdef const int32_t* indices = &e.policy_indices[0]
     cdef const double* b = &e.policy_b[0]
+    cdef const int64_t* indptr = &e.policy_ptr[0]
     for j in range(n):
         i = n - 1 - j if backwards else j
         t = add_row(b[i], indptr, i, data, indices, x)
@@ -420,33 +397,8 @@ cdef double sweep_policy(PolicyEvaluator e, const index_t* indptr, bint backward
     return change
 
 
-cdef int64_t count_policy_entries(PolicyEvaluator e, const index_t* indptr,
-                                  const index_t* groups) noexcept nogil:
-    """Number of entries of the rows of the policy."""
-    cdef int64_t i, r, entries = 0
-    for i in range(e.n):
-        r = groups[i] + e.policy[i]
-        entries += indptr[r + 1] - indptr[r]
-    return entries
-
-
-cdef void copy_rows(PolicyEvaluator e, const index_t* indptr, const index_t* groups,
-                    index_t* policy_ptr, int32_t* indices, double* data, double* b) noexcept nogil:
-    """Copy the rows of the policy together."""
-    cdef int64_t i, k, r, entries = 0
-    policy_ptr[0] = 0
-    for i in range(e.n):
-        r = groups[i] + e.policy[i]
-        b[i] = e.middle[r]
-        for k in range(indptr[r], indptr[r + 1]):
-            indices[entries] = e.indices[k]
-            data[entries] = e.data[k]
-            entries += 1
-        policy_ptr[i + 1] = <index_t>entries
-
-
-cdef bint sweep_bounds(PolicyEvaluator e, const index_t* indptr, const index_t* groups, double* x,
-                       bint upper, int32_t[::1] policy) noexcept nogil:
+cdef bint sweep_bounds(PolicyEvaluator e, double* x, bint upper,
+                       int32_t[::1] policy) noexcept nogil:
     """Replace candidate bounds by the bounds that they prove, rounded outwards; whether they are
     bounds already.
     """
@@ -456,6 +408,8 @@ cdef bint sweep_bounds(PolicyEvaluator e, const index_t* indptr, const index_t* 
     cdef const double* data = &e.data[0]
     cdef const int32_t* indices = &e.indices[0]
     cdef const double* b = &e.high[0] if upper else &e.low[0]
+    cdef const int64_t* indptr = &e.row_ptr[0]
+    cdef const int64_t* groups = &e.groups[0]
     for i in range(n):
         first = i if e.mode == 0 else groups[i]
         last = i + 1 if e.mode == 0 else groups[i + 1]

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from symcheck.kernels.solve.component_bounds import Block
 from symcheck.kernels.solve.extrapolation import PolicyEvaluator
-from symcheck.kernels.solve.sweeps import Block
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import Observer, Progress

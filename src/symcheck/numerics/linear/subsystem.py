@@ -17,8 +17,7 @@ import numpy as np
 from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.certificates import certify
-from symcheck.kernels.solve.component_bounds import ComponentSolver
-from symcheck.kernels.solve.sweeps import Block
+from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, scaled
@@ -104,25 +103,17 @@ class LocalSystem:
         return self.block.exit_masses()
 
     @property
-    def groups(self) -> Int32s | Int64s | None:
+    def groups(self) -> Int64s | None:
         """The first row of each state; None without choices."""
         return self.block.groups if self.mode else None
 
     @cached_property
     def matrix(self) -> SparseMatrix:
-        """A, with 64-bit row starts (the block's may have 32 bits)."""
+        """A."""
         block = self.block
-        starts, groups = block.indptr.astype(np.int64, copy=False), self.groups
-        entries = (
-            np.asarray(block.indices)[: block.entries],
-            np.asarray(block.data)[: block.entries],
-        )
-        return SparseMatrix(
-            starts,
-            *entries,
-            block.n,
-            None if groups is None else groups.astype(np.int64, copy=False),
-        )
+        indices = np.asarray(block.indices)[: block.entries]
+        data = np.asarray(block.data)[: block.entries]
+        return SparseMatrix(block.indptr, indices, data, block.n, self.groups)
 
     def chain(self, policy: Int64s) -> tuple[SparseMatrix, Floats]:
         """The chain of a policy (rows of the block): its matrix and exit probabilities."""

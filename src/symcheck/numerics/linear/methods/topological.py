@@ -19,8 +19,7 @@ import numpy as np
 
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.certificates import component_depths
-from symcheck.kernels.solve.component_bounds import ComponentSolver
-from symcheck.kernels.solve.sweeps import Block
+from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.extrapolation import solve_extrapolated

@@ -1,19 +1,8 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Equations x = A x + b with non-negative A and b, and the blocks of some states that are copied
-from them.
-
-Values are pairs (lower, upper), stored side by side. Rows are rounded outwards (`rounding.pxd`), so
-each update maps true bounds to true bounds, whatever the machine rounds. Functions raise
-MemoryError when memory ends.
-"""
-
-import numpy as np
-
-from libc.math cimport fabs, INFINITY
-from libc.stdint cimport int32_t, int64_t, INT32_MAX
-
-from symcheck.kernels.rounding cimport EXTRA_ROUNDINGS, UNDERFLOW_MARGIN, UNIT_ROUNDOFF
-
+# Equations x = A x + b with non-negative A and b, and the blocks of some states that are copied from
+# them.
+#
+# Values are pairs (lower, upper), stored side by side. Rows are rounded outwards (`rounding.pxd`), so
+# each update maps true bounds to true bounds, whatever the machine rounds.
 
 cdef class Equations:
     """A system of equations in compressed rows.
@@ -28,6 +17,16 @@ cdef class Equations:
             matrix have known values; None for all.
         rates: whether rows and their constants are divided by all that leaves the state.
     """
+
+    cdef const int64_t[::1] indptr, groups
+    cdef const int32_t[::1] indices
+    cdef const double[::1] data
+    cdef const double[::1] constant_low, constant_high, exit_mass   # None where they are 0
+    cdef const uint8_t[::1] unknown  # None: all states
+    cdef bint normalise
+    cdef int32_t[::1] local_index  # of the states of the block that is loaded; None before
+    cdef readonly int64_t n
+    cdef readonly int mode
 
     def __init__(self, indptr: Int64s, indices: Int32s, data: Floats, groups: Int64s | None,
                  lower: Floats | None, upper: Floats | None, exit_mass: Floats | None, int mode,
@@ -78,34 +77,44 @@ cdef class EquationBlock:
     to indptr[r+1] of `indices` and `data`, and a constant between `constant_low` and
     `constant_high`; these four arrays may be longer than needed. `x` are bounds on the values, and
     `policy` the row (counted among the rows of its state) that gave the bound that a strategy
-    attains, -1: none yet; both are allocated on first use. indptr and groups are int32, or int64
-    (`wide`) if there are too many entries. `mode`: 0 without choices, 1 minimum, 2 maximum; it is
-    0, too, if every state has one row. `grouped`: whether the system has choices. `has_exit`:
-    whether some mass leaves the block.
+    attains, -1: none yet; both are allocated on first use. `mode`: 0 without choices, 1 minimum, 2
+    maximum; it is 0, too, if every state has one row. `grouped`: whether the system has choices.
+    `has_exit`: whether some mass leaves the block.
     """
+
+    cdef Equations system
+    cdef const int32_t[::1] states
+    cdef readonly int64_t n, rows, entries
+    cdef readonly int mode
+    cdef readonly bint has_exit, grouped
+    cdef int64_t[::1] row_ptr, group_ptr
+    cdef readonly int32_t[::1] indices
+    cdef readonly double[::1] data, constant_low, constant_high
+    cdef double[::1] exit_mass
+    cdef int32_t[::1] row_offset  # of each row among those of its state; None if none is left out
+    cdef int32_t[::1] policy_rows
+    cdef double[:, ::1] bounds
+    cdef double start_low, start_high
+    cdef bint started
 
     cdef allocate(self, bint offsets):
         """Make room for the numbers of states, rows and entries, and one more.
 
         A memory view that was never set has length 0, and is not None.
         """
-        if self.wide and self.group64.shape[0] <= self.n:
-            self.group64 = np.empty(with_spare(self.n), dtype=np.int64)
-        if self.wide and self.row_ptr64.shape[0] <= self.rows:
-            self.row_ptr64 = np.empty(with_spare(self.rows), dtype=np.int64)
-        if not self.wide and self.group32.shape[0] <= self.n:
-            self.group32 = np.empty(with_spare(self.n), dtype=np.int32)
-        if not self.wide and self.row_ptr32.shape[0] <= self.rows:
-            self.row_ptr32 = np.empty(with_spare(self.rows), dtype=np.int32)
-        if self.constant_low.shape[0] <= self.rows:
-            self.constant_low, self.constant_high = (np.empty(with_spare(self.rows)),
-                                                     np.empty(with_spare(self.rows)))
+        if self.group_ptr.shape[0] <= self.n:
+            self.group_ptr = np.empty(with_spare(self.n), dtype=np.int64)
+        if self.row_ptr.shape[0] <= self.rows:
+            size = with_spare(self.rows)
+            self.row_ptr = np.empty(size, dtype=np.int64)
+            self.constant_low, self.constant_high = np.empty(size), np.empty(size)
+            self.exit_mass = np.empty(size)
         if self.indices.shape[0] <= self.entries:
-            self.indices, self.data = (np.empty(with_spare(self.entries), dtype=np.int32),
-                                       np.empty(with_spare(self.entries)))
+            size = with_spare(self.entries)
+            self.indices, self.data = np.empty(size, dtype=np.int32), np.empty(size)
         self.row_offset = np.empty(self.rows, dtype=np.int32) if offsets else None
 
-    cdef load(self, Equations system, const int32_t[::1] states, double[:, ::1] x, bint wide):
+    cdef load(self, Equations system, const int32_t[::1] states, double[:, ::1] x):
         """Copy the equations of `states`; the bounds in `x` (float64[n, 2]) of all other states
         count as known.
         """
@@ -123,17 +132,13 @@ cdef class EquationBlock:
                 self.entries += system.indptr[last] - system.indptr[first]
                 for r in range(first, last):
                     is_redundant = is_redundant or system.is_redundant(s, r)
-        self.wide = wide or self.entries > INT32_MAX or self.rows > INT32_MAX
         self.mode = system.mode
         self.grouped = grouped
         self.started = False
         self.allocate(is_redundant)
         system.number_states(states)
         with nogil:
-            if self.wide:
-                copy_rows(self, system, x, &self.row_ptr64[0], &self.group64[0])
-            else:
-                copy_rows(self, system, x, &self.row_ptr32[0], &self.group32[0])
+            copy_rows(self, system, x)
             system.clear_numbers(states)
             if grouped and self.is_chain():
                 self.mode = 0
@@ -173,24 +178,18 @@ cdef class EquationBlock:
                 if self.grouped else np.empty(0, dtype=np.int32))
 
     @property
-    def indptr(self) -> Int32s | Int64s:
-        """Starts of the rows: int32 or int64[rows+1]."""
-        return (np.asarray(self.row_ptr64)
-                if self.wide else np.asarray(self.row_ptr32))[: self.rows + 1]
+    def indptr(self) -> Int64s:
+        """Starts of the rows: int64[rows+1]."""
+        return np.asarray(self.row_ptr)[: self.rows + 1]
 
     @property
-    def groups(self) -> Int32s | Int64s:
-        """Starts of the rows of each state: int32 or int64[n+1]."""
-        return (np.asarray(self.group64) if self.wide else np.asarray(self.group32))[: self.n + 1]
+    def groups(self) -> Int64s:
+        """Starts of the rows of each state: int64[n+1]."""
+        return np.asarray(self.group_ptr)[: self.n + 1]
 
     def exit_masses(self) -> Floats:
         """The mass that leaves the block, per row, with self-loops divided out: float64[rows]."""
-        cdef double[::1] out = np.empty(self.rows)
-        self.system.number_states(self.states)
-        with nogil:
-            sum_exits(self, self.system, out)
-            self.system.clear_numbers(self.states)
-        return np.asarray(out)
+        return np.array(self.exit_mass[: self.rows])
 
     def global_rows(self, const int32_t[::1] policy) -> Int64s:
         """The rows of the system that a policy (int32[n]) chooses: int64[n], -1 for none."""
@@ -205,16 +204,14 @@ cdef class EquationBlock:
         if choice < 0:
             return -1
         if self.row_offset is not None:
-            choice = self.row_offset[(self.group64[i] if self.wide else self.group32[i]) + choice]
+            choice = self.row_offset[self.group_ptr[i] + choice]
         return self.system.groups[self.states[i]] + choice
 
     cdef bint is_chain(self) noexcept nogil:
         """Whether every state has one row, so that the policy is known."""
         cdef int64_t i
-        if self.rows != self.n:
-            return False
         for i in range(self.n):
-            if (self.group64[i + 1] if self.wide else self.group32[i + 1]) != i + 1:
+            if self.group_ptr[i + 1] != i + 1:
                 return False
         return True
 
@@ -236,12 +233,13 @@ cdef inline int64_t with_spare(int64_t size) noexcept nogil:
     return size + size // 4 if size > 64 else 80
 
 
-cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x, index_t* row_ptr,
-                    index_t* group_ptr) noexcept nogil:
+cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noexcept nogil:
     """Copy the rows, add the known bounds in `x` to their constants, and find the first bounds."""
     cdef const int32_t[::1] indices = system.indices
     cdef const double[::1] data = system.data
     cdef int32_t[::1] local_index = system.local_index
+    cdef int64_t* row_ptr = &block.row_ptr[0]
+    cdef int64_t* group_ptr = &block.group_ptr[0]
     cdef bint grouped = block.grouped, constants = system.constant_low is not None
     cdef int64_t i, r, k, s, first, last, rows = 0, entries = 0, first_entry
     cdef int32_t c
@@ -251,7 +249,7 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x, ind
     row_ptr[0] = 0
     for i in range(block.n):
         s = block.states[i]
-        group_ptr[i] = <index_t>rows
+        group_ptr[i] = rows
         first = system.groups[s] if grouped else s
         last = system.groups[s + 1] if grouped else s + 1
         for r in range(first, last):
@@ -299,48 +297,17 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x, ind
                 if scale > 0.0:
                     lowest = min(lowest, lo / scale)
                     highest = max(highest, hi / scale)
+            block.exit_mass[rows] = <double>exit_sum
             block.constant_low[rows] = lo
             block.constant_high[rows] = hi
             if block.row_offset is not None:
                 block.row_offset[rows] = <int32_t>(r - first)
             rows += 1
-            row_ptr[rows] = <index_t>entries
-    group_ptr[block.n] = <index_t>rows
+            row_ptr[rows] = entries
+    group_ptr[block.n] = rows
     block.rows = rows
     block.entries = entries
     lowest = lowest * (1.0 - EXTRA_ROUNDINGS * UNIT_ROUNDOFF)
     highest = highest * (1.0 + EXTRA_ROUNDINGS * UNIT_ROUNDOFF)
     block.start_low = 0.0 if lowest > 1.0 else lowest
     block.start_high = 1.0 if highest > 1.0 else highest
-
-
-cdef void sum_exits(EquationBlock block, Equations system, double[::1] out) noexcept nogil:
-    """The mass that leaves the block, per row, added as in `copy_rows`."""
-    cdef int32_t[::1] local_index = system.local_index
-    cdef bint grouped = block.grouped
-    cdef int64_t i, r, k, s, rows = 0
-    cdef int32_t c
-    cdef long double total, exit_sum
-    cdef bint loop
-    for i in range(block.n):
-        s = block.states[i]
-        for r in range(system.groups[s] if grouped else s,
-                       system.groups[s + 1] if grouped else s + 1):
-            if block.row_offset is not None and system.is_redundant(s, r):
-                continue
-            exit_sum = system.exit_mass[r] if system.exit_mass is not None else 0.0
-            total = 0.0
-            loop = False
-            for k in range(system.indptr[r], system.indptr[r + 1]):
-                c = local_index[system.indices[k]]
-                if c == i:
-                    loop = loop or system.data[k] > 0.0
-                elif c >= 0:
-                    total = total + system.data[k]
-                else:
-                    exit_sum = exit_sum + system.data[k]
-            total = total + exit_sum
-            if (loop or system.normalise) and total > 0.0:
-                exit_sum = exit_sum / total
-            out[rows] = <double>exit_sum
-            rows += 1
