@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from kernels.columns import run_masked
 from symcheck.explicit import code_generation
 from symcheck.explicit.compile import compile_expression
 from symcheck.semantics.expressions import evaluate, vectorised
@@ -56,7 +57,7 @@ def test_the_meanings_of_a_logical_operator_are_its_truth_table(operator):
     scalar = [evaluate.evaluate(expression, {"a": x, "b": y}) for x, y in product(BOOLS, BOOLS)]
     assert scalar == truth
     assert vectorised.evaluate_columns(expression, {"a": a, "b": b}).values.tolist() == truth
-    assert compile_expression(expression, VARIABLES).run({0: a, 1: b}).tolist() == truth
+    assert run_masked(compile_expression(expression, VARIABLES), {0: a, 1: b})[0].tolist() == truth
     assert connect(operator, a, b).tolist() == truth
     for value in BOOLS:
         literal = Literal(value, Type.BOOL)

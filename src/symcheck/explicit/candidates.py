@@ -16,24 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.explicit import tuning
-from symcheck.explicit.compile import compile_expression
 from symcheck.matrices.rows import Bools
+from symcheck.semantics.expressions.vectorised import evaluate_columns
 from symcheck.semantics.model import Variable
-from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type, Unary
-from symcheck.syntax.operators import UnaryOperator
+from symcheck.syntax.ast import Binary, Expression
 from symcheck.syntax.traversal import names
 
 __all__ = ["Forest", "Masks", "all_of", "any_of", "conjuncts", "guard_masks"]
 
 Masks = Mapping[int, Bools]
-_COMPARE = {
-    "=": np.equal,
-    "!=": np.not_equal,
-    "<": np.less,
-    "<=": np.less_equal,
-    ">": np.greater,
-    ">=": np.greater_equal,
-}
 
 
 def conjuncts(guard: Expression) -> list[Expression]:
@@ -51,38 +42,25 @@ def guard_masks(
     Returns:
         Variable index to bool[high - low + 1].
     """
-    found: dict[int, Bools] = {}
+    masks: dict[int, Bools] = {}
     for part in conjuncts(guard):
         v = _single(part, index)
         if v is None:
             continue
-        low, high = variables[v].low, variables[v].high
-        if low is None or high is None or not 1 < high - low + 1 <= tuning.MAX_SWITCH_VALUES:
+        domain = variables[v].domain
+        if domain is None or not 1 < len(domain) <= tuning.MAX_SWITCH_VALUES:
             continue
-        mask = _mask(part, variables, v, low, high)
-        found[v] = found[v] & mask if v in found else mask
-    return found
+        lanes = evaluate_columns(part, {variables[v].name: np.asarray(domain)})
+        # A value without a result is kept: the full guard reports the fault.
+        mask = lanes.values if lanes.faults is None else lanes.values | lanes.faults
+        masks[v] = masks[v] & mask if v in masks else mask
+    return masks
 
 
 def _single(part: Expression, index: Mapping[str, int]) -> int | None:
     """The only variable that an expression reads, if there is exactly one."""
     read = names(part)
     return index[read.pop()] if len(read) == 1 else None
-
-
-def _mask(part: Expression, variables: tuple[Variable, ...], v: int, low: int, high: int) -> Bools:
-    domain = np.arange(low, high + 1)
-    match part:
-        case Binary(operator, Name(), Literal(value, Type.INT)) if operator in _COMPARE:
-            return np.asarray(_COMPARE[operator](domain, int(value)))
-        case Name():
-            return np.asarray(domain == 1)
-        case Unary(UnaryOperator.NOT, Name()):
-            return np.asarray(domain == 0)
-    values, valid = compile_expression(part, variables).run_masked({v: domain})
-    return np.asarray(
-        values | ~valid
-    )  # a value without a result is kept: the full guard reports the fault
 
 
 def any_of(alternatives: Sequence[Masks]) -> Masks:
@@ -93,11 +71,11 @@ def any_of(alternatives: Sequence[Masks]) -> Masks:
 
 def all_of(parts: Sequence[Masks]) -> Masks:
     """The masks of a conjunction: values that all parts allow."""
-    found: dict[int, Bools] = {}
+    masks: dict[int, Bools] = {}
     for part in parts:
         for v, mask in part.items():
-            found[v] = found[v] & mask if v in found else mask
-    return found
+            masks[v] = masks[v] & mask if v in masks else mask
+    return masks
 
 
 class Forest:

@@ -346,35 +346,22 @@ class CodeGenerator:
 
         Sums of few integer variables with bounds do, as they cannot leave 64 bits.
         """
-        match expression:
-            case Binary(Operator.TIMES, left, right):
-                return (
-                    self._join(left, right) is Type.DOUBLE
-                    and self.total(left)
-                    and self.total(right)
-                )
+        return all(map(self._is_total, nodes(expression)))
+
+    def _is_total(self, node: Tree) -> bool:
+        """Whether a node has a value if those below it have one."""
+        match node:
             case Binary(operator) | Call(operator) if operator in _PARTIAL:
                 return False
-            case Binary(Operator.PLUS | Operator.MINUS) | Unary(UnaryOperator.MINUS) if (
-                self.type_of(expression) is Type.INT and any(map(self._is_wide, nodes(expression)))
-            ):
-                return False
-            case Binary(_, left, right):
-                return self.total(left) and self.total(right)
-            case Unary(_, operand):
-                return self.total(operand)
-            case Conditional(condition, then, otherwise):
-                return self.total(condition) and self.total(then) and self.total(otherwise)
+            case Binary(Operator.TIMES):
+                return self.type_of(node) is Type.DOUBLE
+            case Binary(Operator.PLUS | Operator.MINUS) | Unary(UnaryOperator.MINUS):
+                is_int = self.type_of(node) is Type.INT
+                return not is_int or not any(map(self._is_wide, nodes(node)))
             case Call(Function.FLOOR | Function.CEIL | Function.ROUND, (argument,)):
-                return self.type_of(argument) is Type.INT and self.total(argument)
-            case Call(_, arguments):
-                return all(self.total(a) for a in arguments)
-            case Literal() | Name():
-                return True
-            case LabelReference() | StateOperator():
-                return False
+                return self.type_of(argument) is Type.INT
             case _:
-                assert_never(expression)
+                return not isinstance(node, LabelReference | StateOperator)
 
     def _is_wide(self, node: Tree) -> bool:
         """Whether a sum of a few such ints may leave 64 bits."""
@@ -388,21 +375,20 @@ class CodeGenerator:
 
     def cost(self, expression: Expression) -> int:
         """The approximate number of instructions that evaluate an expression."""
-        match expression:
-            case Literal() | Name():
-                return 0
-            case Unary(_, operand):
-                return self.cost(operand) + 1
-            case Binary(operator, left, right):
-                return self.cost(left) + self.cost(right) + (20 if operator in _EXPENSIVE else 1)
-            case Conditional(condition, then, otherwise):
-                return self.cost(condition) + self.cost(then) + self.cost(otherwise) + 2
-            case Call(function, arguments):
-                return sum(map(self.cost, arguments)) + (20 if function in _EXPENSIVE else 2)
-            case LabelReference() | StateOperator():
-                return 1
-            case _:
-                assert_never(expression)
+        return sum(map(_cost, nodes(expression)))
+
+
+def _cost(node: Tree) -> int:
+    """The approximate number of instructions of a node without those below it."""
+    match node:
+        case Literal() | Name():
+            return 0
+        case Binary(operator) | Call(operator) if operator in _EXPENSIVE:
+            return 20
+        case Call() | Conditional():
+            return 2
+        case _:
+            return 1
 
 
 def type_name(node: Expression) -> str:

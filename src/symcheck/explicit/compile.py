@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,12 +12,15 @@ from symcheck.explicit.assembler import Assembler
 from symcheck.explicit.code_generation import CodeGenerator
 from symcheck.explicit.faults import raise_expression_fault
 from symcheck.explicit.states import Rows, StateLayout
-from symcheck.kernels.explore.register_machine import Op, run_columns, run_packed
-from symcheck.matrices.rows import Bools, Int64s
+from symcheck.kernels.explore.register_machine import run_packed
+from symcheck.matrices.rows import Int64s
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.syntax.ast import Expression, Type
+from symcheck.syntax.traversal import names
 
 __all__ = ["Code", "compile_expression"]
+
+_DTYPES = {Type.BOOL: np.uint8, Type.INT: np.int64, Type.DOUBLE: np.float64}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,46 +42,21 @@ class Code:
     registers: Int64s = field(repr=False)
     result: int = field(repr=False)
 
-    def run(
-        self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]
-    ) -> NDArray[Any]:
-        """The value for each of n valuations; some 10 to 50 million valuations per second for a few
-        operations.
+    def run_packed(self, layout: StateLayout, rows: Rows) -> NDArray[Any]:
+        """The value in each of n packed states.
 
         Args:
-            columns: per variable of `support`, an array of n ints or bools: a mapping from variable
-                index to array, or the arrays in the order of `support` (a sequence, or the rows of
-                an array).
+            rows: uint64[n, words], states packed by `layout`.
 
         Returns:
             bool[n], int64[n] or float64[n] by `type`.
 
         Raises:
-            ModelFault: for the first valuation without a value, as `evaluate` raises it.
-        """
-        return self._run(self._gather(columns), None)
-
-    def run_masked(
-        self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]
-    ) -> tuple[NDArray[Any], Bools]:
-        """As `run` without errors: the values, and which of them are valid (bool[n])."""
-        lanes = self._gather(columns)
-        valid = np.ones(lanes.shape[1], np.uint8)
-        return self._run(lanes, valid), valid.view(np.bool_)
-
-    def run_packed(self, layout: StateLayout, rows: Rows) -> NDArray[Any]:
-        """The value in each of n packed states, as `run` gives it.
-
-        Args:
-            rows: uint64[n, words], states packed by `layout`.
-
-        Raises:
             ModelFault: for the first state in which the expression has no value.
         """
-        n, support = len(rows), list(self.support)
-        reals = np.empty(n, np.float64) if self.type is Type.DOUBLE else None
-        truths = np.empty(n, np.uint8) if self.type is Type.BOOL else None
-        integers = np.empty(n, np.int64) if self.type is Type.INT else None
+        values = np.empty(len(rows), _DTYPES[self.type])
+        of_type = {kind: values if kind is self.type else None for kind in Type}
+        support = list(self.support)
         fault, status = run_packed(
             self.program,
             self.registers,
@@ -87,51 +64,14 @@ class Code:
             np.ascontiguousarray(layout.lows[support]),
             np.ascontiguousarray(rows),
             self.result,
-            reals,
-            integers,
-            truths,
+            of_type[Type.DOUBLE],
+            of_type[Type.INT],
+            of_type[Type.BOOL],
         )
         if fault >= 0:
             state = dict(enumerate(map(int, layout.unpack(rows[fault]))))
             raise_expression_fault(self.expression, self.variables, state, status)
-        if truths is not None:
-            return truths.view(np.bool_)
-        values = integers if reals is None else reals
-        assert values is not None
-        return values
-
-    def _gather(
-        self, columns: Mapping[int, NDArray[Any]] | Sequence[NDArray[Any]] | NDArray[Any]
-    ) -> Int64s:
-        if isinstance(columns, np.ndarray) and columns.ndim == 2:
-            return np.ascontiguousarray(columns, np.int64)
-        chosen = (
-            [columns[v] for v in self.support] if isinstance(columns, Mapping) else list(columns)
-        )
-        if not chosen:  # a constant has as many lanes as any column
-            others = list(columns.values()) if isinstance(columns, Mapping) else []
-            return np.zeros((0, len(others[0]) if others else 1), np.int64)
-        return np.stack([np.asarray(c, np.int64) for c in chosen])
-
-    def _run(self, lanes: Int64s, valid: NDArray[np.uint8] | None) -> NDArray[Any]:
-        n = lanes.shape[1]
-        reals = np.empty(n, np.float64) if self.type is Type.DOUBLE else None
-        integers = np.empty(n, np.int64) if reals is None else None
-        variables = np.array(self.support, np.int32)
-        fault, status = run_columns(
-            self.program, self.registers, variables, lanes, self.result, reals, integers, valid
-        )
-        if fault >= 0:
-            raise_expression_fault(
-                self.expression,
-                self.variables,
-                dict(zip(self.support, lanes[:, fault].tolist(), strict=True)),
-                status,
-            )
-        if reals is not None:
-            return reals
-        assert integers is not None
-        return integers.astype(np.bool_) if self.type is Type.BOOL else integers
+        return values.view(np.bool_) if self.type is Type.BOOL else values
 
 
 def compile_expression(expression: Expression, model: BoundModel | tuple[Variable, ...]) -> Code:
@@ -146,29 +86,7 @@ def compile_expression(expression: Expression, model: BoundModel | tuple[Variabl
     register, kind = CodeGenerator(assembler, variables).value(expression)
     assembler.halt()
     program, registers = assembler.finish()
+    read = names(expression)
+    support = tuple(i for i, v in enumerate(variables) if v.name in read)
     result = assembler.place_of(register)
-    return Code(
-        expression,
-        variables,
-        kind,
-        _support(program, result, len(variables)),
-        program,
-        registers,
-        result,
-    )
-
-
-def _support(program: NDArray[np.int32], result: int, variables: int) -> tuple[int, ...]:
-    """The variables that a program reads; unused operands are written as 0 and are skipped."""
-    read: set[int] = {result} if result < variables else set()
-    for op, _, a, b in program.tolist():
-        if op not in (Op.HALT, Op.FAIL, Op.JUMP):
-            read.add(a)
-            if op not in _UNARY:
-                read.add(b)
-    return tuple(sorted(v for v in read if v < variables))
-
-
-_UNARY = frozenset(
-    {Op.MOVE, Op.REAL, Op.NEGI, Op.NEGD, Op.FLOOR, Op.CEIL, Op.ROUND, Op.NOT, Op.JTRUE, Op.JFALSE}
-)
+    return Code(expression, variables, kind, support, program, registers, result)

@@ -19,7 +19,7 @@ from symcheck.semantics import state_faults
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Value
-from symcheck.syntax.ast import Expression, ModelType, Type
+from symcheck.syntax.ast import Expression, ModelType
 
 __all__ = [
     "Choice",
@@ -79,12 +79,9 @@ def initial_states(model: BoundModel) -> tuple[State, ...]:
     """
     if model.initial is None:
         return (tuple(cast("bool | int", v.initial) for v in model.variables),)
-    domains: list[tuple[bool | int, ...]] = []
-    for v in model.variables:
-        assert v.low is not None
-        assert v.high is not None
-        domains.append((False, True) if v.type is Type.BOOL else tuple(range(v.low, v.high + 1)))
-    result = tuple(s for s in product(*domains) if _StateEvaluator(model, s).value(model.initial))
+    # Binding rules out variables without bounds beside init … endinit.
+    states = product(*(v.domain or () for v in model.variables))
+    result = tuple(s for s in states if _StateEvaluator(model, s).value(model.initial))
     if not result:
         raise ModelFault(state_faults.no_initial_state(model.initial.span))
     return result

@@ -6,12 +6,12 @@ renamings are expanded, and `LabelReference` does not occur.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Span
-from symcheck.syntax.ast import Expression, ModelType, Type
+from symcheck.syntax.ast import Expression, Literal, ModelType, Type
 from symcheck.syntax.declarations import Composition, Program
 
 __all__ = [
@@ -47,6 +47,20 @@ class Variable:
     initial: bool | int | None
     module: str | None
     span: Span = field(default=NO_SPAN, compare=False, repr=False)
+
+    @property
+    def domain(self) -> Sequence[bool | int] | None:
+        """All values, in order; None if they are unbounded."""
+        if self.type is Type.BOOL:
+            return (False, True)
+        if self.low is None or self.high is None:
+            return None
+        return range(self.low, self.high + 1)
+
+    def literal(self, value: bool | int) -> Literal:
+        """A value as an expression; that of a bool may be 0 or 1."""
+        is_bool = self.type is Type.BOOL
+        return Literal(bool(value) if is_bool else value, self.type)
 
 
 @dataclass(frozen=True, slots=True)

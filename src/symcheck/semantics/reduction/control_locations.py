@@ -11,14 +11,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import product
 from math import prod
+from typing import cast
 
 from symcheck.semantics.expressions.simplify import simplify
-from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Variable
+from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.traversal import names, nodes, substitute
 
-__all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "simplified"]
+__all__ = ["Effect", "Location", "Locations", "Move", "control_variables", "is_false", "simplified"]
 
 Location = tuple[bool | int, ...]
 """Values of the control variables, in the order of `Locations.control`."""
@@ -37,20 +38,6 @@ _MAX_WORK = 50_000
 
 _MAX_COMBINATIONS = 200
 """An event with more combinations of effects is assumed to lead to every location."""
-
-
-def domain(variable: Variable) -> tuple[bool | int, ...]:
-    """All values of a bounded variable."""
-    if variable.type is Type.BOOL:
-        return (False, True)
-    assert variable.low is not None
-    assert variable.high is not None
-    return tuple(range(variable.low, variable.high + 1))
-
-
-def _count(variable: Variable) -> int:
-    """The number of values of a bounded variable."""
-    return 2 if variable.low is None or variable.high is None else variable.high - variable.low + 1
 
 
 def control_variables(model: BoundModel) -> tuple[int, ...]:
@@ -74,10 +61,10 @@ def control_variables(model: BoundModel) -> tuple[int, ...]:
     chosen: list[int] = []
     size = 1
     for i, count in tested.most_common():
-        variable = model.variables[i]
-        if count < 2 or i in data or (variable.low is None and variable.type is not Type.BOOL):
+        domain = model.variables[i].domain
+        if count < 2 or i in data or domain is None:
             continue
-        grown = size * _count(variable)
+        grown = size * len(domain)
         if grown <= _MAX_LOCATIONS and grown * len(commands) <= _MAX_WORK:
             chosen.append(i)
             size = grown
@@ -90,21 +77,22 @@ def _commands(model: BoundModel) -> list[BoundCommand]:
 
 def _tested(guard: Expression, model: BoundModel) -> set[int]:
     """Variables that a conjunct of the guard compares with a constant, or that are a conjunct."""
-    found: set[str] = set()
+    tested: set[str] = set()
     stack = [guard]
     while stack:
         match stack.pop():
             case Binary(Operator.AND, left, right):
                 stack += [left, right]
-            case Binary(Operator.EQ, Name(name), Literal()) | Binary(
-                Operator.EQ, Literal(), Name(name)
+            case (
+                Name(name)
+                | Unary(UnaryOperator.NOT, Name(name))
+                | Binary(Operator.EQ, Name(name), Literal())
+                | Binary(Operator.EQ, Literal(), Name(name))
             ):
-                found.add(name)
-            case Name(name) | Unary(UnaryOperator.NOT, Name(name)):
-                found.add(name)
+                tested.add(name)
             case _:
                 pass
-    return {i for i, v in enumerate(model.variables) if v.name in found}
+    return {i for i, v in enumerate(model.variables) if v.name in tested}
 
 
 def _constant_like(expression: Expression, variable: str) -> bool:
@@ -159,6 +147,7 @@ class Locations:
         self.model = model
         self.control = control
         self.names = tuple(model.variables[i].name for i in control)
+        self.domains = tuple(model.variables[i].domain or () for i in control)
         self._types = {v.name: v.type for v in model.variables}
         self._residuals: dict[tuple[int, tuple[bool | int, ...]], Expression] = {}
         self._positions: dict[int, tuple[Expression, tuple[int, ...]]] = {}
@@ -179,11 +168,9 @@ class Locations:
             return expression
         key = id(expression), tuple(location[p] for p in positions)
         if key not in self._residuals:
-            values: dict[str, Expression] = {
-                self.names[p]: Literal(
-                    location[p], Type.BOOL if isinstance(location[p], bool) else Type.INT
-                )
-                for p in positions
+            variables = self.model.variables
+            values = {
+                self.names[p]: variables[self.control[p]].literal(location[p]) for p in positions
             }
             self._residuals[key] = simplified(
                 substitute(expression, values), self.model.exact, self._types
@@ -206,11 +193,11 @@ class Locations:
             ]
 
     def _initial(self) -> Iterator[Location]:
-        variables = [self.model.variables[i] for i in self.control]
         if self.model.initial is not None:
-            yield from product(*(domain(v) for v in variables))
+            yield from product(*self.domains)
         else:
-            yield tuple(_initial_value(v) for v in variables)
+            variables = (self.model.variables[i] for i in self.control)
+            yield tuple(cast("bool | int", v.initial) for v in variables)
 
     def _moves(self, location: Location) -> Iterator[Move]:
         for number, event in enumerate(self.model.events):
@@ -220,44 +207,35 @@ class Locations:
 
     def _effects(self, commands: tuple[BoundCommand, ...], location: Location) -> Iterator[Effect]:
         for command in commands:
-            match self.residual(command.guard, location):
-                case Literal(False):
-                    continue
-                case _:
-                    yield from (
-                        Effect(command, u, self._control(u, location)) for u in command.updates
-                    )
+            if not is_false(self.residual(command.guard, location)):
+                for update in command.updates:
+                    yield Effect(command, update, self._control(update, location))
 
     def _control(self, update: BoundUpdate, location: Location) -> Control:
-        found: list[tuple[int, Values]] = []
+        changes: dict[int, Values] = {}
         for variable, expression in update.assignments:
-            if variable not in self.control:
-                continue
-            values = domain(self.model.variables[variable])
-            match self.residual(expression, location):
-                case Literal(bool() | int() as value) if value in values:
-                    found.append((self.control.index(variable), (value,)))
-                case _:
-                    found.append((self.control.index(variable), values))
-        return tuple(sorted(found, key=lambda f: f[0]))
+            if variable in self.control:
+                position = self.control.index(variable)
+                values = tuple(self.domains[position])
+                match self.residual(expression, location):
+                    case Literal(bool() | int() as value) if value in values:
+                        values = (value,)
+                changes[position] = values
+        return tuple(sorted(changes.items()))
 
     def _move(
         self, number: int, effects: tuple[tuple[Effect, ...], ...], location: Location
     ) -> Move:
         groups: list[dict[Control, frozenset[int]]] = []
-        for own in effects:
+        for participant in effects:
             group: dict[Control, frozenset[int]] = {}
-            for e in own:
+            for e in participant:
                 group[e.control] = group[e.control] & e.writes if e.control in group else e.writes
             groups.append(group)
         if prod(map(len, groups)) > _MAX_COMBINATIONS:
-            everywhere = tuple(product(*(domain(self.model.variables[i]) for i in self.control)))
-            return Move(
-                number,
-                effects,
-                ((frozenset(), everywhere),),
-                tuple(dict.fromkeys(g, frozenset(everywhere)) for g in groups),
-            )
+            everywhere = tuple(product(*self.domains))
+            reached = tuple(dict.fromkeys(g, frozenset(everywhere)) for g in groups)
+            return Move(number, effects, ((frozenset(), everywhere),), reached)
         combinations = []
         targets: list[dict[Control, set[Location]]] = [{c: set() for c in g} for g in groups]
         for chosen in product(*groups):
@@ -270,17 +248,13 @@ class Locations:
             combinations.append((writes, to))
             for c, t in zip(chosen, targets, strict=True):
                 t[c].update(to)
-        return Move(
-            number,
-            effects,
-            tuple(combinations),
-            tuple({c: frozenset(s) for c, s in t.items()} for t in targets),
-        )
+        reached = tuple({c: frozenset(s) for c, s in t.items()} for t in targets)
+        return Move(number, effects, tuple(combinations), reached)
 
 
-def _initial_value(variable: Variable) -> bool | int:
-    assert variable.initial is not None
-    return variable.initial
+def is_false(expression: Expression) -> bool:
+    """Whether an expression is the constant false."""
+    return isinstance(expression, Literal) and expression.value is False
 
 
 def simplified(expression: Expression, exact: bool, types: dict[str, Type]) -> Expression:

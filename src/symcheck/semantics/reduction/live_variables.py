@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
+from math import inf, isfinite
 
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.reduction.control_locations import (
@@ -18,6 +20,7 @@ from symcheck.semantics.reduction.control_locations import (
     Locations,
     Move,
     control_variables,
+    is_false,
 )
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
@@ -116,25 +119,19 @@ class _Analysis:
 
     def _reads_at(self, location: Location, moves: tuple[Move, ...]) -> frozenset[int]:
         """The variables that are read at a location, independently of its successors."""
-        found = frozenset[int]().union(*(self._reads(e, location) for e in self.observed))
+        read = frozenset[int]().union(*(self._reads(e, location) for e in self.observed))
         for reward in self.rewards:
-            match self.locations.residual(reward.guard, location):
-                case Literal(False):
-                    continue
-                case _:
-                    found |= self._reads(reward.guard, location) | self._reads(
-                        reward.value, location
-                    )
+            if not is_false(self.locations.residual(reward.guard, location)):
+                read |= self._reads(reward.guard, location) | self._reads(reward.value, location)
         for move in moves:
             for effects in move.effects:
                 for e in effects:
-                    found |= self._reads(e.command.guard, location) | self._reads(
-                        e.update.probability, location
-                    )
+                    read |= self._reads(e.command.guard, location)
+                    read |= self._reads(e.update.probability, location)
                     for i, value in e.update.assignments:
                         if i in self.locations.control or not self._is_safe(i, value):
-                            found |= self._reads(value, location)
-        return found
+                            read |= self._reads(value, location)
+        return read
 
     def _is_safe(self, variable: int, value: Expression) -> bool:
         key = variable, id(value)
@@ -149,17 +146,17 @@ class _Analysis:
 
         They are live at a target and not written by the move, or read to assign a live variable.
         """
-        found = frozenset[int]()
+        read = frozenset[int]()
         for writes, targets in move.combinations:
             for t in targets:
-                found |= live[t] - writes
+                read |= live[t] - writes
         for effects, targets_by in zip(move.effects, move.targets, strict=True):
             for e in effects:
                 live_after = frozenset[int]().union(*(live[t] for t in targets_by[e.control]))
                 for i, value in e.update.assignments:
                     if i in live_after and i not in self.locations.control:
-                        found |= self._reads(value, location)
-        return found
+                        read |= self._reads(value, location)
+        return read
 
 
 def is_safe(value: Expression, variable: Variable, variables: Sequence[Variable]) -> bool:
@@ -167,13 +164,10 @@ def is_safe(value: Expression, variable: Variable, variables: Sequence[Variable]
 
     Such an assignment cannot be a fault of the model, so it may be omitted.
     """
-    if variable.type is Type.BOOL or variable.low is None or variable.high is None:
-        within = True
-    else:
+    within = True
+    if variable.type is not Type.BOOL and variable.low is not None and variable.high is not None:
         low, high = _interval(value, {v.name: v for v in variables})
-        within = (
-            low is not None and high is not None and variable.low <= low and high <= variable.high
-        )
+        within = variable.low <= low and high <= variable.high
     return within and not any(may_be_undefined(n) for n in nodes(value))
 
 
@@ -194,53 +188,42 @@ def may_be_undefined(node: object) -> bool:
     )
 
 
-Interval = tuple[int | None, int | None]
+Interval = tuple[float, float]
+"""Bounds of the values of an expression, infinite where it is unbounded or unknown."""
 
 
 def _interval(value: Expression, variables: Mapping[str, Variable]) -> Interval:
-    """Lower and upper bound of an int expression; None: unbounded or unknown."""
+    """Lower and upper bound of an int expression."""
+
+    def inner(*parts: Expression) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        lows, highs = zip(*(_interval(p, variables) for p in parts), strict=True)
+        return lows, highs
+
     match value:
         case Literal(int() as n, Type.INT):
             return n, n
         case Name(name):
-            return variables[name].low, variables[name].high
+            low, high = variables[name].low, variables[name].high
+            return -inf if low is None else low, inf if high is None else high
         case Unary(UnaryOperator.MINUS, operand):
-            low, high = _interval(operand, variables)
-            return None if high is None else -high, None if low is None else -low
-        case Binary(Operator.PLUS | Operator.MINUS as operator, left, right):
-            a, b = (
-                _interval(left, variables),
-                _interval(
-                    right if operator is Operator.PLUS else Unary(UnaryOperator.MINUS, right),
-                    variables,
-                ),
-            )
-            return None if a[0] is None or b[0] is None else a[0] + b[0], None if a[1] is None or b[
-                1
-            ] is None else a[1] + b[1]
+            (least,), (largest,) = inner(operand)
+            return -largest, -least
+        case Binary(Operator.PLUS, left, right):
+            lows, highs = inner(left, right)
+            return sum(lows), sum(highs)
+        case Binary(Operator.MINUS, left, right):
+            lows, highs = inner(left, right)
+            return lows[0] - highs[1], highs[0] - lows[1]
         case Binary(Operator.TIMES, left, right):
-            ends = [_interval(left, variables), _interval(right, variables)]
-            products = [x * y for x in ends[0] for y in ends[1] if x is not None and y is not None]
-            return (min(products), max(products)) if len(products) == 4 else (None, None)
+            ends = zip(*inner(left, right), strict=True)
+            products = [x * y for x, y in product(*ends)]
+            return (min(products), max(products)) if all(map(isfinite, products)) else (-inf, inf)
         case Conditional(_, then, otherwise):
-            return _hull(_interval(then, variables), _interval(otherwise, variables))
+            lows, highs = inner(then, otherwise)
+            return min(lows), max(highs)
         case Call(Function.MIN | Function.MAX as function, arguments):
-            return _extreme(function is Function.MIN, [_interval(a, variables) for a in arguments])
+            extreme = min if function is Function.MIN else max
+            lows, highs = inner(*arguments)
+            return extreme(lows), extreme(highs)
         case _:
-            return None, None
-
-
-def _hull(a: Interval, b: Interval) -> Interval:
-    return None if a[0] is None or b[0] is None else min(a[0], b[0]), None if a[1] is None or b[
-        1
-    ] is None else max(a[1], b[1])
-
-
-def _extreme(least: bool, parts: Sequence[Interval]) -> Interval:
-    lows, highs = (
-        [p[0] for p in parts if p[0] is not None],
-        [p[1] for p in parts if p[1] is not None],
-    )
-    if least:
-        return min(lows) if len(lows) == len(parts) else None, min(highs, default=None)
-    return max(lows, default=None), max(highs) if len(highs) == len(parts) else None
+            return -inf, inf

@@ -15,6 +15,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from functools import reduce as fold
+from itertools import starmap
 
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event, Variable
 from symcheck.semantics.reduction.control_locations import Location, Locations, control_variables
@@ -147,11 +149,9 @@ class Reduction:
 
     def __str__(self) -> str:
         where = self.liveness.locations.names
-        eliminated = (
-            f"{self.eliminated} locations with unobserved steps eliminated; "
-            if self.eliminated
-            else ""
-        )
+        eliminated = ""
+        if self.eliminated:
+            eliminated = f"{self.eliminated} locations with unobserved steps eliminated; "
         if not self.resets:
             return f"{eliminated}no variable is dead for these properties"
         total = len(self.liveness.live)
@@ -291,18 +291,8 @@ class _Resets:
 
 
 def _reset_value(variable: Variable) -> Expression:
-    value = (
-        variable.initial
-        if variable.initial is not None
-        else variable.low
-        if variable.low is not None
-        else 0
-    )
-    return (
-        Literal(bool(value), Type.BOOL)
-        if variable.type is Type.BOOL
-        else Literal(int(value), Type.INT)
-    )
+    given = (variable.initial, variable.low, 0)
+    return variable.literal(next(value for value in given if value is not None))
 
 
 def _choose(condition: Expression, reset: Expression, kept: Expression) -> Expression:
@@ -331,10 +321,12 @@ def _condition(
     for position in range(len(names)):
         values = {x[position] for x in chosen}
         if not values & {x[position] for x in others} and len(values) <= _MAX_CONDITION_LOCATIONS:
-            return _any(_equal(names[position], v) for v in sorted(values))
+            equal_to = partial(_equal, names[position])
+            return _joined(Operator.OR, map(equal_to, sorted(values)))
     if len(chosen) > _MAX_CONDITION_LOCATIONS:
         return None
-    return _any(_all(_equal(n, v) for n, v in zip(names, x, strict=True)) for x in chosen)
+    equal = (starmap(_equal, zip(names, x, strict=True)) for x in chosen)
+    return _joined(Operator.OR, (_joined(Operator.AND, parts) for parts in equal))
 
 
 def _equal(name: str, value: bool | int) -> Expression:
@@ -343,15 +335,5 @@ def _equal(name: str, value: bool | int) -> Expression:
     )
 
 
-def _any(parts: Iterable[Expression]) -> Expression:
-    first, *rest = parts
-    for part in rest:
-        first = Binary(Operator.OR, first, part)
-    return first
-
-
-def _all(parts: Iterable[Expression]) -> Expression:
-    first, *rest = parts
-    for part in rest:
-        first = Binary(Operator.AND, first, part)
-    return first
+def _joined(operator: Operator, parts: Iterable[Expression]) -> Expression:
+    return fold(partial(Binary, operator), parts)
