@@ -119,9 +119,11 @@ def test_every_option_has_a_switch():
     assert {f"-{n}" for o in OPTIONS for s in o.switches for n in s.names} <= known.keys()
 
 
-def test_a_model_in_explicit_files_has_one_engine(tmp_path):
+def test_a_model_in_explicit_files_has_every_engine(tmp_path):
     symcheck.export(symcheck.loads(MODEL, "N=2"), str(tmp_path / "m.all"))
     model = load_explicit(str(tmp_path / "m.all"), engine="exact")
     assert str(model.check("P=? [ F<=2 x=2 ]").value) == "1/4"
-    with pytest.raises(UsageError, match="checked by the explicit engine, not by sparse"):
-        load_explicit(str(tmp_path / "m.all"), engine="sparse")
+    for engine in ("auto", "explicit", "sparse", "hybrid", "mtbdd"):
+        chosen = model.with_options(engine=engine, exact=False)
+        assert chosen.engine.name == ("explicit" if engine == "auto" else engine)
+        assert chosen.check("P=? [ F<=2 x=2 ]").value == 0.25

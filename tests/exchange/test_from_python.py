@@ -140,7 +140,7 @@ def numbers(result):
     return [float(x) for x in np.ravel(result.value)]
 
 
-@pytest.mark.parametrize("engine", ["explicit", "exact"])
+@pytest.mark.parametrize("engine", ["explicit", "exact", "sparse", "hybrid", "mtbdd"])
 @pytest.mark.parametrize(("name", "text"), CASES)
 def test_values_are_those_of_the_model_in_the_prism_language(name, text, engine):
     model, source, _ = TWINS[name]
@@ -287,14 +287,21 @@ def test_random_ctmcs_against_numpy(matrix, time):
     assert found == pytest.approx(expected[1], abs=1e-6)
 
 
-@settings(max_examples=30, deadline=None)
-@given(chains(), chains())
-def test_random_mdps_against_numpy(left, right):
+@settings(max_examples=60, deadline=None)
+@given(chains(), chains(), st.sampled_from(["explicit", "sparse", "hybrid", "mtbdd"]))
+def test_random_mdps_against_numpy(left, right, engine):
     n = min(len(left), len(right))
     rows = np.concatenate(
         [[a[s], b[s]] for s in range(n) for a, b in [(fold(left, n), fold(right, n))]]
     )
-    model = symcheck.from_matrix(rows, groups=np.arange(n + 1) * 2)
+    earned = np.arange(2 * n) % 3
+    model = symcheck.from_matrix(
+        rows, groups=np.arange(n + 1) * 2, rewards={"r": (np.arange(n), earned)}, engine=engine
+    )
+    total = np.zeros(n)
+    for _ in range(3):
+        total = np.arange(n) + (earned + rows @ total).reshape(n, 2).max(axis=1)
+    assert model.check("Rmax=? [ C<=3 ]").value == pytest.approx(total[0])
     best = np.zeros(n)
     best[-1] = 1
     for _ in range(7):
@@ -395,3 +402,36 @@ def test_unknown_labels_and_deadlocks():
         model.with_options(fix_deadlocks=False).check("P=? [ F s=1 ]")
     loose = symcheck.from_function(0, lambda _: {0: 0.5, 1: 0.4}, check_sums=False)
     assert loose.check("P=? [ F=1 s=1 ]").value == 0.4
+
+
+def test_diagrams_need_different_states(tmp_path):
+    (tmp_path / "m.tra").write_text("2 2\n0 1 1\n1 0 1\n")
+    (tmp_path / "m.sta").write_text("(x)\n0:(4)\n1:(4)\n")
+    model = symcheck.load_explicit(str(tmp_path / "m.tra,sta"))
+    assert model.check("P=? [ F x=4 ]").value == 1
+    with pytest.raises(UnsupportedError, match="two states have the same values"):
+        model.with_options(engine="sparse").check("P=? [ F x=4 ]")
+
+
+def test_options_of_models_without_commands():
+    model, _, properties = ROBOT
+    expected = [model.check(p).value for p in properties[:5]]
+    for options in (
+        {"bisim": True},
+        {"bisim": True, "engine": "mtbdd"},
+        {"engine": "hybrid", "order": ("broken", "x")},
+        {"engine": "mtbdd", "order": ("force",)},
+        {"engine": "sparse", "reduce": True},
+        {"method": "policy"},
+    ):
+        found = model.with_options(**options)
+        assert [found.check(p).value for p in properties[:5]] == pytest.approx(expected)
+    with pytest.raises(UnsupportedError, match="-order sift"):
+        model.with_options(engine="sparse", order=("sift",)).check(properties[0])
+    # The threshold is decided in rational arithmetic, by the Fractions that were given.
+    coin = symcheck.from_function(0, lambda n: {0: THIRD, 1: THIRD, 2: THIRD} if n == 0 else {n: 1})
+    for engine in ("explicit", "sparse", "hybrid", "mtbdd"):
+        assert coin.with_options(engine=engine).check("P>=1/2 [ F s=1 ]").value is True
+        assert coin.with_options(engine=engine).check("P>1/2 [ F s=1 ]").value is False
+    chosen = model.with_options(engine="mtbdd", strategy=True).check(properties[0])
+    assert chosen.strategy.actions[:2] == ["go", ""]

@@ -52,11 +52,13 @@ def _explored(context: Context) -> Engine:
     from symcheck.engines.capabilities import HasRationalTwin
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
+    from symcheck.engines.registry import build
 
-    # A model that was read from explicit files has no text to bind again; it has its own rationals.
-    imported = context.engine.capability(HasRationalTwin)
-    if imported is not None:
-        return imported.rational()
+    quotient = context.engine.capability(HasRationalTwin)
+    if quotient is not None:
+        return quotient.rational()
+    if context.engine.model.builder is not None:  # there is no text to bind again
+        return build(context.engine.model, replace(context.options, exact=True))
     model = exactly_bound(context.engine.model)
     explored = explore_exactly(
         model, check_sums=context.options.check_sums, limit=context.engine.states

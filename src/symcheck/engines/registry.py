@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import converts_memory_error
@@ -105,4 +106,6 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         from symcheck.symbolic.ordering.order import check_order
 
         check_order(model, options.order)
+    if model.builder is not None:
+        return cast(Engine, model.builder(replace(options, engine=name)))
     return BUILDERS[name](model, options, observer)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NoReturn, TextIO, Unpack
 
 from symcheck.api import Model, ModelTypeName, model_type, takes_options
 from symcheck.check.context import Context
 from symcheck.check.state_formulas import satisfying
-from symcheck.engines.base import Engine, StateSet, erased
-from symcheck.errors import UnsupportedError, UsageError, converts_memory_error
+from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.registry import build
+from symcheck.errors import UnsupportedError, converts_memory_error
 from symcheck.exchange import export as targets
-from symcheck.exchange.explicit_data import ExplicitData, imported_engine, imported_program
+from symcheck.exchange.explicit_data import ExplicitData, imported_program
 from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.formats.prism_reader import ModelFiles, read_files, read_model
+from symcheck.exchange.imported_build import build_imported
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, LabelReference, ModelType
@@ -49,10 +51,9 @@ class ImportedModel(Model):
 
     @cached_property
     def engine(self) -> Engine:
-        """The explicit engine, or the rational one. Raises ModelFault, UnsupportedError."""
+        """The engine that the options name. Raises ModelFault, UnsupportedError, ResourceError."""
         assert self.data is not None
-        engine = imported_engine(self.data, fix_deadlocks=self.options.fix_deadlocks)
-        return engine.rational() if self.options.exact else erased(engine)
+        return build_imported(self.data, self.options)
 
     def reduced_for(self, *_: object, **__: object) -> Model:
         """The model itself: reduction rewrites commands, and there are none."""
@@ -62,7 +63,7 @@ class ImportedModel(Model):
     def _steps(self) -> Steps:
         from symcheck.simulate.steps import TableSteps
 
-        return TableSteps(self.engine)
+        return TableSteps(build(self.bound, replace(self.options, engine="explicit")))
 
     def estimate_instance(self, *_: object, **__: object) -> NoReturn:
         """Not offered. Raises UnsupportedError."""
@@ -110,6 +111,8 @@ def export_targets(
         labels: those of the model and of properties, if the latter may be written too.
     """
     engine = model.engine
+    if model.bound.builder is not None:  # diagrams have no rewards of single transitions
+        engine = build(model.bound, replace(model.options, engine="explicit"))
     labels = labels or {}
     context = Context(engine, model.options, labels)
 
@@ -167,9 +170,4 @@ def explicit_model(
         options: see `symcheck.Options`.
         objects: the states of a model from Python, in the order of their numbers.
     """
-    if options.engine not in ("auto", "explicit", "exact"):
-        raise UsageError(
-            "a model read from explicit files is checked by the explicit engine, "
-            f"not by {options.engine}"
-        )
     return ImportedModel(imported_program(data), {}, options, data.type, data=data, objects=objects)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from math import inf
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from symcheck.engines.base import Engine, erased
-from symcheck.engines.capabilities import HasImportedStates, HasRationalTwin
+from symcheck.engines.capabilities import HasImportedStates
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.rational.explore import RationalModel, StateList
@@ -128,7 +128,7 @@ class _ImportedModel(BoundModel):
 
 
 @dataclass(frozen=True)
-class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
+class ImportedEngine(ExplicitEngine, HasImportedStates):
     """The explicit engine on a model that was read: labels are sets of states, not expressions.
 
     Attributes:
@@ -191,11 +191,14 @@ def _nearest_fraction(value: float | Fraction) -> Fraction | float:
 
 
 @converts_memory_error("an explicit file is stored row by row: no other engine needs less memory")
-def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> ImportedEngine:
+def imported_engine(
+    given: ExplicitData, builder: Callable[..., object], fix_deadlocks: bool
+) -> ImportedEngine:
     """The explicit engine on a model that was read.
 
     Args:
         given: the model.
+        builder: builds the model's engines from options.
         fix_deadlocks: add a self-loop to states without transitions.
 
     Raises:
@@ -206,7 +209,7 @@ def imported_engine(given: ExplicitData, *, fix_deadlocks: bool = True) -> Impor
     initial = members.pop("init", None)
     deadlock = dead | members.pop("deadlock", np.zeros(given.matrix.states, bool))
     marks: dict[str, Expression] = {name: Name(f'"{name}"') for name in members}
-    model = _model(given, marks)
+    model = _model(given, marks, builder)
     layout = StateLayout.of(model.variables)
     explored = ExplicitModel(
         model,
@@ -243,10 +246,13 @@ def imported_program(given: ExplicitData) -> Program:
     )
 
 
-def _model(given: ExplicitData, marks: Mapping[str, Expression]) -> BoundModel:
+def _model(
+    given: ExplicitData, marks: Mapping[str, Expression], builder: Callable[..., object]
+) -> BoundModel:
     bound = bind(imported_program(given))
     values = {f.name: getattr(bound, f.name) for f in fields(bound)}
-    return _ImportedModel(**{**values, "labels": dict(marks)}, names=given.actions)
+    values |= {"labels": dict(marks), "builder": builder}
+    return _ImportedModel(**values, names=given.actions)
 
 
 def _fixed(

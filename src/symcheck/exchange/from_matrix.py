@@ -98,15 +98,15 @@ def from_matrix(
 # ------------------------------------------------------------------------------------- matrices
 
 
-def _entries(matrix: Any, what: str) -> tuple[Int64s, Int64s, Numbers, tuple[int, int]]:
+def _entries(given: Any, what: str) -> tuple[Int64s, Int64s, Numbers, tuple[int, int]]:
     """Row, column and value of the entries that are not 0, by rows, and the shape."""
-    if hasattr(matrix, "tocsr"):
-        sparse = matrix.tocsr(copy=True)
+    if hasattr(given, "tocsr"):
+        sparse = given.tocsr(copy=True)
         sparse.sum_duplicates()
         sparse.eliminate_zeros()
         rows = np.repeat(np.arange(sparse.shape[0]), np.diff(sparse.indptr))
         return rows, sparse.indices, _numbers(sparse.data, what), sparse.shape
-    dense = _numbers(matrix, what)
+    dense = _numbers(given, what)
     if dense.ndim != 2:
         raise UsageError(f"{what} has {dense.ndim} dimensions: expected 2, rows and columns")
     rows, columns = np.nonzero(dense)

@@ -134,6 +134,7 @@ class BoundModel:
         exact: doubles in literals are used as the fractions that they are.
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
+        builder: of a model without a text, the function that builds its engine from options.
     """
 
     program: Program = field(repr=False)
@@ -150,6 +151,7 @@ class BoundModel:
     derivation: Callable[[BoundModel], BoundModel] | None = field(
         default=None, repr=False, compare=False
     )
+    builder: Callable[..., object] | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         """A summary on one line."""

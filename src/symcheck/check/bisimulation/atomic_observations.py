@@ -23,6 +23,7 @@ from symcheck.syntax.ast import (
     Filter,
     LabelReference,
     MultiObjective,
+    Name,
     PathQuantifier,
     RewardBound,
     RewardOperator,
@@ -137,7 +138,10 @@ def _condition(context: Context, formula: Tree) -> Expression | None:
         case LabelReference("init" | "deadlock"):
             return None
         case LabelReference():
-            return _condition(context.inside(formula), context.referred(formula))
+            named = context.referred(formula)
+            if isinstance(named, Name) and named.name.startswith('"'):
+                return None  # a label of a model without commands: a set of states
+            return _condition(context.inside(formula), named)
         case Unary(UnaryOperator.NOT, operand):
             inner = _condition(context, operand)
             return None if inner is None else replace(formula, operand=inner)

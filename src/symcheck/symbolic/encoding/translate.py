@@ -154,6 +154,11 @@ class Translator:
             for name, part in self.on_the_fly
         )
 
+    def define(self, name: Expression, states: Bdd) -> None:
+        """Let a name stand for a set of states."""
+        self._booleans[name] = states
+        self._supports[name] = frozenset()
+
     # ------------------------------------------------------------------------------------- booleans
 
     def boolean(self, expression: Expression) -> Bdd:
