@@ -2,7 +2,7 @@
 
     python models/cell_injection/study.py [--out study-output] [--workers 2]
 
-Stopped, it goes on where it was (the journal is OUT/journal.jsonl; --fresh begins anew). See docs/cell_injection.md.
+Stopped, it goes on where it was (finished rows are in OUT/rows.jsonl; --fresh begins anew). See docs/cell_injection.md.
 """
 
 from __future__ import annotations
@@ -11,16 +11,19 @@ import argparse
 import csv
 import random
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 from time import perf_counter
 from typing import Any
 
-from symcheck.options import Options
+import symcheck
 from symcheck.errors import ModelFault
-from symcheck.experiment.sweep import Finished, Instance, sweep
+from symcheck.experiments.run import Progress as Finished
+from symcheck.experiments.table import Experiment
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.interpreter import initial_states, transitions
@@ -29,9 +32,9 @@ from symcheck.syntax.parse import parse_model
 HERE = Path(__file__).parent
 MODEL = HERE / "cell_injection.pm"
 PAPER = {"NoisePercentage": "0.01", "StepSizeXY": "18", "InitialPositionXY": "100", "MaxDistance": "250", "Damping": "1"}
-BOUNDARIES = ("174", "175", "176")
-STEPS = ("9", "12", "15", "18", "24", "30", "36")
-NOISES = ("0.005", "0.01", "0.015", "0.02")
+BOUNDARIES = (174, 175, 176)
+STEPS = (9, 12, 15, 18, 24, 30, 36)
+NOISES = (0.005, 0.01, 0.015, 0.02)
 BLUE, RED, GREY, BLACK = "#2166ac", "#b2182b", "#888888", "#222222"
 
 
@@ -41,25 +44,27 @@ class Measure:
 
     title: str
     property: str
-    constants: Mapping[str, str]
+    constants: Mapping[str, int]
     low: float
     high: float
     words: str
 
-    def of(self, done: Finished) -> float:
+    def of(self, instance: Experiment) -> float:
         """Its value for an instance."""
-        return done.value(self.property, **self.constants)
+        (row,) = instance.select(self.property, **self.constants)
+        assert row.number is not None, row.error
+        return row.number
 
-    def show(self, done: Finished) -> str:
+    def show(self, instance: Experiment) -> str:
         """The same for a table: yes and no for what is true or false."""
-        value = self.of(done)
+        value = self.of(instance)
         return f"{'yes' if value else 'no':>9}" if self.words == "yes" else f"{value:9.4f}"
 
 
 MEASURES = (
     Measure("position error > 7 %", "position_error", {}, 0.2, 0.2, "about 0.2"),
-    Measure("force error > 10 %", "force_error", {"ForceBound": "10"}, 0.2, 0.2, "about 0.2"),
-    Measure("force error > 5 %", "force_error", {"ForceBound": "5"}, 0.35, 0.63, "0.35 to 0.63"),
+    Measure("force error > 10 %", "force_error", {"ForceBound": 10}, 0.2, 0.2, "about 0.2"),
+    Measure("force error > 5 %", "force_error", {"ForceBound": 5}, 0.35, 0.63, "0.35 to 0.63"),
     Measure("rupture while piercing", "rupture_in_piercing", {}, 0, 0.15, "below 0.15"),
     Measure("rupture at injection", "rupture_in_injection", {}, 0, 0.15, "below 0.15"),
     Measure("poor injection", "poor", {}, 0, 0.1, "success above 0.9"),
@@ -80,23 +85,23 @@ def main() -> None:
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
-    journal = out / "journal.jsonl"
+    resume = out / "rows.jsonl"
     if arguments.fresh:
-        journal.unlink(missing_ok=True)
-    instance = Instance.read(MODEL, MODEL.with_suffix(".pctl"), Options(engine="explicit"))
+        resume.unlink(missing_ok=True)
 
-    positions = run("positions", instance, {**one(PAPER), "CellBoundaryX": BOUNDARIES, "CellBoundaryY": BOUNDARIES}, journal, arguments)
+    positions = run("positions", {**PAPER, "CellBoundaryX": BOUNDARIES, "CellBoundaryY": BOUNDARIES}, resume, arguments)
     show_positions(positions)
     write(out / "positions.csv", positions, ("CellBoundaryX", "CellBoundaryY"))
     if arguments.positions_only:
         return
-    centre = {**one(PAPER), "CellBoundaryX": ("175",), "CellBoundaryY": ("175",)}
-    variations = run("variations", instance, {**centre, "StepSizeXY": STEPS, "NoisePercentage": NOISES}, journal, arguments)
+    centre = {**PAPER, "CellBoundaryX": 175, "CellBoundaryY": 175}
+    variations = run("variations", {**centre, "StepSizeXY": STEPS, "NoisePercentage": NOISES}, resume, arguments)
     show_variations(variations)
     write(out / "variations.csv", variations, ("StepSizeXY", "NoisePercentage"))
-    wrong = run("damping of the other sign", instance, {**centre, "Damping": ("0",)}, journal, arguments)
-    print(f"\nWith damping of the other sign: injection is reached with probability {wrong[0].value('injected'):g},")
-    print(f"position error {wrong[0].value('position_error'):g}, deadlock free: {wrong[0].value('deadlock_free') == 1}.")
+    (wrong,) = run("damping of the other sign", {**centre, "Damping": 0}, resume, arguments)
+    injected, position_error, deadlock_free = (wrong.select(n)[0].value for n in ("injected", "position_error", "deadlock_free"))
+    print(f"\nWith damping of the other sign: injection is reached with probability {injected:g},")
+    print(f"position error {position_error:g}, deadlock free: {deadlock_free}.")
     print(f"Not clamped to the stage, the model is at fault:\n{fault()}")
     draw_positions(positions, out / "fig6.png")
     draw_variations(variations, out / "variations.png")
@@ -104,48 +109,50 @@ def main() -> None:
     print(f"\nWritten to {out}: positions.csv, variations.csv, fig6.png, variations.png, motion.png")
 
 
-def one(values: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """The same values, as sweeps of one value each."""
-    return {n: (v,) for n, v in values.items()}
-
-
-def run(
-    title: str, instance: Instance, constants: Mapping[str, Sequence[str]], journal: Path, arguments: argparse.Namespace
-) -> list[Finished]:
-    """A sweep with a bar on the terminal and a summary. Ends the program where an instance is at fault."""
-    started = perf_counter()
-    total = 1
-    for values in constants.values():
-        total *= len(values)
-    results = []
-    with bar(title, total) as advance:
-        for done in sweep(instance, constants, varying={"ForceBound": ("10", "5")}, workers=arguments.workers, journal=journal):
-            results.append(done)
-            advance()
-    for done in results:
-        if done.error is not None:
-            raise SystemExit(f"{dict(done.constants)}: {done.error}")
-    names = [n for n, v in constants.items() if len(v) > 1]
-    results.sort(key=lambda d: [float(d.constants[n]) for n in names])
+def run(title: str, constants: Mapping[str, object], resume: Path, arguments: argparse.Namespace) -> list[Experiment]:
+    """The rows of each instance, with a bar on the terminal and a summary. Ends the program where an instance is at fault."""
+    started, used = perf_counter(), processor_time()
+    with bar(title) as observer:
+        rows = symcheck.experiment(
+            MODEL,
+            MODEL.with_suffix(".pctl"),
+            {**constants, "ForceBound": (10, 5)},
+            jobs=arguments.workers,
+            resume=resume,
+            progress=observer,
+            engine="explicit",
+        )
+    for row in rows.errors:
+        raise SystemExit(f"{dict(row.constants)}: {row.error}")
+    if not rows.complete:
+        raise SystemExit(130)
+    names = [n for n in rows.varying if n != "ForceBound"]
+    choices = dict.fromkeys(tuple(row.constants[n] for n in names) for row in rows)
+    instances = [rows.select(**dict(zip(names, choice, strict=True))) for choice in choices]
     print(
-        f"\n{title}: {total} instances, {sum(d.states for d in results):,} states; {perf_counter() - started:.1f} s wall, "
-        f"{sum(d.cpu_seconds for d in results):.1f} s of CPU time, at most {max(d.memory for d in results) / 1e6:.0f} MB in a process"
+        f"\n{title}: {len(instances)} instances, {sum(d[0].states for d in instances):,} states; {perf_counter() - started:.1f} s wall, "
+        f"{processor_time() - used:.1f} s of CPU time, at most {getrusage(RUSAGE_CHILDREN).ru_maxrss / 1024:.0f} MB in a process"
     )
-    return results
+    return instances
+
+
+def processor_time() -> float:
+    """Seconds of this process and of those that it has started."""
+    return sum(u.ru_utime + u.ru_stime for u in map(getrusage, (RUSAGE_SELF, RUSAGE_CHILDREN)))
 
 
 @contextmanager
-def bar(title: str, total: int) -> Iterator[Any]:
-    """A progress bar on standard error, if that is a terminal; gives the function that advances it."""
+def bar(title: str) -> Iterator[Callable[[Finished], object] | None]:
+    """The observer of an experiment that shows a bar on standard error, if that is a terminal."""
     if not sys.stderr.isatty():
-        yield lambda: None
+        yield None
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(title, total=total)
-        yield lambda: progress.advance(task)
+        task = progress.add_task(title, total=None)
+        yield lambda event: progress.update(task, completed=event.finished, total=event.total)
 
 
 def fault() -> str:
@@ -162,31 +169,31 @@ def fault() -> str:
 # ------------------------------------------------------------------------------------------------ tables
 
 
-def show_positions(results: Sequence[Finished]) -> None:
+def show_positions(results: Sequence[Experiment]) -> None:
     """One line for each measure: the values of the nine positions, and the paper's range."""
-    heads = [f"{d.constants['CellBoundaryX']},{d.constants['CellBoundaryY']}" for d in results]
+    heads = [f"{d[0].constants['CellBoundaryX']},{d[0].constants['CellBoundaryY']}" for d in results]
     print(f"\n{'':24}" + "".join(f"{h:>9}" for h in heads) + "   paper")
     for m in MEASURES:
         print(f"{m.title:24}" + "".join(m.show(d) for d in results) + f"   {m.words}")
-    print(f"{'states':24}" + "".join(f"{d.states:9d}" for d in results))
+    print(f"{'states':24}" + "".join(f"{d[0].states:9d}" for d in results))
 
 
-def show_variations(results: Sequence[Finished]) -> None:
+def show_variations(results: Sequence[Experiment]) -> None:
     """A table of step sizes and noise levels for each of the main measures."""
     for m in (MEASURES[0], MEASURES[1], MEASURES[3], MEASURES[5], MEASURES[9]):
         head = f"{m.title}; step, noise"
         print(f"\n{head:38}" + "".join(f"{n:>9}" for n in NOISES))
         for step in STEPS:
-            print(f"{step:38}" + "".join(m.show(d) for d in results if d.constants["StepSizeXY"] == step))
+            print(f"{step:<38}" + "".join(m.show(d) for d in results if d[0].constants["StepSizeXY"] == step))
 
 
-def write(path: Path, results: Iterable[Finished], names: Sequence[str]) -> None:
+def write(path: Path, results: Iterable[Experiment], names: Sequence[str]) -> None:
     """The results as CSV: the constants that vary, every measure, and the size of the model."""
     with path.open("w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow([*names, *(m.title for m in MEASURES), "states", "transitions"])
         for d in results:
-            table.writerow([*(d.constants[n] for n in names), *(f"{m.of(d):.9g}" for m in MEASURES), d.states, d.transitions])
+            table.writerow([*(d[0].constants[n] for n in names), *(f"{m.of(d):.9g}" for m in MEASURES), d[0].states, d[0].transitions])
         if "CellBoundaryX" in names:
             table.writerow([*("paper" for _ in names), *(m.words for m in MEASURES), "", ""])
 
@@ -215,11 +222,11 @@ def save(picture: Any, path: Path) -> None:
     pyplot.close(picture)
 
 
-def draw_positions(results: Sequence[Finished], path: Path) -> None:
+def draw_positions(results: Sequence[Experiment], path: Path) -> None:
     """After the paper's Fig. 6: each measure over the nine positions, with what the paper reports."""
     picture, axes = figure(2, 3, 10, 5.6)
     ticks = range(len(results))
-    names = [f"{d.constants['CellBoundaryX']}\n{d.constants['CellBoundaryY']}" for d in results]
+    names = [f"{d[0].constants['CellBoundaryX']}\n{d[0].constants['CellBoundaryY']}" for d in results]
     for axis, m in zip(axes.flat, MEASURES, strict=False):
         if m.low == m.high:
             axis.axhline(m.low, color=RED, linestyle="--", linewidth=1.2, label=f"paper: {m.words}")
@@ -238,7 +245,7 @@ def draw_positions(results: Sequence[Finished], path: Path) -> None:
     save(picture, path)
 
 
-def draw_variations(results: Sequence[Finished], path: Path) -> None:
+def draw_variations(results: Sequence[Experiment], path: Path) -> None:
     """Position error, force error, rupture and poor injection over the step size, a line for each noise level."""
     from matplotlib import colormaps
 
@@ -246,12 +253,12 @@ def draw_variations(results: Sequence[Finished], path: Path) -> None:
     shown = (MEASURES[0], MEASURES[1], MEASURES[3], MEASURES[5])
     for axis, m in zip(axes[0], shown, strict=True):
         for n, noise in enumerate(NOISES):
-            line = [m.of(d) for d in results if d.constants["NoisePercentage"] == noise]
+            line = [m.of(d) for d in results if d[0].constants["NoisePercentage"] == noise]
             colour = colormaps["viridis"](0.9 - 0.85 * n / (len(NOISES) - 1))
-            axis.plot([int(s) for s in STEPS], line, marker="o", markersize=3.5, color=colour, label=f"{100 * float(noise):g} %")
+            axis.plot(STEPS, line, marker="o", markersize=3.5, color=colour, label=f"{100 * noise:g} %")
         axis.set_title(m.title)
         axis.set_xlabel("step size (µm)")
-        axis.set_xticks([int(s) for s in STEPS])
+        axis.set_xticks(STEPS)
         axis.set_ylim(0)
     axes[0][0].set_ylabel("probability")
     axes[0][0].legend(title="noise", loc="upper right", frameon=False)

@@ -12,7 +12,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from symcheck import experiment as experiment
     from symcheck import teach as teach
     from symcheck import view as view
     from symcheck.api import Model as Model
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from symcheck.exchange.api_io import load_explicit as load_explicit
     from symcheck.exchange.from_function import from_function as from_function
     from symcheck.exchange.from_matrix import from_matrix as from_matrix
+    from symcheck.experiments.run import experiment as experiment
     from symcheck.explicit.build import explore as explore
     from symcheck.options import Options as Options
     from symcheck.semantics.binding.bind import bind as bind
@@ -53,7 +53,7 @@ _MODULES = {
     "exchange.api_io": "export load_explicit",
     "exchange.from_function": "from_function",
     "exchange.from_matrix": "from_matrix",
-    "experiment": "",
+    "experiments.run": "experiment",
     "explicit.build": "explore",
     "options": "Options",
     "semantics.binding.bind": "bind bind_properties",

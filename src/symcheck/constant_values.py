@@ -7,21 +7,42 @@ The one parser of such texts: for -const, for `symcheck.load(…, constants=…)
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import TypeVar, cast
+from typing import Protocol, TypeVar, cast, runtime_checkable
 
 from symcheck.errors import UsageError
 
 V = TypeVar("V")
 
-__all__ = ["ConstantValue", "GivenConstants", "combinations", "constant_values", "parse_constants"]
+__all__ = [
+    "ConstantValue",
+    "GivenConstants",
+    "GivenValues",
+    "combinations",
+    "constant_values",
+    "parse_constants",
+    "typed_value",
+    "value_lists",
+]
 
 ConstantValue = bool | int | float | Fraction | str
 """A value of a constant; a text is an expression, such as "1/3" or "2*N"."""
 
 GivenConstants = Mapping[str, ConstantValue]
 """One value for each constant."""
+
+
+GivenValues = Mapping[str, object] | str
+"""Values of constants: a text such as "N=3:6,p=0.5", or for each constant a value, a text such as
+"1:2:9", or an iterable of values, such as a range, a list or an array."""
+
+
+@runtime_checkable
+class _Array(Protocol):
+    """An array of numpy, or one of its scalars."""
+
+    def tolist(self) -> object: ...
 
 
 def parse_constants(texts: Sequence[str], source: str = "-const") -> dict[str, tuple[str, ...]]:
@@ -78,10 +99,69 @@ def constant_values(constants: GivenConstants | str | None) -> GivenConstants:
     return constants
 
 
+def value_lists(constants: GivenValues | None) -> dict[str, tuple[ConstantValue, ...]]:
+    """The values of each constant, without repetitions, in the order given.
+
+    Raises:
+        UsageError: a text cannot be understood, a constant has no value, or one of another type.
+    """
+    match constants:
+        case None:
+            return {}
+        case str():
+            return dict(parse_constants([constants], "constants"))
+        case Mapping():
+            return {name: _value_list(name, given) for name, given in constants.items()}
+        case _:
+            raise UsageError(
+                f"constants: expected a mapping or a text such as 'N=3:6,p=0.5', not {constants!r}"
+            )
+
+
+def _value_list(name: str, given: object) -> tuple[ConstantValue, ...]:
+    if isinstance(given, _Array):
+        given = given.tolist()
+    if isinstance(given, str):
+        try:
+            return _values(name, given)
+        except ValueError as error:
+            raise UsageError(f"constants: {error}") from None
+    values = list(given) if isinstance(given, Iterable) else [given]
+    checked: list[ConstantValue] = []
+    for value in values:
+        value = value.tolist() if isinstance(value, _Array) else value
+        if not isinstance(value, ConstantValue):
+            raise UsageError(
+                f"constants: {name} is given {value!r}; expected a bool, a number or a text"
+            )
+        checked.append(value)
+    if not checked:
+        raise UsageError(f"constants: {name} has no value")
+    return tuple(dict.fromkeys(checked))
+
+
+def typed_value(value: ConstantValue) -> ConstantValue:
+    """The value that a text denotes: a bool, an int, a float or a Fraction.
+
+    Another text, such as "2*N", stays as it is.
+    """
+    if not isinstance(value, str):
+        return value
+    if value in ("true", "false"):
+        return value == "true"
+    readers: tuple[Callable[[str], ConstantValue], ...] = (int, float, Fraction)
+    for read in readers:
+        try:
+            return read(value)
+        except (ValueError, ZeroDivisionError):
+            continue
+    return value
+
+
 def _not_one(name: str, given: str) -> UsageError:
     return UsageError(
         f"constants: {name} is given {given}, and one value is expected"
-        "\n  hint: symcheck.experiment.sweep checks a model for many values"
+        "\n  hint: symcheck.experiment checks a model for many values"
     )
 
 

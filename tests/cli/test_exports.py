@@ -201,5 +201,5 @@ def test_results_as_json(die, capsys):
         f"{die / 'r.json'}:json",
     )
     found = json.loads((die / "r.json").read_text())
-    assert [r["result"] for r in found] == ["0.6666666666666666", "true"]
+    assert [r["value"] for r in found] == [0.6666666666666666, True]
     assert found[0]["property"] == 'P=? [ F "two" ]'

@@ -42,8 +42,16 @@ class PropertyInstance:
     @property
     def title(self) -> str:
         """The name of the property, or its text on one line."""
+        return self.file.properties[self.index].name or self.text
+
+    @property
+    def text(self) -> str:
+        """The property as the user wrote it, without its name, on one line."""
         given = self.file.properties[self.index]
-        return given.name or " ".join(given.span.text.strip().rstrip(";").split())
+        text = given.span.text.strip().rstrip(";")
+        if given.name is not None and text.startswith('"'):
+            text = text.partition(":")[2]
+        return " ".join(text.split())
 
     def bind(self, model: BoundModel) -> tuple[BoundProperty, Mapping[str, Expression]]:
         """The property bound to a model, and the labels that it may use. Raises InputError."""

@@ -33,7 +33,7 @@ Examples:
   symcheck die.pm                                  build the model, count its states
   symcheck die.pm die.pctl                         check every property of the file
   symcheck die.pm -pf 'P=? [ F d=6 ]'              check one property
-  symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv:csv
+  symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv
 
 Switches of PRISM that have no effect here (-javamaxmem, -nopre, -gs and others) are accepted and
 listed in the output. Every switch may be written with two dashes.
@@ -104,6 +104,7 @@ class Arguments(argparse.Namespace):
     exportsteadystate: str | None
     verbose: bool
     exportresults: str | None
+    jobs: int
     exportstrat: str | None
     exportvector: str | None
     nobuild: bool
@@ -533,8 +534,15 @@ def _output(parser: _Parser) -> None:
     parser.add(
         "exportresults",
         metavar="FILE[:KIND]",
-        help="write the results: text (default), csv, matrix, dataframe, comment or json; "
-        "'stdout' for FILE prints",
+        help="write the results: .csv .json .parquet, plots .png .svg .pdf; or by KIND text "
+        "(default), csv, matrix, dataframe, comment, json ('stdout' for FILE prints)",
+    )
+    parser.add(
+        "jobs",
+        metavar="N",
+        type=_positive_count,
+        default=1,
+        help="check models with different constants in N processes at the same time (default: 1)",
     )
     parser.add(
         "exportstrat",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,14 +12,14 @@ import numpy as np
 from symcheck.api import Model
 from symcheck.check.expected_results import Verdict, VerdictKind, judge
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.result import Result, Statistical, show_value
+from symcheck.check.result import Result, Statistical
 from symcheck.cli.arguments import Arguments
-from symcheck.cli.output import Output, property_text
+from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.properties_input import UnparsedProperty
 from symcheck.cli.run_state import RunState
 from symcheck.errors import ResourceError, SymcheckError
-from symcheck.experiment.table import Row
+from symcheck.experiments.rows import Row, error_text, row_of
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
@@ -47,12 +48,10 @@ def check_property(
         TestFailed: a test failed, and -test ends the run.
     """
     bound, _ = instance.bind(model.bound)
-    text = property_text(bound)
-    name, title = bound.name or text, f'"{bound.name}": {text}' if bound.name else text
     of_model = {n: str(v) for n, v in model.given_constants.items()}
     of_property = {n: str(v) for n, v in instance.relevant.items()}
-    constants = {**of_model, **of_property}
-    state.output.property(text, bound.name, of_model, of_property)
+    state.output.property(instance.text, bound.name, of_model, of_property)
+    row = row_of(instance, of_model)
     outcome: Result | SymcheckError
     try:
         if plan is not None:
@@ -66,10 +65,18 @@ def check_property(
         outcome = error if isinstance(error, SymcheckError) else internal_error(error)
         state.output.error(outcome)
         state.failures += not state.testing
-        value, accuracy = "Error", str(outcome).splitlines()[0]
+        row = replace(row, error=error_text(outcome))
     else:
-        value, accuracy = show_value(outcome.value), str(outcome.accuracy)
-    state.rows.append(Row(name, constants, value, accuracy, title=title, fixed=state.fixed))
+        row = replace(row, value=outcome.value, accuracy=outcome.accuracy, seconds=outcome.seconds)
+    if plan is None:
+        engine = model.engine
+        row = replace(
+            row,
+            states=engine.states,
+            transitions=engine.transitions,
+            build_seconds=state.build_seconds,
+        )
+    state.rows.append(row)
     if isinstance(outcome, Result):
         _write_files(state.arguments, state.output, outcome, varying)
     if not state.testing:
@@ -86,7 +93,7 @@ def report_unparsed(state: RunState, property: UnparsedProperty) -> None:
     state.output.property(property.text, None, {}, {})
     state.output.error(property.fault)
     state.failures += 1
-    state.rows.append(Row(property.text, {}, "Error", str(property.fault).splitlines()[0]))
+    state.rows.append(Row(property.text, {}, error=error_text(property.fault)))
 
 
 def report_unbuilt_model(
@@ -98,10 +105,9 @@ def report_unbuilt_model(
     """Report that one of several models cannot be built; its properties have no results."""
     state.output.error(error)
     state.failures += 1
-    reason = str(error).splitlines()[0]
     for instance in instances:
-        known = {**constants, **{n: str(v) for n, v in instance.relevant.items()}}
-        state.rows.append(Row(instance.title, known, "Error", reason, fixed=state.fixed))
+        row = row_of(instance, constants)
+        state.rows.append(replace(row, error=error_text(error)))
 
 
 def internal_error(error: Exception) -> SymcheckError:

@@ -12,8 +12,9 @@ from symcheck import __version__
 from symcheck.cli.arguments import parse_arguments
 from symcheck.cli.check_property import internal_error
 from symcheck.cli.output import Output
+from symcheck.cli.output_paths import check_results_file, write_results
 from symcheck.cli.run import run
-from symcheck.cli.run_state import RunState, results_file, sorted_rows
+from symcheck.cli.run_state import RunState
 from symcheck.cli.signals import StopSignals, limited
 from symcheck.errors import (
     Interrupted,
@@ -23,7 +24,6 @@ from symcheck.errors import (
     UsageError,
     out_of_memory,
 )
-from symcheck.experiment.table import render
 
 __all__ = ["run_safely"]
 
@@ -124,20 +124,6 @@ def _after_export(state: RunState | None, error: SymcheckError) -> SymcheckError
     return error
 
 
-def check_results_file(argument: str) -> None:
-    """Find faults of -exportresults before anything is computed. Raises UsageError."""
-    path, kinds = results_file(argument)
-    render([], kinds)
-    if not path.name:
-        raise UsageError(f"-exportresults: '{argument}' names no file")
-    if path.is_dir():
-        raise UsageError(f"-exportresults: '{path}' is a folder")
-    if not path.parent.is_dir():
-        raise UsageError(f"-exportresults: there is no folder '{path.parent}'")
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise UsageError(f"-exportresults: '{path}' may not be written")
-
-
 def _fail(error: SymcheckError, status: int) -> int:
     with suppress(OSError):
         sys.stdout.flush()
@@ -170,19 +156,9 @@ def _stopped(state: RunState | None, error: ResourceError, signals: StopSignals)
 
 
 def _export(state: RunState | None) -> None:
-    """Write the results to their file, completely or not at all."""
-    if state is None or not state.arguments.exportresults or not state.rows:
-        return
-    path, kinds = results_file(state.arguments.exportresults)
-    if str(path) == "stdout":
-        print(f"\nResults:\n\n{render(list(sorted_rows(state.rows)), kinds)}", end="", flush=True)
-        return
-    from symcheck.exchange.text import write_text
-
-    try:
-        write_text(str(path), [render(list(sorted_rows(state.rows)), kinds)], sys.stdout)
-    except UsageError as error:
-        raise UsageError(f"-exportresults: {error}") from None
+    """Write the finished results to the file of -exportresults."""
+    if state is not None and state.arguments.exportresults and state.rows:
+        write_results(state.arguments.exportresults, state.rows, state.varying)
 
 
 def _end_process(state: RunState | None) -> None:

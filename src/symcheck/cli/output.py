@@ -10,12 +10,11 @@ from symcheck import __version__
 from symcheck.check.result import Estimate, Result
 from symcheck.engines.base import Engine
 from symcheck.engines.selection import Choice
-from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.state_faults import describe_state
 
-__all__ = ["Output", "property_text"]
+__all__ = ["Output"]
 
 _RULE = "-" * 69
 
@@ -160,11 +159,3 @@ def _state(state: Mapping[str, Value]) -> str:
 def _example(engine: Engine) -> str:
     values = next(iter(engine.valuations(engine.deadlocks, 1)))
     return describe_state(engine.model.variables, values)
-
-
-def property_text(bound: BoundProperty) -> str:
-    """The property as the user wrote it, on one line."""
-    text = bound.span.text.strip().rstrip(";")
-    if bound.name is not None and text.startswith('"'):
-        text = text.partition(":")[2]
-    return " ".join(text.split())

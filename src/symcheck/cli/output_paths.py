@@ -1,18 +1,25 @@
-"""Names of files that are written once for each combination of constants."""
+"""Names of files: of one for each combination of constants, and of -exportresults."""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-__all__ = ["NO_CONSTANTS", "ConstantTexts", "instance_path"]
+from symcheck.errors import UsageError
+from symcheck.experiments.rows import Row
+
+__all__ = ["NO_CONSTANTS", "ConstantTexts", "check_results_file", "instance_path", "write_results"]
 
 ConstantTexts = Mapping[str, str]
 """Values of constants, as they are printed."""
 
 NO_CONSTANTS: ConstantTexts = MappingProxyType({})
+
+_TEXT = ("", ".txt", ".res", ".log", ".dat")
+"""The extensions of a table in PRISM's default format."""
 
 
 def instance_path(path: str, varying: ConstantTexts) -> str:
@@ -24,3 +31,61 @@ def instance_path(path: str, varying: ConstantTexts) -> str:
         f"_{name}={re.sub(r'[^-+.,=0-9A-Za-z]', '_', value)}" for name, value in varying.items()
     )
     return str(whole.with_name(f"{whole.stem}{suffix}{whole.suffix}"))
+
+
+def _target(argument: str) -> tuple[Path, list[str]]:
+    """File and formats of `FILE:KIND,KIND`; other colons belong to the file.
+
+    No formats: the extension of the file decides.
+    """
+    path, colon, kinds = argument.rpartition(":")
+    if colon:
+        return Path(path), kinds.split(",")
+    return Path(argument), ["text"] if Path(argument).suffix in _TEXT else []
+
+
+def check_results_file(argument: str) -> None:
+    """Find faults of -exportresults before anything is computed. Raises UsageError."""
+    from symcheck.experiments.files import check_extension
+    from symcheck.experiments.prism_tables import render
+
+    path, kinds = _target(argument)
+    render([], (), kinds)
+    if not path.name:
+        raise UsageError(f"-exportresults: '{argument}' names no file")
+    if path.is_dir():
+        raise UsageError(f"-exportresults: '{path}' is a folder")
+    if not path.parent.is_dir():
+        raise UsageError(f"-exportresults: there is no folder '{path.parent}'")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise UsageError(f"-exportresults: '{path}' may not be written")
+    if not kinds:
+        try:
+            check_extension(path)
+        except UsageError as error:
+            raise UsageError(
+                f"-exportresults: {error}\n  hint: '{path}:text' writes a text under any name"
+            ) from None
+
+
+def write_results(argument: str, rows: Sequence[Row], varying: Sequence[str]) -> None:
+    """Write results to the file of -exportresults, completely or not at all. Raises UsageError."""
+    from symcheck.experiments.files import save
+    from symcheck.experiments.prism_tables import render
+    from symcheck.whole_file import write_whole
+
+    path, kinds = _target(argument)
+    text = render(rows, varying, kinds)
+    try:
+        if str(path) == "stdout":
+            print(f"\nResults:\n\n{text}", end="", flush=True)
+        elif kinds:
+            write_whole(path, lambda temporary: _write(temporary, text))
+        else:
+            save(rows, varying, path)
+    except UsageError as error:
+        raise UsageError(f"-exportresults: {error}") from None
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")

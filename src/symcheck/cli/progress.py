@@ -18,7 +18,7 @@ class Progress:
 
     def __init__(self, output: Output) -> None:
         self.output = output
-        self.terminal = sys.stderr.isatty()
+        self.terminal = output.out is sys.stdout and sys.stderr.isatty()
         self.wanted = self.terminal or output.verbose
         self.choice: Choice | None = None
         self._shown = perf_counter()

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 from symcheck.check.expected_results import Verdict, VerdictKind
 from symcheck.cli.arguments import Arguments
 from symcheck.cli.output import Output
-from symcheck.experiment.table import Row
+from symcheck.experiments.rows import Row
 from symcheck.options import Options
 
-__all__ = ["RunState", "TestFailed", "results_file", "sorted_rows"]
+__all__ = ["RunState", "TestFailed"]
 
 
 class TestFailed(Exception):
@@ -24,14 +22,16 @@ class TestFailed(Exception):
 class RunState:
     """What was asked, where it is printed, and the results so far.
 
-    fixed: the constants that were given one value only.
+    varying: the constants that were given several values. build_seconds: time of building the
+    current model.
     """
 
     arguments: Arguments
     output: Output
     rows: list[Row] = field(default_factory=list)
     failures: int = 0
-    fixed: tuple[str, ...] = ()
+    varying: tuple[str, ...] = ()
+    build_seconds: float = 0.0
 
     @cached_property
     def options(self) -> Options:
@@ -53,17 +53,3 @@ class RunState:
             self.failures += 1
         if verdict.kind is VerdictKind.FAIL and self.arguments.test:
             raise TestFailed
-
-
-def results_file(argument: str) -> tuple[Path, list[str]]:
-    """The file and the formats of `FILE:KIND,KIND`; other colons belong to the file."""
-    path, colon, kinds = argument.rpartition(":")
-    if not colon:
-        return Path(argument), ["text"]
-    return Path(path), kinds.split(",")
-
-
-def sorted_rows(rows: Sequence[Row]) -> Iterator[Row]:
-    """The rows of each property together, in the order of their first rows."""
-    order = {name: i for i, name in enumerate(dict.fromkeys(r.property for r in rows))}
-    return iter(sorted(rows, key=lambda r: order[r.property]))

@@ -1,8 +1,7 @@
-"""Write large texts in chunks, and write files completely or not at all."""
+"""Write large texts in chunks."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.errors import UsageError
+from symcheck.whole_file import write_whole
 
 __all__ = [
     "CHUNK",
@@ -19,7 +18,6 @@ __all__ = [
     "lines",
     "number_text",
     "number_texts",
-    "same_path",
     "write_text",
 ]
 
@@ -95,26 +93,4 @@ def write_text(target: str, chunks: Iterable[str], out: TextIO) -> None:
         with temporary.open("w", encoding="utf-8") as file:
             file.writelines(chunks)
 
-    same_path(target, write)
-
-
-def same_path(target: str, write: Callable[[Path], None]) -> None:
-    """Let `write` make a temporary file beside the target, then rename it to the target.
-
-    A device, a pipe or a link is written directly, because it must not be replaced.
-
-    Raises:
-        UsageError: the file cannot be written.
-    """
-    path = Path(target)
-    special = path.is_symlink() or (path.exists() and not path.is_file())
-    temporary = path if special else path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        write(temporary)
-        if not special:
-            temporary.replace(path)
-    except OSError as error:
-        raise UsageError(f"cannot write '{path}': {error.strerror or error}") from None
-    finally:
-        if not special:
-            temporary.unlink(missing_ok=True)
+    write_whole(target, write)

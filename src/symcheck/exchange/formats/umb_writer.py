@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from symcheck import __version__
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.exchange.explicit_export import ExplicitExport
-from symcheck.exchange.text import same_path
 from symcheck.syntax.ast import ModelType, Type
+from symcheck.whole_file import write_whole
 
 __all__ = ["umb_model", "umbi_package", "write_umb"]
 
@@ -42,7 +42,7 @@ def write_umb(model: ExplicitExport, target: str) -> None:
         raise UsageError(f"cannot write '{target}': a UMB file is a plain file")
     made = umb_model(model)
     # umbi looks at the ending of the name.
-    same_path(target, lambda path: _written(made, path))
+    write_whole(target, lambda path: _written(made, path))
 
 
 def _written(made: Any, path: Path) -> None:

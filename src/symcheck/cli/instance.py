@@ -1,0 +1,165 @@
+"""One instance of the model: bind, simulate or build it, and check its properties."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+from symcheck.api import Model, ReducedModel
+from symcheck.check.expected_results import judge
+from symcheck.check.property_instance import PropertyInstance
+from symcheck.cli import exports
+from symcheck.cli.check_property import check_property, report_unbuilt_model
+from symcheck.cli.output_paths import ConstantTexts
+from symcheck.cli.progress import Progress
+from symcheck.cli.run_state import RunState
+from symcheck.cli.simulation import sampling_plan, write_path
+from symcheck.constant_values import typed_value
+from symcheck.errors import ResourceError, SymcheckError, UsageError
+from symcheck.semantics.model import Value
+from symcheck.syntax.declarations import PropertiesFile
+
+__all__ = ["GivenTexts", "InstancesTask"]
+
+GivenTexts = Mapping[str, Sequence[str]]
+"""The values of each constant, as texts."""
+
+
+@dataclass(frozen=True)
+class InstancesTask:
+    """What all instances share.
+
+    indices: the properties. of_properties: the values of their constants.
+    """
+
+    model: Model
+    file: PropertiesFile
+    indices: Sequence[int]
+    of_properties: GivenTexts
+
+    def run(
+        self, state: RunState, constants: Mapping[str, str], varying: Mapping[str, str]
+    ) -> None:
+        """Check one instance."""
+        model = self.model.with_constants(constants)
+        _check_instance(state, model, self.file, self.indices, self.of_properties, varying)
+
+
+def _check_instance(
+    state: RunState,
+    model: Model,
+    file: PropertiesFile,
+    indices: Sequence[int],
+    of_properties: GivenTexts,
+    varying: ConstantTexts,
+) -> None:
+    """Bind, simulate or build the model with its constants, and check the selected properties.
+
+    varying: the constants of the model that have several values, for the names of files.
+    """
+    a = state.arguments
+    asked = model.instances(file, of_properties, indices)
+    constants = {n: str(v) for n, v in model.given_constants.items()}
+    try:
+        watch = Progress(state.output)
+        model = _bound_model(state, model.with_observer(_observer(state, watch)), asked)
+        if a.simpath:
+            write_path(a, state.output, model, varying)
+        if a.step:
+            from symcheck.cli.stepping import step_through
+
+            step_through(a, state.output, model)
+        plan = sampling_plan(a) if a.sim else None
+        if (a.simpath or a.step) and plan is None and not asked and not a.needs_model:
+            return
+        if plan is None:
+            _build(state, model, watch)
+    except ResourceError:
+        raise
+    except SymcheckError as error:
+        _report_fault(state, error, asked, constants, of_properties, alone=not varying)
+        return
+    shared = None
+    if plan is None:
+        exports.export_constants(a, state.output, model, varying)
+        exports.export_model(a, state.output, model, file, of_properties, varying)
+        exports.report_distributions(a, state.output, model, varying)
+        shared = model.shared_quotient(asked)
+        if shared is not None:
+            state.output.line(f"Bisimulation: {shared}")
+        elif state.options.bisim and len(asked) > 1:
+            state.output.detail(
+                "Bisimulation: no quotient that is common to the properties is half as large as "
+                "the model; each gets its own"
+            )
+    for instance in asked:
+        own = {n: str(v) for n, v in instance.relevant.items() if len(of_properties[n]) > 1}
+        name = file.properties[instance.index].name or str(instance.index + 1)
+        number = {"property": name} if len(indices) > 1 else {}
+        check_property(state, model, instance, plan, shared, {**varying, **own, **number})
+
+
+def _observer(state: RunState, watch: Progress) -> Progress | None:
+    """The observer of builders.
+
+    Counting the states of diagrams takes time: only if the progress is seen.
+    """
+    return watch if state.options.engine == "auto" or watch.wanted else None
+
+
+def _bound_model(state: RunState, model: Model, asked: Sequence[PropertyInstance]) -> Model:
+    """The model, bound and reduced for the properties, and described in the output.
+
+    Raises InputError.
+    """
+    a = state.arguments
+    state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
+    if not state.options.reduce or a.imports_model:
+        return model
+    if state.options.fairness:
+        state.output.warn("-reduce is not used: which strategies are fair depends on the states")
+    keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
+    model = model.reduced_for(asked, keep_steps=keep_steps)
+    if isinstance(model, ReducedModel):
+        state.output.line(f"Reduction:   {model.reduction}")
+    return model
+
+
+def _build(state: RunState, model: Model, watch: Progress) -> None:
+    """Build the model, and print its counts. Raises ModelFault, UnsupportedError, ResourceError."""
+    started = perf_counter()
+    engine = model.engine
+    watch.clear()
+    state.build_seconds = perf_counter() - started
+    state.output.built(engine, watch.choice, state.build_seconds)
+
+
+def _report_fault(
+    state: RunState,
+    error: SymcheckError,
+    asked: Sequence[PropertyInstance],
+    constants: ConstantTexts,
+    of_properties: GivenTexts,
+    *,
+    alone: bool,
+) -> None:
+    """Report a model that cannot be bound or built. Raises the error if it ends the run."""
+    if state.testing:
+        # RESULT lines may expect an error; it is the result of every property.
+        state.output.error(error)
+        known = {**constants, **{n: v[0] for n, v in of_properties.items()}}
+        values = {n: _plain_value(v) for n, v in known.items()}
+        for i in dict.fromkeys(instance.index for instance in asked):
+            comments = asked[0].file.properties[i].comments
+            state.conclude(judge(comments, error, values, exact=state.options.exact))
+    elif alone or isinstance(error, UsageError):
+        raise error
+    else:
+        report_unbuilt_model(state, asked, constants, error)
+
+
+def _plain_value(text: str) -> Value:
+    """The value of a constant for the comparison with RESULT lines, when nothing was bound."""
+    value = typed_value(text)
+    return float("nan") if isinstance(value, str) else value

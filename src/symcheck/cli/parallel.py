@@ -1,0 +1,105 @@
+"""-jobs: instances of the model in several processes; the output is that of one process."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from io import StringIO
+
+from symcheck.cli.arguments import Arguments
+from symcheck.cli.check_property import report_unbuilt_model
+from symcheck.cli.instance import InstancesTask
+from symcheck.cli.output import Output
+from symcheck.cli.progress import Progress
+from symcheck.cli.run_state import RunState, TestFailed
+from symcheck.errors import ResourceError, SymcheckError
+from symcheck.experiments.pool import LOST, completed
+from symcheck.experiments.rows import Row
+
+__all__ = ["check_in_processes"]
+
+
+@dataclass
+class _Outcome:
+    """What an instance has added to the state of the run, and the error that ends the run."""
+
+    text: str
+    rows: list[Row] = field(default_factory=list)
+    failures: int = 0
+    warnings: int = 0
+    error: Exception | None = None
+
+
+def _check(work: bytes, constants: Mapping[str, str]) -> _Outcome:
+    """Check one instance in a process of the pool."""
+    arguments, task = _unpickled(work)
+    out = StringIO()
+    state = RunState(arguments, Output(out, arguments.verbose))
+    error = None
+    try:
+        task.run(state, constants, constants)
+    except (SymcheckError, TestFailed, MemoryError) as found:
+        error = found
+    return _Outcome(out.getvalue(), state.rows, state.failures, state.output.warnings, error)
+
+
+@lru_cache(maxsize=1)
+def _unpickled(work: bytes) -> tuple[Arguments, InstancesTask]:
+    pair: tuple[Arguments, InstancesTask] = pickle.loads(work)
+    return pair
+
+
+def check_in_processes(
+    state: RunState, task: InstancesTask, choices: Sequence[Mapping[str, str]]
+) -> None:
+    """Check an instance for each choice of constants, and report them in this order.
+
+    Raises as `InstancesTask.run`. If a limit or the user ends the run, all finished instances are
+    reported.
+    """
+    work = pickle.dumps((state.arguments, task))
+    watch = Progress(state.output)
+    finished: dict[int, _Outcome | BrokenExecutor] = {}
+    reported = 0
+    with closing(completed(partial(_check, work), choices, state.arguments.jobs)) as outcomes:
+        try:
+            for i, outcome in outcomes:
+                finished[i] = outcome
+                if not state.output.verbose:  # the lines of -v are those of the instances
+                    watch(f"{reported + len(finished)} of {len(choices)} instances")
+                while reported in finished:
+                    watch.clear()
+                    _report(state, task, choices[reported], finished.pop(reported))
+                    reported += 1
+        except (ResourceError, KeyboardInterrupt):
+            for _, outcome in sorted(finished.items(), key=lambda item: item[0]):
+                if isinstance(outcome, _Outcome):
+                    _add(state, outcome)
+            raise
+
+
+def _report(
+    state: RunState,
+    task: InstancesTask,
+    constants: Mapping[str, str],
+    outcome: _Outcome | BrokenExecutor,
+) -> None:
+    if isinstance(outcome, BrokenExecutor):
+        given = ",".join(f"{n}={v}" for n, v in constants.items())
+        asked = task.model.instances(task.file, task.of_properties, task.indices)
+        report_unbuilt_model(state, asked, constants, SymcheckError(f"{given}: {LOST}"))
+        return
+    _add(state, outcome)
+    if outcome.error is not None:
+        raise outcome.error
+
+
+def _add(state: RunState, outcome: _Outcome) -> None:
+    print(outcome.text, end="", file=state.output.out, flush=True)
+    state.rows += outcome.rows
+    state.failures += outcome.failures
+    state.output.warnings += outcome.warnings

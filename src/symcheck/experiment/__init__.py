@@ -1,1 +1,0 @@
-"""Sweeps over values of constants, and tables of their results."""

@@ -1,0 +1,1 @@
+"""Experiments: a model is checked for many values of its constants, in several processes."""

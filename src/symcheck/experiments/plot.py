@@ -1,0 +1,100 @@
+"""Plots of rows over a constant, with matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from symcheck.errors import UsageError
+from symcheck.experiments.rows import Row, constant_text
+from symcheck.tables import optional_package
+
+__all__ = ["plot", "save_plot"]
+
+_SIZE = (6.4, 4.0)  # inches
+_FEW = 30
+"""Up to so many points, bounds are bars; bars of more points cover each other."""
+
+
+def save_plot(rows: Sequence[Row], varying: Sequence[str], path: Path, kind: str) -> None:
+    """Write the plot of rows over the first constant with several values, as png, svg or pdf.
+
+    The figure is made without pyplot, whose window system may be missing.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    FigureCanvasAgg(figure)
+    plot(rows, varying, None, None, figure.subplots())
+    figure.savefig(path, format=kind, dpi=150)
+
+
+def plot(
+    rows: Sequence[Row],
+    varying: Sequence[str],
+    x: str | None,
+    by: Sequence[str] | None,
+    axes: Any,
+) -> Any:
+    """Plot rows into axes (None for new ones), and return them; see `Experiment.plot`."""
+    present = {
+        n: list(dict.fromkeys(r.constants[n] for r in rows if n in r.constants)) for n in varying
+    }
+    several = [n for n in varying if len(present[n]) > 1]
+    if x is None and several:
+        x = several[0]
+    for name in (x, *(by or ())):
+        if name is not None and not any(name in r.constants for r in rows):
+            known = ", ".join(dict.fromkeys(n for r in rows for n in r.constants)) or "none"
+            raise UsageError(f"plot: there is no constant '{name}'; the constants are {known}")
+    others = [n for n in several if n != x] if by is None else list(by)
+    unnamed = [n for n in several if n != x and n not in others]
+    if unnamed:
+        raise UsageError(
+            f"plot: {unnamed[0]} has several values too\n  hint: name it in by=, "
+            f"or choose one value with select({unnamed[0]}=...)"
+        )
+    if axes is None:
+        pyplot = optional_package("matplotlib.pyplot", "plot")
+        axes = pyplot.subplots(figsize=_SIZE, layout="constrained")[1]
+    lines: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        if row.number is not None and (x is None or x in row.constants):
+            own = (f"{n}={constant_text(row.constants[n])}" for n in others if n in row.constants)
+            lines.setdefault((row.name, *own), []).append(row)
+    one_property = len({name for name, *_ in lines}) == 1
+    for (name, *values), points in lines.items():
+        label = ", ".join(values if one_property else (name, *values))
+        _draw(axes, [r.name if x is None else r.constants[x] for r in points], points, label)
+    axes.set_xlabel(x or "property")
+    axes.set_ylabel(next(iter(lines))[0] if one_property else "value")
+    if len(lines) > 1:
+        axes.legend()
+    return axes
+
+
+def _draw(axes: Any, places: Sequence[Any], rows: Sequence[Row], label: str) -> None:
+    """One line, its points in order, with the bounds of its values."""
+    if all(isinstance(p, str | bool) for p in places):
+        places = [constant_text(p) for p in places]
+        order = list(range(len(rows)))
+    else:
+        places = [float(p) for p in places]
+        order = sorted(range(len(rows)), key=lambda i: places[i])
+    across = [places[i] for i in order]
+    values = [rows[i].number for i in order]
+    bounds = [rows[i].bounds or (rows[i].number, rows[i].number) for i in order]
+    (line,) = axes.plot(across, values, marker="o", markersize=3.5, label=label)
+    if all(low == high for low, high in bounds):
+        return
+    lower, upper = zip(*bounds, strict=True)
+    if len(order) > _FEW:
+        axes.fill_between(across, lower, upper, color=line.get_color(), alpha=0.2, linewidth=0)
+    else:
+        lengths = [
+            [abs(v - low) for v, low in zip(values, lower, strict=True)],
+            [abs(high - v) for v, high in zip(values, upper, strict=True)],
+        ]
+        axes.errorbar(across, values, lengths, color=line.get_color(), capsize=2, linestyle="none")
