@@ -106,7 +106,7 @@ def ours(
         engine = materialize(engine)
     context = Context(engine, options, bound.labels)
     seconds, found = timed(lambda: quotient(context, bound.properties[0].formula))
-    way = "" if listed or hasattr(found, "lumped") else " (listed)"
+    way = "" if listed or "on diagrams" in found.cost else " (explicit)"
     return {
         "states": engine.states,
         "blocks": found.engine.states,

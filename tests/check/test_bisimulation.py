@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from checking import check_text, engine_of
 from generate import random_model, random_property
 from symcheck.api import load, loads
+from symcheck.check import tuning
 from symcheck.check.bisimulation import on_quotient
 from symcheck.check.checker import check
 from symcheck.engines.symbolic.materialized import materialize
@@ -140,9 +141,9 @@ def test_labels_that_a_formula_combines_are_not_told_apart(name):
     assert "4 states -> 4" in check_text(engine, 'P=? [ !"one" U "two" ]', bisim=True).explanation
 
 
-def test_listed_states_that_have_diagrams(monkeypatch):
-    monkeypatch.setattr(on_quotient, "_DIAGRAMS_FIRST_STATES", 2)
-    monkeypatch.setattr(on_quotient, "_STATES_PER_BLOCK", 1)
+def test_explicit_states_that_have_diagrams(monkeypatch):
+    monkeypatch.setattr(tuning, "DIAGRAMS_FIRST_STATES", 2)
+    monkeypatch.setattr(tuning, "STATES_PER_BLOCK", 1)
     engine = materialize(engine_of(LINE, "sparse"))
     result = check_text(engine, "P=? [ F x=1|x=2 ]", bisim=True)
     assert "on diagrams" in result.runs[0].explanation
@@ -160,7 +161,7 @@ def test_diagrams_that_do_not_lump_are_listed():
     text = "ctmc\nmodule m\n x : [0..99];\n [] x<99 -> 1:(x'=x+1);\n [] x>0 -> 2:(x'=x-1);\nendmodule\n"
     found = check_text(engine_of(text, "sparse"), "S=? [ x=99 ]", bisim=True)
     assert "100 states -> 100" in found.explanation
-    assert "on listed states" in found.runs[0].explanation
+    assert "on explicit states" in found.runs[0].explanation
 
 
 def test_rewards_of_choices_tell_blocks_apart():

@@ -408,7 +408,7 @@ def test_one_quotient_for_several_properties(capsys):
     assert main([DIE, "-pf", "P=? [ F d=6 ]; P=? [ F<=4 d=6 ]; E [ F d=6 ]", "-bisim"]) == 0
     shown = capsys.readouterr().out
     assert re.search(
-        r"Bisimulation: 13 states -> 5, common to 2 of 3 properties \(\d rounds on listed states; \d\.\d\d s in all\)",
+        r"Bisimulation: 13 states -> 5, common to 2 of 3 properties \(\d rounds on explicit states; \d\.\d\d s in all\)",
         shown,
     )
     assert shown.count("13 states -> 5 by bisimulation") == 2

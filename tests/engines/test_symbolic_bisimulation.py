@@ -1,4 +1,4 @@
-"""The coarsest bisimulation on diagrams: the same partition as of listed states, and of models that
+"""The coarsest bisimulation on diagrams: the same partition as of explicit states, and of models that
 nobody can list.
 """
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model
-from symcheck.check.bisimulation import on_quotient
+from symcheck.check import tuning
 from symcheck.engines.explicit.array_values import ArrayValues
 from symcheck.engines.symbolic import bisimulation as symbolic_lump
 from symcheck.engines.symbolic.bisimulation import lump_diagrams
@@ -186,20 +186,20 @@ def test_giving_up():
         lump_diagrams(engine_of(symmetric(10), "sparse").diagrams, [], [0], limit=2**20)
 
 
-def test_giving_up_in_time():
+def test_giving_up_after_many_operations():
     engine = engine_of(symmetric(6), "sparse")
-    with pytest.raises(UnsupportedError, match=r"outgrows 0 s \(1 blocks after 0 rounds\)"):
-        lump_diagrams(engine.diagrams, [], seconds=0.0)
+    with pytest.raises(UnsupportedError, match=r"outgrows 0 operations \(64 blocks"):
+        lump_diagrams(engine.diagrams, [], budget=0)
     large = engine_of(symmetric(10), "sparse")  # here in the middle of a round
     different = [
         where(large, " + ".join(f"{i}*x{i}" for i in range(10)) + f"={k}").bdd for k in (30, 31)
     ]
-    with pytest.raises(UnsupportedError, match=r"outgrows 0.05 s"):
-        lump_diagrams(large.diagrams, different, seconds=0.05)
+    with pytest.raises(UnsupportedError, match=r"outgrows 100,000 operations"):
+        lump_diagrams(large.diagrams, different, budget=100_000)
 
 
-def test_listed_states_where_diagrams_take_too_long(monkeypatch):
-    monkeypatch.setattr(on_quotient, "_LUMPING_SECONDS", 0.0)
+def test_explicit_states_where_diagrams_take_too_long(monkeypatch):
+    monkeypatch.setattr(tuning, "LUMPING_OPERATIONS", 0)
     result = check_text(engine_of(symmetric(5), "sparse"), "R=? [ S ]", bisim=True)
-    assert "on listed states" in result.runs[0].explanation
+    assert "on explicit states" in result.runs[0].explanation
     assert "1024 states -> 56 by bisimulation" in result.explanation

@@ -6,6 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import assert_never
 
+from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import timed_measures
 from symcheck.check.measures.reachability import until
@@ -24,9 +25,6 @@ from symcheck.engines.base import ROUNDING, StateSet, Values
 __all__ = ["complement", "probability", "qualitative"]
 
 _SMALLEST_POSITIVE = 5e-324
-
-_LARGE = 100_000
-"""In models with at least so many states, values that are not requested are not computed."""
 
 
 def complement(context: Context, values: Values) -> Values:
@@ -110,7 +108,11 @@ def _decided(context: Context, path: UntilPath) -> bool:
     if context.engine.exact:  # values that are not computed have bounds only
         return False
     relevant = context.relevant_states
-    if relevant is None or context.engine.states < _LARGE or not path.window.at_once:
+    if (
+        relevant is None
+        or context.engine.states < tuning.LARGE_MODEL_STATES
+        or not path.window.at_once
+    ):
         return False
     return relevant <= path.right | ~path.left
 

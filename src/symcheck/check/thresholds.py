@@ -10,16 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 
+from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, SymcheckError
 
-__all__ = ["EXACT_LIMIT", "decide"]
-
-EXACT_LIMIT = 20_000
-"""The most states of a model that is explored again in rational arithmetic for a comparison."""
-
-_REFINEMENTS = (1e-9, 1e-12)
+__all__ = ["decide"]
 
 
 def decide(
@@ -45,12 +41,12 @@ def decide(
     Raises:
         NumericalError: the comparison is undecided in a relevant state.
     """
-    tighter = (
-        [e for e in _REFINEMENTS if e < context.options.epsilon] if context.options.certify else []
-    )
+    options = context.options
+    finer = tuning.REFINED_ACCURACIES if options.certify else ()
+    tighter = [e for e in finer if e < options.epsilon]
     failure: SymcheckError | None = None
     sure, undecided = context.engine.none, relevant
-    for epsilon in (context.options.epsilon, *tighter):
+    for epsilon in (options.epsilon, *tighter):
         try:
             values = compute(context.with_epsilon(epsilon))
         except NumericalError as error:
@@ -77,9 +73,9 @@ def _by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet |
     """The states that satisfy the comparison by rational arithmetic, or the reason why not."""
     if engine.exact:
         return NumericalError("the value is not a number")
-    if engine.states > EXACT_LIMIT:
+    if engine.states > tuning.RATIONAL_STATES:
         return NumericalError(
-            f"rational arithmetic is tried up to {EXACT_LIMIT:,} states, "
+            f"rational arithmetic is tried up to {tuning.RATIONAL_STATES:,} states, "
             f"and this model has {engine.states:,}"
         )
     try:

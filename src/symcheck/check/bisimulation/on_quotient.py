@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from symcheck.check import tuning
 from symcheck.check.bisimulation.atomic_observations import (
     AtomicObservations,
     atomic_observations,
@@ -42,24 +43,6 @@ if TYPE_CHECKING:
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
 __all__ = ["SharedQuotient", "applied_filter", "quotient", "shared_quotient"]
-
-_ENTRY_BYTES = 12
-"""Memory of an entry of compressed rows."""
-
-_ROWS_BYTES = 2**30
-"""Largest compressed rows that are materialized if diagrams cannot be lumped."""
-_ROWS_STATES = 20_000_000
-"""Most states of such rows."""
-_DIAGRAMS_FIRST_STATES = 1_000_000
-"""Above this many explicit states, diagrams are lumped first if they exist."""
-_STATES_PER_BLOCK = 4
-"""With fewer states per block on average, lumping explicit states is cheaper than diagrams."""
-_SHARED_STATES_PER_BLOCK = 2
-"""With fewer states per block on average, a shared quotient does not pay off."""
-_LUMPING_SECONDS = 20.0
-"""Processor time for lumping diagrams if explicit states are the alternative."""
-_LUMPING_SECONDS_WITHOUT_ALTERNATIVE = 600.0
-"""Processor time for lumping diagrams without an alternative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +107,7 @@ def shared_quotient(
         smaller = _quotient(context, every)
     except (UnsupportedError, NumericalError, InputError):
         return None
-    if smaller.engine.states * _SHARED_STATES_PER_BLOCK > engine.states:
+    if smaller.engine.states * tuning.SHARED_STATES_PER_BLOCK > engine.states:
         return None
     return SharedQuotient(
         smaller, every, len(seen), len(formulas), engine.states, perf_counter() - started
@@ -157,18 +140,20 @@ def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
             "-bisim compares numbers in floating point, and -exact asks for rationals"
         )
     explicit = engine.capability(ExplicitEngine)
-    if explicit is not None and engine.states <= _DIAGRAMS_FIRST_STATES:
+    if explicit is not None and engine.states <= tuning.DIAGRAMS_FIRST_STATES:
         return _on_rows(context, explicit, observed)
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
     symbolic = engine.capability(SymbolicEngine)
     if explicit is None:
         if symbolic is None:
-            raise UnsupportedError("-bisim works on listed states (-ex) and on diagrams")
+            raise UnsupportedError("-bisim works on explicit states (-ex) and on diagrams")
         return _on_diagrams(context, symbolic, observed)
     if symbolic is not None:
         try:
-            lumped = _lump_diagrams(context, symbolic, observed, engine.states // _STATES_PER_BLOCK)
+            lumped = _lump_diagrams(
+                context, symbolic, observed, engine.states // tuning.STATES_PER_BLOCK
+            )
             return _of_diagrams(symbolic, lumped, ArrayLifting(lumped.block_of_states()))
         except UnsupportedError:
             pass
@@ -218,7 +203,7 @@ def _on_rows(
     return Quotient.of(
         lumped_engine(engine, lumping),
         lumping.rounds,
-        f"{lumping.rounds} rounds on listed states",
+        f"{lumping.rounds} rounds on explicit states",
         ArrayLifting(lumping.block)
         if source is None
         else MaterializedLifting(source, lumping.block),
@@ -231,8 +216,11 @@ def _on_diagrams(
     """A quotient on diagrams; on materialized rows if few states are bisimilar and the rows fit."""
     from symcheck.engines.symbolic.materialized import materialize
 
-    fits = engine.states <= _ROWS_STATES and engine.transitions * _ENTRY_BYTES <= _ROWS_BYTES
-    most = engine.states // _STATES_PER_BLOCK if fits else None
+    fits = (
+        engine.states <= tuning.LUMPED_ROWS_STATES
+        and engine.transitions * tuning.ENTRY_BYTES <= tuning.LUMPED_ROWS_BYTES
+    )
+    most = engine.states // tuning.STATES_PER_BLOCK if fits else None
     try:
         lumped = _lump_diagrams(context, engine, observed, most)
         return _of_diagrams(engine, lumped, lumped)
@@ -265,11 +253,13 @@ def _lump_diagrams(
         colours.append(states.bdd)
     for part in values:
         colours += [engine.space.values(part), engine.space.symbolic.translator.undefined(part)]
-    default = _LUMPING_SECONDS if most is not None else _LUMPING_SECONDS_WITHOUT_ALTERNATIVE
-    limit = context.options.time_limit
-    seconds = default if limit is None else min(limit, default)
+    budget = (
+        tuning.LUMPING_OPERATIONS
+        if most is not None
+        else tuning.LUMPING_OPERATIONS_WITHOUT_ALTERNATIVE
+    )
     return lump_diagrams(
-        engine.diagrams, colours, sorted(observed.structures), most=most, seconds=seconds
+        engine.diagrams, colours, sorted(observed.structures), most=most, budget=budget
     )
 
 

@@ -9,6 +9,7 @@ from math import ceil, floor, gcd, isfinite, isinf
 
 import numpy as np
 
+from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.engines.base import System
 from symcheck.errors import UnsupportedError
@@ -18,8 +19,6 @@ from symcheck.semantics.time_bounds import RewardWindow, Window
 
 __all__ = ["ScaledBound", "common_step", "dimension_order", "in_steps", "scale_bound"]
 
-_DENOMINATOR = 1_000_000
-_LEVELS = 100_000_000
 _NEAR = 8 * 2.0**-53
 """Largest relative distance of a reward, a sum of few doubles, from the fraction it stands for."""
 
@@ -106,19 +105,19 @@ def scale_bound(
     step = common_step(values)
     lower, upper = in_steps(count.window if exact else _as_fractions(count.window), step)
     largest = max(lower, upper or 0)
-    if largest > _LEVELS:
+    if largest > tuning.REWARD_LEVELS:
         raise UnsupportedError(
             f"a bound of {largest:,} steps of {step}, the greatest common divisor of all "
             "rewards, is too large\n"
             "  hint: round the rewards to fewer digits"
         )
-    steps = np.array([min(int(v / step), _LEVELS + 1) for v in values], dtype=np.int64)
+    steps = np.array([min(int(v / step), tuning.REWARD_LEVELS + 1) for v in values], dtype=np.int64)
     return ScaledBound(steps[inverse], lower, upper)
 
 
 def _fraction(value: Fraction) -> Fraction | None:
     """The fraction with a small denominator that a double stands for; None if there is none."""
-    nearest = value.limit_denominator(_DENOMINATOR)
+    nearest = value.limit_denominator(tuning.LARGEST_DENOMINATOR)
     return nearest if abs(nearest - value) <= _NEAR * abs(value) else None
 
 

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
 from symcheck.check.path_formulas import StatesOf
@@ -44,9 +45,6 @@ from symcheck.syntax.ast import (
 
 __all__ = ["check_multi"]
 
-PROVED = 300
-"""The most equations of a linear program that is proved in rational arithmetic by default."""
-_STATES = 20_000
 _DOUBT = 100 * numerics.TOLERANCE
 """The smallest margin of a linear program at which a verdict is given without proof."""
 
@@ -80,7 +78,10 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
         return _result(context, _solve(context, formula, states_of(context)))
     own = to_explicit(context)
     found = _solve(own, formula, states_of(own))
-    if found.equations <= (ROWS if found.close else PROVED) and own.engine.states <= _STATES:
+    if (
+        found.equations <= (ROWS if found.close else tuning.PROVED_EQUATIONS)
+        and own.engine.states <= tuning.RATIONAL_STATES
+    ):
         try:
             found = _by_rationals(own, formula, states_of)
         except (NumericalError, UnsupportedError) as error:

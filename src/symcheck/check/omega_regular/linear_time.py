@@ -7,6 +7,7 @@ from typing import assert_never
 
 from symcheck.automata.formula import LtlFormula
 from symcheck.automata.ltl import LtlFactory
+from symcheck.check import tuning
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.path_normal_form import (
     Connected,
@@ -23,9 +24,6 @@ from symcheck.syntax.ast import Expression
 from symcheck.syntax.operators import connect
 
 __all__ = ["read"]
-
-_STEPS = 2000
-"""Largest bound on steps within a formula with nested operators."""
 
 
 def read(
@@ -84,10 +82,10 @@ def _steps(extent: Extent, *, timed: bool) -> Steps:
             "P=? [ F<=t a ] and alike, over state formulas, are"
         )
     steps = times.steps()
-    if max(steps.lower, steps.upper or 0) > _STEPS:
+    if max(steps.lower, steps.upper or 0) > tuning.NESTED_STEPS:
         raise UnsupportedError(
-            f"a bound of more than {_STEPS} steps in a path formula with nested operators is not "
-            "supported"
+            f"a bound of more than {tuning.NESTED_STEPS} steps in a path formula with nested "
+            "operators is not supported"
         )
     return steps
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from symcheck.automata.automaton import Automaton
 from symcheck.automata.formula import Kind, LtlFormula
 from symcheck.automata.ltl import LtlFactory
+from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.omega_regular.linear_time import read
@@ -25,12 +26,6 @@ from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, ModelType
 
 __all__ = ["as_until", "co_safe_reward", "linear_product", "path_probability_ltl"]
-
-_BITS = 8
-"""With at most this many atoms, letters are valuations of the atoms; with more, the valuations that
-occur in the model are numbered."""
-_LETTERS = 1 << 14
-"""Valuations of the atoms that may occur in the model."""
 
 
 def path_probability_ltl(
@@ -197,13 +192,13 @@ def _read(
             for bit, block in ((1 << i, s & states), (0, s - states))
             if block
         ]
-        if len(split) > _LETTERS:
+        if len(split) > tuning.LETTERS:
             raise UnsupportedError(
-                f"this LTL formula distinguishes more than {_LETTERS:,} kinds of states"
+                f"this LTL formula distinguishes more than {tuning.LETTERS:,} kinds of states"
             )
         blocks = split
     letters = tuple(v for v, _ in blocks)
-    if len(sets) <= _BITS:
+    if len(sets) <= tuning.ATOMS_AS_LETTERS:
         return _Alphabet(letters, letters, tuple(sets)), formula
     bits = max(1, (len(blocks) - 1).bit_length())
     coded = tuple(

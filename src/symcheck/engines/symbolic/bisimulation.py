@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import frexp
-from time import perf_counter, process_time
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -158,7 +158,7 @@ def lump_diagrams(
     observer: Callable[[Round], None] | None = None,
     limit: int = tuning.LUMPING_MEMORY,
     most: int | None = None,
-    seconds: float | None = None,
+    budget: int | None = None,
 ) -> LumpedDiagrams:
     """The coarsest bisimulation that separates states with different colours or rewards.
 
@@ -169,7 +169,7 @@ def lump_diagrams(
         observer: receives each round of refinement.
         limit: bytes that the partition may take.
         most: greatest number of blocks; None for any number.
-        seconds: processor time; None for any.
+        budget: operations on nodes; None for any number.
 
     Raises:
         UnsupportedError: a limit was reached. Few states are then equivalent, and refinement on
@@ -179,8 +179,8 @@ def lump_diagrams(
 
     started = perf_counter()
     partition = _matrices(diagrams, limit)
-    if seconds is not None:
-        partition.deadline = process_time() + seconds
+    if budget is not None:
+        partition.budget = budget
     try:
         partition.start(*_rows_only(diagrams, diagrams.states.to_mtbdd(), np.array([0.0, 1.0])))
         for colour in [*colours, *(diagrams.state_rewards[i] for i in structures)]:
@@ -203,11 +203,12 @@ def lump_diagrams(
             if most is not None and partition.blocks > most:
                 raise UnsupportedError(f"few states are alike: there are more than {most:,} blocks")
         return _finished(diagrams, partition, structures, started)
-    except (MemoryError, TimeoutError) as error:
-        found = f"{partition.blocks:,} blocks after {partition.rounds} rounds"
-        passed = f"{limit / 2**20:,.0f} MiB" if isinstance(error, MemoryError) else f"{seconds:g} s"
+    except (MemoryError, OverflowError) as error:
+        progress = f"{partition.blocks:,} blocks after {partition.rounds} rounds"
+        memory = isinstance(error, MemoryError)
+        bound = f"{limit / 2**20:,.0f} MiB" if memory else f"{budget:,} operations"
         raise UnsupportedError(
-            f"the partition by bisimulation outgrows {passed} ({found}): few states are alike"
+            f"the partition by bisimulation outgrows {bound} ({progress}): few states are alike"
         ) from None
 
 

@@ -6,8 +6,8 @@ cdef class Nodes:
     cdef int bits
     cdef int64_t limit
     cdef Stop stop
-    cdef uint64_t operations
-    cdef public double deadline  # of processor time (time.process_time)
+    cdef readonly long long operations
+    cdef public long long budget
     cdef Buffer node_bits, lows, highs
     cdef int32_t* table
     cdef int64_t mask, nodes
@@ -47,15 +47,15 @@ cdef class Nodes:
         return (self.operations & (CHECK_INTERVAL - 1)) == 0 and self.check_limits()
 
     cdef bint check_limits(self) noexcept nogil:
-        """Whether to stop: the limits of memory and time, and signals."""
+        """Whether to stop: the limits of memory and operations, and signals."""
         if self.bytes_used() > self.limit:
             self.fail()
         else:
             with gil:
                 if PyErr_CheckSignals() != 0:
                     self.stop = SIGNAL
-                elif process_time() > self.deadline:
-                    self.stop = TIMED_OUT
+                elif self.operations > self.budget:
+                    self.stop = OUT_OF_BUDGET
         return self.stop != RUNNING
 
     @cython.final
@@ -129,6 +129,6 @@ cdef class Nodes:
             return raise_pending()
         if stop == OUT_OF_MEMORY:
             raise MemoryError
-        if stop == TIMED_OUT:
-            raise TimeoutError
+        if stop == OUT_OF_BUDGET:
+            raise OverflowError
         return 0

@@ -13,12 +13,11 @@ encodings; Derisavi (2007) for symbolic lumping; Valmari & Franceschinis (2010) 
 numbers.
 """
 
-from libc.math cimport INFINITY
+from libc.limits cimport LLONG_MAX
 from libc.stdint cimport int32_t, int64_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memset
 
-from time import process_time
 
 import cython
 import numpy as np
@@ -40,7 +39,7 @@ cdef enum:
     EMPTY = -1                 # the leaf 0: no state, the empty signature
 
 cdef enum Stop:
-    RUNNING, OUT_OF_MEMORY, SIGNAL, TIMED_OUT
+    RUNNING, OUT_OF_MEMORY, SIGNAL, OUT_OF_BUDGET
 
 
 cdef int raise_pending() except -1:
@@ -92,9 +91,10 @@ cdef class Partition(Splitting):
             2 ** (126 - exponent).
         limit: bytes that may be used.
 
-    `deadline` is the processor time (time.process_time) at which to stop, `blocks` and `rounds` the
-    progress, and `threshold` the number of nodes at which unused ones are collected. Methods raise
-    MemoryError at the limit and TimeoutError after the deadline; the partition is then useless.
+    `budget` is the number of operations (nodes made and pairs of nodes visited) after which to
+    stop, `operations`, `blocks` and `rounds` the progress, and `threshold` the number of nodes at
+    which unused ones are collected. Methods raise MemoryError at the limit and OverflowError beyond
+    the budget; the partition is then useless.
 
     Methods take diagrams over the row bits as level (int32, number of the bit; `bits` at leaves),
     low, high (int32), the numbers or values of the leaves, and a root.
@@ -116,7 +116,7 @@ cdef class Partition(Splitting):
         self.roots = roots
         self.choices = choices
         self.limit = limit
-        self.deadline = INFINITY
+        self.budget = LLONG_MAX
         self.threshold = FIRST_COLLECTION
         self.signatures = SignatureTable(exponent)
         self.rewards = [EMPTY] * roots.shape[0]
@@ -226,8 +226,8 @@ cdef class Partition(Splitting):
         cdef int64_t blocks_before = self.blocks
         cdef Py_ssize_t i
         cdef int s, signature_sum = EMPTY, reward
-        if process_time() > self.deadline:
-            raise TimeoutError
+        if self.operations > self.budget:
+            raise OverflowError
         if self.nodes > self.threshold:
             self.collect()
         for i in range(self.roots.shape[0]):

@@ -1,0 +1,50 @@
+"""Thresholds and budgets of the checks, each with its reason.
+
+They count work (operations, states, entries, bytes), never time.
+"""
+
+from __future__ import annotations
+
+# Comparisons with thresholds, and rational arithmetic where floating point does not decide.
+REFINED_ACCURACIES = (1e-9, 1e-12)
+"""Values of epsilon that are tried in turn if a comparison is undecided."""
+RATIONAL_STATES = 20_000
+"""The most states of a model that is explored again in rational arithmetic."""
+PROVED_EQUATIONS = 300
+"""The most equations of a linear program that is proved in rational arithmetic by default."""
+LARGE_MODEL_STATES = 100_000
+"""In models with at least so many states, values that are not requested are not computed."""
+
+# Bounds on rewards (measures/reward_scaling.py).
+LARGEST_DENOMINATOR = 1_000_000
+"""Rewards are multiples of a common step if they are fractions with denominators up to this."""
+REWARD_LEVELS = 100_000_000
+"""The largest bound on a reward, in steps."""
+
+# LTL formulas (omega_regular/).
+ATOMS_AS_LETTERS = 8
+"""With at most this many atoms, letters are valuations of the atoms; with more, the valuations that
+occur in the model are numbered."""
+LETTERS = 1 << 14
+"""Valuations of the atoms that may occur in the model."""
+NESTED_STEPS = 2000
+"""Largest bound on steps within a formula with nested operators, which becomes as many formulas."""
+
+# Quotients by bisimulation (bisimulation/on_quotient.py).
+ENTRY_BYTES = 12
+"""Memory of an entry of compressed rows."""
+LUMPED_ROWS_BYTES = 2**30
+"""Largest compressed rows that are materialized if diagrams cannot be lumped."""
+LUMPED_ROWS_STATES = 20_000_000
+"""Most states of such rows."""
+DIAGRAMS_FIRST_STATES = 1_000_000
+"""Above this many explicit states, diagrams are lumped first if they exist."""
+STATES_PER_BLOCK = 4
+"""With fewer states per block on average, lumping explicit states is cheaper than diagrams."""
+SHARED_STATES_PER_BLOCK = 2
+"""With fewer states per block on average, a shared quotient does not pay off."""
+LUMPING_OPERATIONS = 40_000_000
+"""Operations on diagrams if explicit states are the alternative: some twenty seconds. csma 3/4,
+the hardest one that was measured, takes 35 million."""
+LUMPING_OPERATIONS_WITHOUT_ALTERNATIVE = 1_000_000_000
+"""Likewise without an alternative: some ten minutes."""
