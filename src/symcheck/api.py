@@ -275,7 +275,8 @@ class Model:
 
         def arrays(name: str) -> StructureRewards:
             index = Structure(names.index(name))
-            return StructureRewards(*self.engine.system(self.engine.all).rewards(index))
+            found = self.engine.system(self.engine.all).rewards(index)
+            return StructureRewards(*(array.copy() for array in found))
 
         return Named("reward structure", names, arrays)
 
@@ -290,7 +291,7 @@ class Model:
 
         found = self.transitions.matrix.doubles()
         shape = found.rows, found.columns
-        return csr_array((found.data, found.indices, found.indptr), shape=shape)
+        return csr_array((found.data, found.indices, found.indptr), shape, copy=True)
 
     def to_networkx(self) -> DiGraph:
         """The states and transitions as a graph (see `TransitionTable.to_networkx`)."""

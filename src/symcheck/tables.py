@@ -13,10 +13,13 @@ from symcheck.errors import UnsupportedError
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["SHOWN_ROWS", "Table", "data_frame", "optional_package"]
+__all__ = ["SHOWN_ROWS", "Table", "data_frame", "optional_package", "state_table"]
 
 SHOWN_ROWS = 10
 """Rows of a table of states that are shown; its last line says how many there are."""
+
+_SHOWN_VARIABLES = 12
+"""Columns of variables that are shown; there are hundreds in some models."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +53,29 @@ class Table:
     def of(head: Sequence[str], rows: Iterable[Sequence[object]], note: str = "") -> Table:
         """A table of any values: floats have six significant digits, others are shown by str()."""
         return Table(tuple(head), tuple(tuple(map(_text, row)) for row in rows), note)
+
+
+def state_table(
+    names: Sequence[str],
+    rows: Iterable[tuple[int, Sequence[object], object]],
+    last: str,
+    note: str,
+) -> Table:
+    """A table of states: number, the first variables, and one more value (none if `last` is '').
+
+    Args:
+        names: the variables.
+        rows: of each state its number, the values of the variables, and the other value.
+        last: the head of the other value.
+        note: a line below the rows.
+    """
+    n = _SHOWN_VARIABLES
+    more, dots = (["…"], ("…",)) if len(names) > n else ([], ())
+    body = ((i, *s[:n], *dots, value) for i, s, value in rows)
+    head = ["state", *names[:n], *more, last]
+    if last:
+        return Table.of(head, body, note)
+    return Table.of(head[:-1], (row[:-1] for row in body), note)
 
 
 def _text(value: object) -> str:

@@ -12,7 +12,7 @@ import pytest
 import symcheck
 from symcheck.engines import tuning
 from symcheck.engines.states import State
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.options import ENGINES
 
 WALK = """dtmc const int N = 3; const double p; module m x : [0..N]; b : bool;
@@ -294,3 +294,31 @@ def test_packages_that_are_not_installed(ask, package, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, package, None)
     with pytest.raises(UnsupportedError, match=rf"this needs {package}(.|\n)*symcheck.frames"):
         ask(symcheck.loads(WALK, "p=0.5"))
+
+
+def test_arrays_of_an_engine_cannot_be_changed():
+    model = symcheck.loads(WALK, "p=0.5", engine="explicit")
+    values = np.asarray(model.check("P=? [ F<=2 x=3 ]").values)
+    with pytest.raises(ValueError, match="read-only"):
+        values[0] = 1
+    with pytest.raises(ValueError, match="read-only"):
+        model.where("x=1").mask[0] = True
+    model.matrix.data[:] = 0
+    model.rewards["steps"].states[:] = 0
+    assert model.matrix.sum() == 4
+    assert model.rewards["steps"].states.sum() == 4
+
+
+def test_tables_of_many_variables_show_the_first():
+    model = symcheck.loads(BITS.split("module m20")[0])
+    head = str(model.states).splitlines()[0].split()
+    assert head == ["state", *(f"x{i}" for i in range(12)), "…"]
+    assert len(model.states[0]) == 20
+
+
+def test_pictures_take_sets_of_states():
+    model = symcheck.load("models/die/die.pm")
+    picture = symcheck.view.state_graph(model, sets={"six": model.where("d=6")})
+    assert picture.dot == symcheck.view.state_graph(model, sets={"six": "d=6"}).dot
+    with pytest.raises(UsageError, match=r"another engine\n.*its formula as a text"):
+        list(symcheck.teach.prob0(model, "true", model.where("d=6")))

@@ -18,7 +18,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.engines.base import ROUNDING, Engine, StateSet
-from symcheck.engines.states import StateVector
+from symcheck.engines.states import StateVector, variable_names
 from symcheck.errors import NumericalError, UnsupportedError, UsageError, converts_memory_error
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.numbers import Numbers
@@ -26,7 +26,7 @@ from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
-from symcheck.tables import SHOWN_ROWS, Table
+from symcheck.tables import SHOWN_ROWS, Table, state_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -81,9 +81,10 @@ class Distribution(StateVector):
 
     def _table(self) -> Table:
         rows = sorted(self, key=lambda row: -row[2])
-        head = ["state", *(v.name for v in self.engine.model.variables), "probability"]
         note = f"{len(rows):,} of {len(self):,} states have positive probability"
-        return Table.of(head, [(n, *state, p) for n, state, p in rows[:SHOWN_ROWS]], note)
+        return state_table(
+            variable_names(self.engine.model), rows[:SHOWN_ROWS], "probability", note
+        )
 
     def __str__(self) -> str:
         return str(self._table())

@@ -9,6 +9,7 @@ from sys import maxsize
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, StateSet, Values
@@ -16,18 +17,29 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.semantics.diagnostics import suggest
+from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import Operator, UnaryOperator
-from symcheck.tables import SHOWN_ROWS, Table, data_frame
+from symcheck.tables import SHOWN_ROWS, Table, data_frame, state_table
 
 if TYPE_CHECKING:
     from fractions import Fraction
 
     from pandas import DataFrame
 
-__all__ = ["Named", "State", "StateKey", "StateValues", "StateVector", "States", "refuse_many"]
+__all__ = [
+    "Named",
+    "State",
+    "StateKey",
+    "StateValues",
+    "StateVector",
+    "States",
+    "refuse_many",
+    "variable_names",
+]
 
 T = TypeVar("T")
+A = TypeVar("A", bound=NDArray[Any])
 
 
 class Named(Mapping[str, T]):
@@ -78,13 +90,13 @@ class State(Mapping[str, bool | int]):
     valuation: tuple[bool | int, ...]
 
     def __getitem__(self, name: str) -> bool | int:
-        names = list(self)
+        names = variable_names(self.engine.model)
         if name in names:
             return self.valuation[names.index(name)]
         raise KeyError(_unknown("variable", name, names))
 
     def __iter__(self) -> Iterator[str]:
-        return (v.name for v in self.engine.model.variables)
+        return iter(variable_names(self.engine.model))
 
     def __len__(self) -> int:
         return len(self.valuation)
@@ -104,6 +116,11 @@ StateKey = int | State | Mapping[str, bool | int] | tuple[bool | int, ...]
 """A state as an index: its number, or the values of all variables by name or in order."""
 
 
+def variable_names(model: BoundModel) -> list[str]:
+    """The names of the variables, in the order of the values of a state."""
+    return [v.name for v in model.variables]
+
+
 def refuse_many(count: int, noun: str = "states") -> None:
     """Raise UnsupportedError if there are too many to enumerate."""
     if count > tuning.LISTED_STATES:
@@ -119,7 +136,7 @@ def _one(engine: Engine, key: object) -> StateSet:
     Raises KeyError for one that is not reachable, TypeError for what is no valuation.
     """
     variables = engine.model.variables
-    names = [v.name for v in variables]
+    names = variable_names(engine.model)
     if isinstance(key, Mapping):
         for name in key:
             if name not in names:
@@ -188,11 +205,11 @@ class States(Collection[State]):
         refuse_many(self.count)
         return self.engine.numbers(self.members)
 
-    @property
+    @cached_property
     def mask(self) -> Bools:
-        """Whether each reachable state of the model is in the set, bool[states]."""
+        """Whether each reachable state of the model is in the set, bool[states], read-only."""
         refuse_many(self.engine.states)
-        return self.engine.to_bools(self.members)
+        return _read_only(self.engine.to_bools(self.members))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Bools:
         return np.array(self.mask, dtype, copy=copy)
@@ -231,6 +248,8 @@ class States(Collection[State]):
         return found[0]
 
     def __contains__(self, state: object) -> bool:
+        if isinstance(state, State) and state.engine is self.engine and _few(self.engine):
+            return bool(self.mask[state.number])
         try:
             return bool(self.members & _one(self.engine, state))
         except (KeyError, TypeError, ValueError):
@@ -277,9 +296,9 @@ class States(Collection[State]):
 
     def _table(self) -> Table:
         shown = self[:SHOWN_ROWS] if self.engine.states <= maxsize else []
-        names = [v.name for v in self.engine.model.variables]
-        rest = f"{self.count:,} of {self.engine.states:,} states"
-        return Table.of(["state", *names], [(s.number, *s.valuation) for s in shown], rest)
+        rows = ((s.number, s.valuation, "") for s in shown)
+        note = f"{self.count:,} of {self.engine.states:,} states"
+        return state_table(variable_names(self.engine.model), rows, "", note)
 
     def __str__(self) -> str:
         return str(self._table())
@@ -289,8 +308,11 @@ class States(Collection[State]):
 
     def columns(self) -> dict[str, list[bool | int]]:
         """The values of each variable, by its name."""
-        rows = [s.valuation for s in self]
-        return {v.name: [r[i] for r in rows] for i, v in enumerate(self.engine.model.variables)}
+        refuse_many(self.count)
+        rows = list(self.engine.valuations(self.members))
+        return {
+            name: [r[i] for r in rows] for i, name in enumerate(variable_names(self.engine.model))
+        }
 
     def to_frame(self) -> DataFrame:
         """A data frame of pandas: a row per state, a column per variable."""
@@ -325,9 +347,9 @@ class StateVector:
 
     @cached_property
     def array(self) -> Numbers:
-        """The number in each state: the midpoint of its bounds."""
+        """The number in each state: the midpoint of its bounds; read-only."""
         refuse_many(self.engine.states)
-        return self.midpoints(self.engine.all)
+        return _read_only(self.midpoints(self.engine.all))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Numbers:
         return np.array(self.array, dtype, copy=copy)
@@ -344,8 +366,7 @@ class StateVector:
             return self.midpoints(key.members)
         if isinstance(key, slice):
             return self.array[key]
-        few = self.engine.states <= tuning.LISTED_STATES
-        if isinstance(key, State) and key.engine is self.engine and few:
+        if isinstance(key, State) and key.engine is self.engine and _few(self.engine):
             key = key.number
         if isinstance(key, int | np.integer) and not isinstance(key, bool):
             place = _place(key, self.engine.states)
@@ -362,6 +383,18 @@ class StateVector:
         if np.any(low != high):
             columns |= {"lower": low, "upper": high}
         return data_frame(columns, range(self.engine.states))
+
+
+def _few(engine: Engine) -> bool:
+    """Whether an array with an entry per state may be made."""
+    return engine.states <= tuning.LISTED_STATES
+
+
+def _read_only(array: A) -> A:
+    """The array, which may be a part of the engine, as one that cannot be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _all(engine: Engine) -> States:
@@ -416,10 +449,9 @@ class StateValues(StateVector):
 
     def _table(self) -> Table:
         states = _all(self.engine)
-        shown = states[:SHOWN_ROWS]
-        head = ["state", *(v.name for v in self.engine.model.variables), "value"]
-        rows = [(s.number, *s.valuation, self[s]) for s in shown]
-        return Table.of(head, rows, f"{states.count:,} states")
+        rows = ((s.number, s.valuation, self[s]) for s in states[:SHOWN_ROWS])
+        names = variable_names(self.engine.model)
+        return state_table(names, rows, "value", f"{states.count:,} states")
 
     def __str__(self) -> str:
         return str(self._table())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -95,9 +96,10 @@ class TransitionTable:
         return f"<TransitionTable: {len(self):,} transitions>"
 
     def _table(self) -> Table:
-        rows = [r for r, _ in zip(self, range(SHOWN_ROWS), strict=False)]
-        texts = [(s, "" if a is None else a, t, p) for s, a, t, p in rows]
-        return Table.of(Transition._fields, texts, f"{len(self):,} transitions")
+        rows = islice(self._rows(), SHOWN_ROWS)
+        texts = [(s, "" if a is None else a, t, p) for s, _, a, t, p in rows]
+        note = f"{self.engine.transitions:,} transitions between states of these numbers"
+        return Table.of(Transition._fields, texts, note)
 
     def __str__(self) -> str:
         return str(self._table())

@@ -16,6 +16,7 @@ from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, EngineOf, S, StateSet, V, erased
 from symcheck.engines.capabilities import HasActions
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.states import States as NamedStates
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
@@ -44,8 +45,8 @@ __all__ = [
 
 State = tuple[bool | int, ...]
 States = str | StateSet | Bools | Sequence[int]
-"""A set of states: a formula such as 'd=6' or '"done"', a set of the engine, bool[states], or
-numbers of states.
+"""A set of states: a formula such as 'd=6' or '"done"', a set of the model or of the engine,
+bool[states], or numbers of states.
 """
 StatesOnPath = Iterable[PathStep | State | Mapping[str, Any] | int]
 
@@ -71,11 +72,17 @@ def engine_of(source: Source) -> Engine:
     return source.engine if isinstance(source, HasEngine) else source
 
 
-def set_of(engine: EngineOf[S, V], states: str | S) -> S:
-    """The states that satisfy a formula, such as 'd=6' or '"done"'; a set as it is.
+def set_of(engine: EngineOf[S, V], states: str | NamedStates | S) -> S:
+    """The states that satisfy a formula, such as 'd=6' or '"done"'; a set of the engine as it is.
 
-    Raises InputError.
+    Raises InputError, and UsageError for a set of another engine.
     """
+    if isinstance(states, NamedStates):
+        if states.engine is not erased(engine):
+            raise UsageError(
+                "the set of states belongs to another engine\n  hint: give its formula as a text"
+            )
+        return cast(S, states.members)
     if not isinstance(states, str):
         return states
     formula = bind_properties(parse_properties(states), engine.model, {}).properties[0].formula

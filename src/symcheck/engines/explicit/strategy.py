@@ -12,10 +12,11 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.states import variable_names
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph
-from symcheck.tables import SHOWN_ROWS, Table, data_frame
+from symcheck.tables import SHOWN_ROWS, Table, data_frame, state_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -75,14 +76,14 @@ class Strategy:
         return ((*state, m) for state, m in zip(values, self.memory.tolist(), strict=True))
 
     def _names(self) -> list[str]:
-        names = [v.name for v in self.engine.model.variables]
+        names = variable_names(self.engine.model)
         return names if self.memory is None else [*names, "memory"]
 
     def _table(self) -> Table:
         states = zip(count(), self.states(), self.actions, self.reachable.tolist(), strict=False)
-        shown = islice(((n, *s, action) for n, s, action, there in states if there), SHOWN_ROWS)
+        shown = islice(((n, s, action) for n, s, action, there in states if there), SHOWN_ROWS)
         note = f"{np.count_nonzero(self.reachable):,} of {self.engine.states:,} states are reached"
-        return Table.of(["state", *self._names(), "action"], shown, note)
+        return state_table(self._names(), shown, "action", note)
 
     def __str__(self) -> str:
         return str(self._table())
