@@ -1,6 +1,7 @@
 # cython: language_level=3
 """Successors of packed states: see successors.pyx."""
 
+cimport cython
 from libc.stdint cimport int32_t, int64_t, uint64_t
 
 from symcheck.kernels.rows.csr_builder cimport CsrBuilder
@@ -8,6 +9,7 @@ from symcheck.kernels.memory cimport Buffer
 from symcheck.kernels.explore.register_machine cimport Instruction, Register
 
 
+@cython.final
 cdef class Expander:
     cdef object tables
     cdef readonly CsrBuilder rows

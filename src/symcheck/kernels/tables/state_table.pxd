@@ -1,11 +1,13 @@
 # cython: language_level=3
 """Sets of packed states: see state_table.pyx."""
 
+cimport cython
 from libc.stdint cimport int32_t, uint64_t
 
 from symcheck.kernels.memory cimport Buffer
 
 
+@cython.final
 cdef class StateSet:
     cdef readonly int words
     cdef readonly long long count
