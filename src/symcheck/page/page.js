@@ -16,15 +16,15 @@ function make(tag, text = "", attributes = {}) {
   return element;
 }
 
-function number(x) {
+function number(x, digits = 4) {
   if (typeof x !== "number") return x ?? "";
-  if (x === 0 || (Math.abs(x) >= 1e-3 && Math.abs(x) < 1e5)) return String(Number(x.toPrecision(4)));
+  if (x === 0 || (Math.abs(x) >= 1e-3 && Math.abs(x) < 1e5)) return String(Number(x.toPrecision(digits)));
   return x.toExponential(2).replace("e+", "e");
 }
 
 function bounds(low, high) {
-  const text = number(low);
-  return high === undefined || high === null || number(high) === text ? text : `${text}…${number(high)}`;
+  if (high === undefined || high === null || number(high) === number(low)) return number(low);
+  return `${number(low, 3)}…${number(high, 3)}`;
 }
 
 const many = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;
@@ -59,10 +59,10 @@ class Pane {
   }
 
   /** The whole graph if its labels can be read; otherwise a part that is as wide as the pane. */
-  start() {
+  start(share = 0.68) {
     const { width, height } = this.size;
     const room = this.box.clientWidth || 600;
-    const most = Math.max(240, Math.min(innerHeight * 0.68, (height * 4) / 3 + 8));
+    const most = Math.max(240, Math.min(innerHeight * share, (height * 4) / 3 + 8));
     const scale = Math.min(4 / 3, room / width, Math.max(most / height, LEAST_SCALE));
     this.box.style.height = `${Math.min(most, Math.max(height * Math.max(scale, LEAST_SCALE), 90))}px`;
     this.scale = Math.max(scale, Math.min(LEAST_SCALE, 4 / 3));
@@ -182,7 +182,7 @@ class Pane {
       const label = group.lastElementChild.tagName === "text" ? group.lastElementChild : [...group.querySelectorAll("text")].pop();
       label.textContent = bounds(low[i], high[i]);
       label.classList.add("value");
-      const shape = group.querySelector("ellipse, polygon");
+      const shape = group.querySelector("ellipse, polygon, path");
       const middle = typeof low[i] === "number" ? (low[i] + (typeof high[i] === "number" ? high[i] : low[i])) / 2 : null;
       const share = middle === null || most === 0 ? 0 : Math.abs(middle) / most;
       shape.style.fill = share > 0 ? `hsl(${middle < 0 ? 20 : 212} 70% ${96 - 24 * share}%)` : "";
@@ -242,18 +242,24 @@ function render() {
   if (wanted.join() !== visible.join()) {
     visible = wanted;
     at("panes").replaceChildren(...wanted.map((i) => pane(i).box));
-    const room = at("panes").clientWidth * 0.6;
-    at("panes").classList.toggle("two", wanted.length > 1 && pane(wanted[0]).size.width * LEAST_SCALE < room);
-    for (const i of wanted) pane(i).start();
+    arrange();
   }
   at("zoom").hidden = !wanted.length;
   for (const i of wanted) {
     pane(i).apply(frame, i);
     pane(i).box.setAttribute("aria-label", `${frame.title}. ${frame.note ?? ""}`);
-    const [, , names] = (frame.marks ?? []).find(([g, name]) => g === i && (name === "now" || name === "new")) ?? [];
-    if (names?.length) pane(i).reveal(names[0]);
+    const [, , names] = (frame.marks ?? []).find(([g, name, nodes]) => g === i && nodes.length && /^(now|new)$/.test(name)) ?? [];
+    if (names) pane(i).reveal(names[0]);
+    else if (index === 0 && i === data.states) pane(i).reveal(`s${model.ids[model.initial[0]]}`);
   }
   if (endless) walk.offer();
+}
+
+/** Two graphs stand side by side if the first one is narrow enough. */
+function arrange() {
+  const beside = visible.length > 1 && pane(visible[0]).size.width * LEAST_SCALE < at("panes").clientWidth * 0.6;
+  at("panes").classList.toggle("two", beside);
+  for (const i of visible) pane(i).start(visible.length > 1 && !beside ? 0.42 : 0.68);
 }
 
 function go(to) {
@@ -424,7 +430,7 @@ function listen() {
   at("larger").addEventListener("click", each((p) => p.zoom(1.3)));
   at("smaller").addEventListener("click", each((p) => p.zoom(1 / 1.3)));
   at("fit").addEventListener("click", each((p) => p.fit()));
-  addEventListener("resize", each((p) => p.start()));
+  addEventListener("resize", () => visible.length && (arrange(), render()));
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const tag = event.target.tagName;

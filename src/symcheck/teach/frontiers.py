@@ -102,7 +102,7 @@ def search_show(frames: Sequence[SearchFrame], board: Board) -> Show:
         shown.append(
             {
                 "title": f"Iteration {frame.iteration.number}",
-                "note": str(frame),
+                "note": str(frame).split(": ", 1)[1],
                 "marks": [
                     *board.marks("in", reached),
                     *board.marks("new", found),

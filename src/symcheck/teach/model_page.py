@@ -145,9 +145,9 @@ def model_page(
     file = _properties(properties)
     given = constant_values(constants)
     instances = [PropertyInstance(file, i, given) for i in range(len(file.properties))]
-    numbers = "0.0000…0.0000" if instances else ""
+    numbers = "0.000…0.000" if instances else ""
     writer = _Writer(explicit, Board(explicit.engine, max_states, numbers))
-    return writer.page(instances, title or " ".join(m.name for m in model.program.modules))
+    return writer.page(instances, title or _title(model.program))
 
 
 def _properties(properties: str | Path | PropertiesFile | Sequence[str]) -> PropertiesFile:
@@ -256,10 +256,10 @@ class _Writer:
         middle = [_plain((a + b) / 2 if a != b else a) for a, b in zip(low, high, strict=True)]
         frame: dict[str, Any] = {"low": [middle[s] for s in drawn.tolist()]}
         if result.strategy is not None and result.strategy.memory is None:
-            frame["rows"] = [int(result.strategy.rows[s]) for s in drawn.tolist()]
-            self.strategies.append(
-                {"name": instance.title, "rows": frame["rows"], "values": frame["low"]}
-            )
+            rows = result.strategy.rows[drawn].tolist()
+            matters = result.strategy.matters[drawn].tolist()
+            frame["rows"] = [row for row, needed in zip(rows, matters, strict=True) if needed]
+            self.strategies.append({"name": instance.title, "rows": rows, "values": frame["low"]})
         return frame
 
     def _stages(self, instances: Sequence[PropertyInstance]) -> Iterator[Show]:
@@ -326,6 +326,8 @@ class _Writer:
                 explicit, path.left, path.right, options, direction, max_steps=_MOST_STEPS
             )
             yield until_show(f"{what}{of}", seen, self.board)
+            if not seen.unknown:
+                break
 
 
 def _direction(formula: ProbabilityOperator, model: BoundModel) -> Direction | None:
@@ -343,6 +345,12 @@ def _plain(value: float | Fraction | np.floating[Any]) -> float | str:
     """A number with six digits, or the text of one that JSON does not have."""
     number = float(value)
     return float(f"{number:.6g}") if isfinite(number) else "∞" if number > 0 else str(number)
+
+
+def _title(program: Program) -> str:
+    """The name of the file, or of the modules."""
+    name = Path(program.span.source.name).name
+    return name if program.span.source.text else " ".join(m.name for m in program.modules)
 
 
 def _text(program: Program) -> str:

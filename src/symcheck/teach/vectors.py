@@ -49,7 +49,7 @@ class UntilTrace:
     def _repr_html_(self) -> str:
         from symcheck.page.document import fragment
 
-        board = Board(self.engine, numbers="0.0000…0.0000")
+        board = Board(self.engine, numbers="0.000…0.000")
         return fragment(played(board, until_show("Until, iteration by iteration", self, board)))
 
 
@@ -148,7 +148,9 @@ def until_show(name: str, trace: UntilTrace, board: Board) -> Show:
         frames.append(frame)
     return {
         "name": name,
-        "note": f"{len(trace.steps)} iterations; {len(frames) - 1} of them are shown.",
+        "note": f"{len(trace.steps)} iterations; {len(frames) - 1} of them are shown."
+        if trace.steps
+        else "Graph analysis decides every state: there is nothing to iterate.",
         "panes": board.panes,
         "frames": frames,
         "keys": [

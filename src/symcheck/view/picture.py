@@ -20,15 +20,16 @@ Kind = Literal["row", "column", "pair", "leaf", "root", "state", "initial", "mar
 Emphasis = Literal["", "chosen", "other", "path"]
 Format = Literal["svg", "png", "pdf"]
 
+_STATE = 'shape=box, style="rounded,filled", margin="0.09,0.04", width=0.4, height=0.3'
 _STYLES: dict[Kind, str] = {
     "row": 'shape=ellipse, style=filled, fillcolor="#dce9f7"',
     "column": 'shape=ellipse, style=filled, fillcolor="#fde3c8"',
     "pair": 'shape=box, style="rounded,filled", fillcolor="#ece2f3"',
     "leaf": 'shape=box, style=filled, fillcolor="#f4f4f4"',
     "root": "shape=plaintext",
-    "state": 'shape=ellipse, style=filled, fillcolor="#f4f4f4"',
-    "initial": 'shape=ellipse, style=filled, fillcolor="#dce9f7", color="#1f4e8c"',
-    "marked": 'shape=ellipse, style=filled, fillcolor="#d7efd9", color="#2b7a33"',
+    "state": f'{_STATE}, fillcolor="#f4f4f4"',
+    "initial": f'{_STATE}, fillcolor="#dce9f7", color="#1f4e8c", penwidth=2',
+    "marked": f'{_STATE}, fillcolor="#d7efd9", color="#2b7a33"',
     "choice": "shape=point, width=0.07",
 }
 _EMPHASES: dict[Emphasis, str] = {
@@ -138,8 +139,9 @@ class Picture:
             for colour, text in self.keys
         )
         row = '<TR><TD><TABLE BORDER="0" CELLSPACING="4"><TR>{}</TR></TABLE></TD></TR>'
-        text = escape(self.legend).replace("\n", "<BR/>") or " "
-        return f'<<TABLE BORDER="0">{row.format(cells)}<TR><TD>{text}</TD></TR></TABLE>>'
+        text = escape(self.legend).replace("\n", "<BR/>")
+        below = f"<TR><TD>{text}</TD></TR>" if text else ""
+        return f'<<TABLE BORDER="0">{row.format(cells)}{below}</TABLE>>'
 
     def render(self, format: Format = "svg") -> bytes:
         """The picture as Graphviz draws it, in the format 'svg', 'png' or 'pdf'.

@@ -92,7 +92,7 @@ def state_graph(
         drawn,
         distance,
         numbers=None if values is None else [_value(v) for v in graph.numbers(values)],
-        rows=None if chosen is None else chosen.rows,
+        rows=None if chosen is None else np.where(chosen.matters, chosen.rows, -1),
         sets=coloured,
         steps=() if path is None else tuple(pairwise(graph.number(s) for s in path)),
         marked=None if marked is None else graph.members(marked),
@@ -145,7 +145,7 @@ def draw_states(
         drawn: the numbers of those that are drawn.
         distance: the layer of each state of the graph; -1: in no layer.
         numbers: a text for each state of the graph, below its label.
-        rows: the row that a strategy chooses in each state.
+        rows: the row that a strategy chooses in each state; -1 where its choice does not matter.
         sets: states in a colour.
         steps: transitions of a path.
         marked: states in green.
@@ -165,12 +165,13 @@ def draw_states(
         fill = next((c for c, (_, members) in keys.items() if members[s]), "")
         nodes.append(Node(f"s{s}", label, layer[s], _kind(graph, s, marked), fill))
         for number, choice in enumerate(graph.choices(s)):
-            emphasis: Emphasis = (
-                "" if rows is None else "chosen" if choice.row == rows[s] else "other"
-            )
+            emphasis: Emphasis = ""
+            if rows is not None and rows[s] >= 0:
+                emphasis = "chosen" if choice.row == rows[s] else "other"
             source, row = f"s{s}", f"r{choice.row}"
             # A choice with one successor is an edge; one with several leads to a point.
-            if choices and len(choice.successors) > 1:
+            inside = any(t in layer for t, _ in choice.successors)
+            if choices and inside and len(choice.successors) > 1:
                 source = f"c{s}_{number}"
                 nodes.append(Node(source, "", layer[s] + 1 if layer[s] >= 0 else -1, "choice"))
                 on_path = any((s, t) in taken for t, _ in choice.successors)
@@ -217,7 +218,15 @@ def _kind(graph: ChoiceGraph, state: int, marked: Bools | None) -> Kind:
 
 def _legend(graph: ChoiceGraph, *, named: bool, outside: int, rows: Int64s | None) -> str:
     """What the states and edges mean, as far as it is not obvious."""
-    parts = [] if named else [f"states are ({', '.join(graph.names)})"]
+    parts = []
+    if not named:
+        truths = (
+            "; t: true, f: false"
+            if any(v is True or v is False for v in graph.valuations[0])
+            else ""
+        )
+        names = [", ".join(graph.names[i : i + 12]) for i in range(0, len(graph.names), 12)]
+        parts.append("states are (" + ",\n".join(names) + f"){truths}")
     parts += ["bold: the choices of the strategy"] if rows is not None else []
     parts += ["dashed: to states that are not drawn"] if outside else []
     return "\n".join(parts)
