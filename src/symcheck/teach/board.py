@@ -94,9 +94,7 @@ class Board:
     def drawn(self) -> Int64s:
         """The numbers of the states that are drawn, ascending."""
         nearest = np.argsort(self._distances, kind="stable")[: self.max_states]
-        entries = np.cumsum(
-            [sum(len(c.successors) for c in self.graph.choices(s)) for s in nearest]
-        )
+        entries = np.cumsum(self.graph.successor_counts[nearest])
         return np.sort(nearest[: max(1, int((entries <= _MOST_EDGES).sum()))])
 
     @cached_property

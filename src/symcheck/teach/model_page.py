@@ -177,8 +177,8 @@ class _Writer:
         left_out = (
             ""
             if drawn == total
-            else f"The page shows the {drawn} states of {total:,} that are nearest to the "
-            "initial states. Results are those of the whole model."
+            else f"The page shows the {drawn} states of {total:,} that are nearest to the initial "
+            "states (at most 2,500 transitions). Results are those of the whole model."
         )
         states = {"title": f"{drawn} states", "note": left_out}
         shows = self.shows

@@ -129,12 +129,15 @@ class ChoiceGraph:
         return np.arange(self.engine.states + 1) if groups is None else groups
 
     @cached_property
+    def successor_counts(self) -> Int64s:
+        """The number of transitions of each state."""
+        return np.diff(self.matrix.indptr[self._starts])
+
+    @cached_property
     def _entries(self) -> tuple[Int64s, Int64s]:
         """The states from and to which each entry of the matrix leads."""
-        per_state = np.diff(self.matrix.indptr[self._starts])
-        return np.repeat(np.arange(self.engine.states), per_state), np.asarray(
-            self.matrix.indices, np.int64
-        )
+        sources = np.repeat(np.arange(self.engine.states), self.successor_counts)
+        return sources, np.asarray(self.matrix.indices, np.int64)
 
     @cached_property
     def _actions(self) -> list[str] | None:
@@ -287,9 +290,9 @@ def strategy_of(found: Strategy | Result) -> Strategy:
     return strategy
 
 
-def refuse(count: int, limit: int) -> UnsupportedError:
+def refuse(count: int, limit: int, what: str = "states") -> UnsupportedError:
     """The error for a graph that is too large to be drawn."""
     return UnsupportedError(
-        f"the picture would have {count:,} states, and at most {limit} are drawn\n"
+        f"the picture would have {count:,} {what}, and at most {limit:,} are drawn\n"
         "  hint: draw a part with around='FORMULA', radius=2, a smaller model, or raise max_states"
     )

@@ -119,8 +119,12 @@ class Picture:
             members = " ".join(f"{_quoted(n.name)};" for n in self.nodes if n.layer == number)
             if members:
                 lines.append(f"  {{ rank=same; {members} }}" + (f" // {name}" if name else ""))
+        layer = {n.name: n.layer for n in self.nodes}
         for edge in self.edges:
-            label = f"label={_quoted(_padded(edge.label))}" if edge.label else ""
+            # Graphviz 14 ends with a failed assertion on some graphs with labels inside a rank.
+            flat = edge.source != edge.target and layer[edge.source] == layer[edge.target] >= 0
+            kind = "xlabel" if flat else "label"
+            label = f"{kind}={_quoted(_padded(edge.label))}" if edge.label else ""
             classes = f"class={_quoted(edge.classes)}" if edge.classes else ""
             dashed = "style=dashed" if edge.dashed else ""
             parts = (label, dashed, _EMPHASES[edge.emphasis], classes)

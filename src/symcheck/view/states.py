@@ -32,6 +32,8 @@ __all__ = ["draw_states", "state_graph"]
 _COLOURS = ("#fbe3a2", "#f6c6bd", "#c9e4c5", "#d9cdec", "#bfe3ea", "#e6d3b8")
 _NAMED = 40
 """States up to which each is labelled with the names of its variables."""
+_MOST_TRANSITIONS = 4000
+"""Transitions that are drawn: Graphviz takes seconds for more, and lines cover each other."""
 _WIDE = 9
 """Layers with more states than this are drawn as columns: labels are wider than high."""
 
@@ -69,7 +71,7 @@ def state_graph(
         title: the caption.
 
     Raises:
-        UnsupportedError: the picture would have more than `max_states` states.
+        UnsupportedError: there would be more than `max_states` states, or 4 000 transitions.
         UsageError: values, strategy or path do not belong to the model.
         InputError: a formula is faulty.
 
@@ -86,6 +88,9 @@ def state_graph(
             raise UsageError("values cannot be drawn on the product with the memory of a strategy")
     graph = ChoiceGraph(engine, chosen)
     drawn, distance = _part(graph, around, radius, max_states)
+    leaving = int(graph.successor_counts[drawn].sum())
+    if leaving > _MOST_TRANSITIONS:
+        raise refuse(leaving, _MOST_TRANSITIONS, "transitions")
     coloured = {} if sets is None else {name: graph.members(s) for name, s in sets.items()}
     return draw_states(
         graph,
