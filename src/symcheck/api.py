@@ -528,9 +528,9 @@ class Model:
 
     @cached_property
     def _steps(self) -> Steps:
-        from symcheck.simulate.steps import CommandSteps
+        from symcheck.simulate.steps import Steps
 
-        return CommandSteps(self.bound, self.options.check_sums)
+        return Steps(self.bound, self.options.check_sums)
 
     def estimate(
         self,

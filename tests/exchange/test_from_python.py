@@ -184,7 +184,7 @@ def test_fractions_stay_exact():
     )
     decimals = symcheck.from_matrix([[0.9, 0.1], [0, 1]], exact=True)
     assert decimals.check("P=? [ F<=1 s=1 ]").value == Fraction(1, 10)
-    with pytest.raises(ModelFault, match="sums to 999999/1000000, not to 1"):
+    with pytest.raises(ModelFault, match="sum to 999999/1000000, not to 1"):
         symcheck.from_function(0, lambda _: {0: Fraction(999999, 10**6)})
 
 
@@ -321,18 +321,18 @@ SQUARE = [[0.5, 0.5], [0.0, 1.0]]
 WRONG_MATRICES = [
     (([[0.5, 0.4], [0, 1]],), {}, ModelFault, "row 0 sums to 0.9, not to 1"),
     (([[0.5, 0.5], [0, 0]],), {}, ModelFault, "row 1 sums to 0.*1 on the diagonal"),
-    (([[1.5, -0.5], [0, 1]],), {}, ModelFault, "row 0 holds -0.5, in column 1"),
+    (([[1.5, -0.5], [0, 1]],), {}, ModelFault, "row 0 holds -0.5 in column 1"),
     (([[-1, 1], [2, -2]],), {"type": "ctmc"}, ModelFault, "diagonal of a generator"),
-    (([[0.5, 0.5]],), {}, UsageError, "1 x 2: a DTMC has a square matrix"),
+    (([[0.5, 0.5]],), {}, UsageError, "1 rows and 2 columns: expected a square one"),
     (([0.5, 0.5],), {}, UsageError, "has 1 dimensions: expected 2"),
-    ((np.zeros((0, 0)),), {}, UsageError, "the matrix is empty"),
-    (([[1, "x"], [0, 1]],), {}, UsageError, "no array of finite real numbers"),
-    (([[1, np.nan], [0, 1]],), {}, UsageError, "no array of finite real numbers"),
-    (([[1, 1j], [0, 1]],), {}, UsageError, "no array of finite real numbers"),
+    ((np.zeros((0, 0)),), {}, UsageError, "0 rows and 0 columns"),
+    (([[1, "x"], [0, 1]],), {}, UsageError, "expected finite real numbers"),
+    (([[1, np.nan], [0, 1]],), {}, UsageError, "expected finite real numbers"),
+    (([[1, 1j], [0, 1]],), {}, UsageError, "expected finite real numbers"),
     ((SQUARE,), {"type": "chain"}, UsageError, "expected one of dtmc, ctmc, mdp"),
-    ((SQUARE,), {"type": "dtmc", "groups": [0, 1, 2]}, UsageError, "one row per state"),
-    ((SQUARE,), {"groups": [0, 2]}, UsageError, "expected 3 ascending numbers"),
-    ((SQUARE,), {"groups": [0, 3, 2]}, UsageError, "expected 3 ascending numbers"),
+    ((SQUARE,), {"type": "dtmc", "groups": [0, 1, 2]}, UsageError, "expected a square one"),
+    ((SQUARE,), {"groups": [0, 2]}, UsageError, "groups with 3 ascending numbers"),
+    ((SQUARE,), {"groups": [0, 3, 2]}, UsageError, "groups with 3 ascending numbers"),
     ((SQUARE,), {"actions": ["a", "b"]}, UsageError, "of an MDP"),
     ((SQUARE,), {"type": "mdp", "actions": ["a"]}, UsageError, "each of the 2 rows"),
     ((SQUARE,), {"type": "mdp", "actions": ["a", "go on"]}, NameFault, "name of an action"),
@@ -341,8 +341,8 @@ WRONG_MATRICES = [
     ((SQUARE,), {"labels": {"init": [1]}}, NameFault, "predefined"),
     ((SQUARE,), {"labels": {"the end": [1]}}, NameFault, "name of a label"),
     ((SQUARE,), {"rewards": {"r": [1, 2, 3]}}, UsageError, "expected 2 rewards of states"),
-    ((SQUARE,), {"rewards": {"r": (None, np.eye(3))}}, UsageError, "2 x 2 numbers or one"),
-    ((SQUARE,), {"rewards": {"r": [1, np.inf]}}, UsageError, "no array of finite"),
+    ((SQUARE,), {"rewards": {"r": (None, np.eye(3))}}, UsageError, "2 x 2 or one"),
+    ((SQUARE,), {"rewards": {"r": [1, np.inf]}}, UsageError, "finite real numbers"),
     ((SQUARE,), {"initial": 2}, UsageError, "no state 2"),
     ((SQUARE,), {"engine": "fast"}, UsageError, "expected one of"),
 ]
@@ -359,9 +359,9 @@ WRONG_FUNCTIONS = [
     (0, lambda s: {s + 1: 1 / (3 - s)}, {"type": "ctmc"}, ModelFault, r"step\(3\) raised ZeroDiv"),
     (0, lambda s: (1 / 0 for _ in "x"), {}, ModelFault, r"step\(0\) raised ZeroDivisionError"),
     (0, lambda s: {s + 1: 1}, {"max_states": 9}, ResourceError, "more than 9 states"),
-    (0, lambda _: {0: 0.9}, {}, ModelFault, "in state 0 sums to 0.9, not to 1"),
-    (0, lambda _: [("a", {0: 0.9})], {}, ModelFault, "of a in state 0 sums to 0.9"),
-    (0, lambda _: [("a", {})], {}, ModelFault, "of a in state 0 sums to 0"),
+    (0, lambda _: {0: 0.9}, {}, ModelFault, "sum to 0.9, not to 1"),
+    (0, lambda _: [("a", {0: 0.9})], {}, ModelFault, "for 'a' sum to 0.9"),
+    (0, lambda _: [("a", {})], {}, ModelFault, "for 'a' sum to 0, not"),
     (0, lambda _: {0: 2, 1: -1}, {}, ModelFault, r"step\(0\) gives -1 as the probability"),
     (0, lambda _: {0: float("nan")}, {}, ModelFault, r"step\(0\) gives nan"),
     (0, lambda _: {0: "1"}, {}, ModelFault, r"step\(0\) gives '1'"),
@@ -381,7 +381,13 @@ WRONG_FUNCTIONS = [
         r"labels\['x'\]\(0\) raised",
     ),
     (0, lambda s: {s: 1}, {"labels": {"deadlock": bool}}, NameFault, "predefined"),
-    (0, lambda s: {s: 1}, {"rewards": {"r": str}}, ModelFault, r"rewards\['r'\]\(0\) is '0'"),
+    (
+        0,
+        lambda s: {s: 1},
+        {"rewards": {"r": str}},
+        UsageError,
+        r"rewards\['r'\]: expected finite real numbers",
+    ),
     (0, lambda s: {s: 1}, {"rewards": {"2": str}}, NameFault, "name of a reward structure"),
     (Bad(1, 2), lambda s: {s: 1}, {}, NameFault, "'module', a field of the states"),
 ]

@@ -12,7 +12,7 @@ from symcheck.errors import NameFault, UsageError
 from symcheck.semantics.binding.bind import bind
 from symcheck.simulate.path import PathFormat, rows, table
 from symcheck.simulate.path_options import parse_path_options
-from symcheck.simulate.steps import CommandSteps
+from symcheck.simulate.steps import Steps
 from symcheck.simulate.walk import simulate
 from symcheck.syntax.parse import parse_model
 
@@ -27,8 +27,8 @@ rewards x<3 : x; [up] true : 2; endrewards
 CLOCK = "ctmc module ticker x:[0..1]; [] true -> 2:(x'=1-x); endmodule"
 
 
-def model(text: str = COUNTER) -> CommandSteps:
-    return CommandSteps(bind(parse_model(text), {}))
+def model(text: str = COUNTER) -> Steps:
+    return Steps(bind(parse_model(text), {}))
 
 
 def test_table() -> None:

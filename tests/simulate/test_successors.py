@@ -21,7 +21,7 @@ from symcheck.semantics.interpreter import state_rewards, transitions
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Structure
 from symcheck.simulate.lazy_chain import LazyChain
-from symcheck.simulate.steps import CommandSteps
+from symcheck.simulate.steps import Steps
 from symcheck.simulate.walk import simulate
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.parse import parse_model
@@ -72,7 +72,7 @@ def test_steps_are_transitions_of_the_explored_model(seed: int, kind: str) -> No
     model = model_of(seed, kind)
     explored = explore(model, Options())
     matrix = explored.matrix
-    path = simulate(CommandSteps(model), 40, seed=seed, loop_check=False)
+    path = simulate(Steps(model), 40, seed=seed, loop_check=False)
     numbers = [explored.states.index(s.state) for s in path]
     assert numbers[0] in explored.initial
     for here, there in pairwise(numbers):
@@ -143,7 +143,7 @@ def test_sojourn_times_are_exponential() -> None:
         {},
     )
     assert model.type is ModelType.CTMC
-    path = simulate(CommandSteps(model), 8000, seed=1)
+    path = simulate(Steps(model), 8000, seed=1)
     stays = np.diff(path.times)
     for value, rate in ((0, 5.0), (1, 0.25)):
         own = np.sort(stays[np.array(path.values("x"))[:-1] == value])

@@ -15,10 +15,9 @@ from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.registry import build
 from symcheck.errors import UnsupportedError, converts_memory_error
 from symcheck.exchange import export as targets
-from symcheck.exchange.explicit_data import ExplicitData, imported_program
+from symcheck.exchange.explicit_data import ExplicitData, build_imported, imported_program
 from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.formats.prism_reader import ModelFiles, read_files, read_model
-from symcheck.exchange.imported_build import build_imported
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, LabelReference, ModelType

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
+from functools import partial
 from math import inf
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import StateLayout, StateTable
 from symcheck.matrices.numbers import Numbers, Rationals, doubles, is_exact, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, Literal, ModelType, Name, Type
@@ -35,7 +37,7 @@ __all__ = [
     "ExplicitData",
     "ExplicitRewards",
     "ImportedEngine",
-    "imported_engine",
+    "build_imported",
     "imported_program",
     "reward_structure",
     "row_rewards",
@@ -191,25 +193,32 @@ def _nearest_fraction(value: float | Fraction) -> Fraction | float:
 
 
 @converts_memory_error("an explicit file is stored row by row: no other engine needs less memory")
-def imported_engine(
-    given: ExplicitData, builder: Callable[..., object], fix_deadlocks: bool
-) -> ImportedEngine:
-    """The explicit engine on a model that was read.
-
-    Args:
-        given: the model.
-        builder: builds the model's engines from options.
-        fix_deadlocks: add a self-loop to states without transitions.
+def build_imported(given: ExplicitData, options: Options) -> Engine:
+    """The engine that the options name on a model that was read; 'auto' is the explicit one.
 
     Raises:
-        ModelFault: the model has a deadlock, and `fix_deadlocks` is False.
+        ModelFault: there is a deadlock, and `options.fix_deadlocks` is False.
+        UnsupportedError: two states have the same values, and the engine has diagrams; or the
+            engine is rational, and the probabilities do not sum to 1 exactly.
+        ResourceError: a limit of memory or time was reached.
     """
+    engine = _explicit(given, options.fix_deadlocks)
+    if options.exact:
+        return engine.rational()
+    if options.engine in ("auto", "explicit"):
+        return erased(engine)
+    from symcheck.exchange.symbolic_import import symbolic_engine
+
+    return symbolic_engine(engine.explored, engine.members, options)
+
+
+def _explicit(given: ExplicitData, fix_deadlocks: bool) -> ImportedEngine:
     fixed, row_actions, rewards, dead = _fixed(given, fix_deadlocks)
     members = dict(given.labels)
     initial = members.pop("init", None)
     deadlock = dead | members.pop("deadlock", np.zeros(given.matrix.states, bool))
     marks: dict[str, Expression] = {name: Name(f'"{name}"') for name in members}
-    model = _model(given, marks, builder)
+    model = _model(given, marks)
     layout = StateLayout.of(model.variables)
     explored = ExplicitModel(
         model,
@@ -246,12 +255,10 @@ def imported_program(given: ExplicitData) -> Program:
     )
 
 
-def _model(
-    given: ExplicitData, marks: Mapping[str, Expression], builder: Callable[..., object]
-) -> BoundModel:
+def _model(given: ExplicitData, marks: Mapping[str, Expression]) -> BoundModel:
     bound = bind(imported_program(given))
     values = {f.name: getattr(bound, f.name) for f in fields(bound)}
-    values |= {"labels": dict(marks), "builder": builder}
+    values |= {"labels": dict(marks), "builder": partial(build_imported, given)}
     return _ImportedModel(**values, names=given.actions)
 
 

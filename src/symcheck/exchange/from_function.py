@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from fractions import Fraction
-from math import inf, isfinite
+from math import inf
 from numbers import Integral, Real
-from typing import Any, Generic, TypeVar, Unpack, cast
+from typing import Any, TypeVar, Unpack
 
 import numpy as np
 
@@ -23,11 +23,11 @@ from symcheck.errors import (
     converts_memory_error,
 )
 from symcheck.exchange.api_io import explicit_model
-from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, reward_structure
-from symcheck.exchange.from_matrix import check_rows, identifier, label
-from symcheck.matrices.numbers import Numbers
+from symcheck.exchange.explicit_data import ExplicitData, reward_structure
+from symcheck.exchange.from_matrix import identifier, label, number_array, numbered_actions
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.options import OptionValues, make_options
+from symcheck.semantics.state_faults import sums_to_one
 from symcheck.syntax.ast import ModelType, Type
 from symcheck.syntax.parse import parse_model
 
@@ -87,35 +87,64 @@ def from_function(
     """
     settings = make_options(options)
     asked = model_type(type)
-    found = _explore(initial if isinstance(initial, list) else [initial], step, max_states)
-    kind = asked or (ModelType.MDP if found.has_actions else ModelType.DTMC)
-    if found.has_actions and kind is not ModelType.MDP:
+    start = initial if isinstance(initial, list) else [initial]
+    weighted = asked is ModelType.CTMC or not settings.check_sums
+    found, choices, has_actions = _explore(start, step, max_states, weighted)
+    kind = asked or (ModelType.MDP if has_actions else ModelType.DTMC)
+    if has_actions and kind is not ModelType.MDP:
         raise UsageError(f"step gives actions, which only an MDP has, not a {kind.name}")
-    columns = _columns(found.states)
+    columns = _columns(found)
     order = np.lexsort([values for _, _, values in reversed(columns)])
-    matrix, rows = _matrix(found, kind, order)
-
-    def describe(row: int) -> str:
-        state, action = rows[row]
-        return f"the distribution of {action or 'step'} in state {state!r}"
-
-    check_rows(kind, matrix, settings.check_sums, describe, deadlocks=kind is not ModelType.MDP)
-    states = [found.states[i] for i in order.tolist()]
+    place = np.argsort(order).tolist()
+    choices.sort(key=lambda choice: place[choice[0]])
+    sources = [place[number] for number, _, _ in choices]
+    lengths = np.array([len(successors) for _, _, successors in choices], np.int64)
+    groups, actions = None, None
+    if kind is ModelType.MDP:
+        groups = starts_of(np.bincount(sources, minlength=len(found)))
+        actions = [action for _, action, _ in choices]
+    else:
+        lengths = np.bincount(sources, lengths, len(found)).astype(np.int64)
+    moves = [
+        (found[number], action, place[target], weight)
+        for number, action, successors in choices
+        for target, weight in sorted(successors.items(), key=lambda move: place[move[0]])
+    ]
+    matrix = SparseMatrix(
+        starts_of(lengths),
+        np.array([target for _, _, target, _ in moves], np.int32),
+        number_array([weight for *_, weight in moves], "the probabilities"),
+        len(found),
+        groups,
+    )
+    states = [found[i] for i in order.tolist()]
+    structures = []
+    for name, given in (rewards or {}).items():
+        what = f"rewards[{name!r}]"
+        of_states, of_moves = given if isinstance(given, tuple) else (given, None)
+        own = [_call(what, of_states, s) if of_states else 0 for s in states]
+        earned = of_moves and [_call(what, of_moves, s, a, states[t]) for s, a, t, _ in moves]
+        structures.append(
+            reward_structure(
+                identifier("a reward structure", name),
+                kind,
+                matrix,
+                number_array(own, what),
+                None if earned is None else number_array(earned, what),
+            )
+        )
     members = {
         label(name): np.array([bool(_call(f"labels[{name!r}]", holds, s)) for s in states])
         for name, holds in (labels or {}).items()
     }
-    names = tuple(dict.fromkeys(a for _, a in rows if a is not None))
-    number: dict[str | None, int] = {None: -1}
-    number |= {name: i for i, name in enumerate(names)}
+    members["init"] = order < len(set(start))
     data = ExplicitData(
         kind,
         [(name, type_, values[order]) for name, type_, values in columns],
         matrix,
-        names,
-        np.array([number[a] for _, a in rows], np.int32),
-        members | {"init": order < found.initial},
-        [_rewards(n, given, kind, matrix, states, rows) for n, given in (rewards or {}).items()],
+        *numbered_actions(actions, matrix),
+        members,
+        structures,
     )
     return explicit_model(data, settings, states)
 
@@ -123,30 +152,25 @@ def from_function(
 # ----------------------------------------------------------------------------------- exploration
 
 
-@dataclass
-class _Explored(Generic[S]):
-    """States in the order in which they are found, and their choices.
+def _explore(
+    initial: list[S], step: Step[S], max_states: int, weighted: bool
+) -> tuple[list[S], list[tuple[int, str | None, dict[int, Weight]]], bool]:
+    """Explore breadth first; `weighted`: the numbers need not sum to 1.
 
-    Attributes:
-        initial: how many of the states, the first ones, are initial.
-        choices: number of the state, action, and successors by number.
+    Returns:
+        The states; the number of the state, the action and the successors of each choice; whether
+        there are actions.
+
+    Raises:
+        ModelFault, ResourceError, UsageError: see `from_function`.
     """
-
-    states: list[S]
-    initial: int
-    choices: list[tuple[int, str | None, dict[int, Weight]]] = field(default_factory=list)
-    has_actions: bool = False
-
-
-def _explore(initial: Sequence[S], step: Step[S], max_states: int) -> _Explored[S]:
-    """Explore breadth first. Raises ModelFault, ResourceError."""
-    if not initial:
-        raise UsageError("initial: the list of initial states is empty")
     numbers: dict[S, int] = {}
     for state in initial:
-        _number_of(numbers, state, "initial")
-    found = _Explored(list(numbers), len(numbers))
-    for number, state in enumerate(found.states):  # which grows meanwhile
+        _number(numbers, state, "initial")
+    if not initial:
+        raise UsageError("initial: the list of initial states is empty")
+    found, choices, has_actions = list(numbers), [], False
+    for number, state in enumerate(found):  # which grows meanwhile
         if number >= max_states:
             raise ResourceError(
                 f"there are more than {max_states:,} states"
@@ -155,53 +179,49 @@ def _explore(initial: Sequence[S], step: Step[S], max_states: int) -> _Explored[
         who = f"step({state!r})"
         given = _call("step", step, state)
         pairs = _pairs(who, given)
-        if isinstance(given, Mapping) or all(isinstance(first, Real) for first, _ in pairs):
-            choices: list[tuple[str | None, list[tuple[Any, Any]]]]
-            choices = [(None, pairs)] if pairs else []
-        else:
-            found.has_actions = True
-            choices = [
-                (None if action is None else identifier("an action", action), _pairs(who, chosen))
-                for action, chosen in pairs
-            ]
-        for action, distribution in choices:
+        own: list[tuple[str | None, list[tuple[Any, Any]]]] = [(None, pairs)] if pairs else []
+        if not isinstance(given, Mapping) and not all(isinstance(p, Real) for p, _ in pairs):
+            has_actions = True
+            own = [(a and identifier("an action", a), _pairs(who, chosen)) for a, chosen in pairs]
+        for action, distribution in own:
             successors: dict[int, Weight] = {}
             for weight, target in distribution:
-                if (
-                    not isinstance(weight, float | int | np.number | Fraction)
-                    or not 0 <= weight < inf
-                ):
+                valid = isinstance(weight, Real) and 0 <= float(weight) < inf
+                if not valid:
                     raise _fault(
                         f"{who} gives {weight!r} as the probability or rate of {target!r}",
                         "expected a finite number that is not negative",
                     )
-                if weight != 0:
-                    at = _number_of(numbers, target, who)
-                    successors[at] = successors.get(at, 0) + cast(Weight, weight)
-                    if at == len(found.states):
-                        found.states.append(target)
-            found.choices.append((number, action, successors))
-    return found
+                if weight:
+                    at = _number(numbers, target, who)
+                    successors[at] = successors.get(at, 0) + weight
+                    if at == len(found):
+                        found.append(target)
+            total = sum(successors.values())
+            if not weighted and not sums_to_one(total):
+                of = f" for {action!r}" if action else ""
+                raise _fault(f"the probabilities of {who}{of} sum to {total}, not to 1")
+            choices.append((number, action, successors))
+    return found, choices, has_actions
 
 
 def _pairs(who: str, given: Any) -> list[tuple[Any, Any]]:
     """Pairs (probability, state), or (action, distribution). Raises ModelFault."""
     if isinstance(given, Mapping):
         return [(weight, target) for target, weight in given.items()]
-    items = (
-        _call(who, list, given) if isinstance(given, Iterable) else [] if given is None else None
-    )
-    if items is None or not all(isinstance(i, tuple) and len(i) == 2 for i in items):
-        shown = given if items is None else items
+    items = [given]
+    if given is None or isinstance(given, Iterable):
+        items = _call(who, list, given or ())
+    if not all(isinstance(i, tuple) and len(i) == 2 for i in items):
         raise _fault(
-            f"{who} gives {shown!r}",
+            f"{who} gives {given if items[0] is given else items!r}",
             "expected {state: probability}, pairs (probability, state), or, in an MDP, pairs "
             "(action, distribution)",
         )
     return items
 
 
-def _number_of(numbers: dict[S, int], state: S, who: str) -> int:
+def _number(numbers: dict[S, int], state: S, who: str) -> int:
     try:
         return numbers.setdefault(state, len(numbers))
     except TypeError:
@@ -225,25 +245,23 @@ def _fault(message: str, hint: str | None = None) -> ModelFault:
     return ModelFault(Diagnostic(message, code="python", hint=hint))
 
 
-# ---------------------------------------------------------------------------------------- arrays
+# ------------------------------------------------------------------------------------- variables
 
 
 def _columns(states: Sequence[Any]) -> list[tuple[str, Type, Int64s]]:
     """The variables and their values."""
     first = states[0]
-    names: tuple[str, ...] = ()
-    if len({type(s) for s in states}) == 1:
-        names = getattr(first, "_fields", ())
-        if is_dataclass(first):
-            names = tuple(f.name for f in fields(first))
+    names: tuple[str, ...] = getattr(first, "_fields", ())
+    if is_dataclass(first):
+        names = tuple(f.name for f in fields(first))
+    if not names or any(type(s) is not type(first) for s in states):
+        return [("s", *_column(states))]
     for name in names:
         try:
-            parse_model(f"dtmc const int {identifier('a variable', name)};")
+            parse_model(f"dtmc const int {name};")
         except InputError:
             message = f"{name!r}, a field of the states, cannot be the name of a variable"
             raise NameFault(Diagnostic(message, code="name", hint="rename the field")) from None
-    if not names:
-        return [("s", *_column(states))]
     return [(name, *_column([getattr(s, name) for s in states])) for name in names]
 
 
@@ -251,68 +269,7 @@ def _column(values: Sequence[Any]) -> tuple[Type, Int64s]:
     """The type of a variable, and its value in each state."""
     if all(isinstance(v, bool | np.bool_) for v in values):
         return Type.BOOL, np.array(values, np.int64)
-    if not all(isinstance(v, Integral) and -_LARGEST < int(v) < _LARGEST for v in values):
+    if not all(isinstance(v, Integral) and abs(int(v)) < _LARGEST for v in values):
         number = {v: i for i, v in enumerate(dict.fromkeys(values))}
         values = [number[v] for v in values]
     return Type.INT, np.array(values, np.int64)
-
-
-def _matrix(
-    found: _Explored[S], kind: ModelType, order: Int64s
-) -> tuple[SparseMatrix, list[tuple[S, str | None]]]:
-    """The matrix over states in this order, and the state and action of each row."""
-    place = np.argsort(order).tolist()
-    choices = sorted(found.choices, key=lambda choice: place[choice[0]])
-    counts = np.bincount([place[c[0]] for c in choices], minlength=len(place))
-    if kind is not ModelType.MDP:
-        own = {c[0]: c[2] for c in choices}
-        choices = [(i, None, own.get(i, {})) for i in order.tolist()]
-    entries = [sorted((place[t], w) for t, w in c[2].items()) for c in choices]
-    matrix = SparseMatrix(
-        starts_of(np.array([len(row) for row in entries], np.int64)),
-        np.array([t for row in entries for t, _ in row], np.int32),
-        _vector([w for row in entries for _, w in row]),
-        len(place),
-        starts_of(counts) if kind is ModelType.MDP else None,
-    )
-    return matrix, [(found.states[i], action) for i, action, _ in choices]
-
-
-def _vector(values: Sequence[Any]) -> Numbers:
-    """float64, or objects if there are Fractions."""
-    if not any(isinstance(v, Fraction) for v in values):
-        return np.array(values, np.float64)
-    out = np.empty(len(values), object)
-    out[:] = values
-    return out
-
-
-def _rewards(
-    name: str,
-    given: Any,
-    kind: ModelType,
-    matrix: SparseMatrix,
-    states: Sequence[S],
-    rows: Sequence[tuple[S, str | None]],
-) -> ExplicitRewards:
-    what = f"rewards[{identifier('a reward structure', name)!r}]"
-    of_states, of_moves = given if isinstance(given, tuple) else (given, None)
-
-    def earned(function: Callable[..., Any], *arguments: Any) -> Any:
-        value = _call(what, function, *arguments)
-        if not isinstance(value, Real) or not isfinite(value):
-            call = f"{what}({', '.join(map(repr, arguments))})"
-            raise _fault(f"{call} is {value!r}: expected a finite number")
-        return value
-
-    own = (
-        np.zeros(len(states))
-        if of_states is None
-        else _vector([earned(of_states, s) for s in states])
-    )
-    if of_moves is None:
-        return reward_structure(name, kind, matrix, own)
-    row = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)).tolist()
-    moves = zip(row, matrix.indices.tolist(), strict=True)
-    entries = _vector([earned(of_moves, *rows[r], states[t]) for r, t in moves])
-    return reward_structure(name, kind, matrix, own, entries)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Unpack
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     Matrix: TypeAlias = ArrayLike | sparray | spmatrix
 
-__all__ = ["check_rows", "from_matrix", "identifier", "label", "model_type"]
+__all__ = ["from_matrix", "identifier", "label", "number_array", "numbered_actions"]
 
 
 @takes_options
@@ -68,53 +68,60 @@ def from_matrix(
     """
     settings = make_options(options)
     kind = model_type(type) or (ModelType.DTMC if groups is None else ModelType.MDP)
-    rows, columns, data, shape = _entries(matrix, "the matrix")
+    rows, columns, data, shape = _entries(matrix)
+    n = shape[1]
+    starts = np.arange(n + 1) if groups is None else np.asarray(groups, np.int64)
+    if (
+        not n
+        or (groups is not None and kind is not ModelType.MDP)
+        or starts.shape != (n + 1,)
+        or (starts[0], starts[-1]) != (0, shape[0])
+        or (np.diff(starts) < 0).any()
+    ):
+        raise UsageError(
+            f"the matrix has {shape[0]} rows and {n} columns: expected a square one, or for an MDP "
+            f"groups with {n + 1} ascending numbers: the first row of each state, and {shape[0]}"
+        )
+    lengths = np.bincount(rows, minlength=shape[0])
     found = SparseMatrix(
-        starts_of(np.bincount(rows, minlength=shape[0])),
+        starts_of(lengths),
         columns.astype(np.int32),
         data,
-        shape[1],
-        _groups(kind, groups, shape),
+        n,
+        starts if kind is ModelType.MDP else None,
     )
-    n = found.states
-    check_rows(kind, found, settings.check_sums, lambda row: f"row {row}")
-    names, row_actions = _actions(actions, found)
-    members = {label(name): _members(name, given, n) for name, given in (labels or {}).items()}
-    structures = [
-        _matrix_rewards(name, given, kind, found, rows) for name, given in (rewards or {}).items()
-    ]
-    data_read = ExplicitData(
-        kind,
-        [("s", Type.INT, np.arange(n))],
-        found,
-        names,
-        row_actions,
-        members | {"init": _members("init", np.atleast_1d(initial), n)},
-        structures,
+    _check_rows(kind, found, rows, settings.check_sums)
+    return explicit_model(
+        ExplicitData(
+            kind,
+            [("s", Type.INT, np.arange(n))],
+            found,
+            *numbered_actions(actions, found),
+            {label(name): _members(name, given, n) for name, given in (labels or {}).items()}
+            | {"init": _members("init", np.atleast_1d(initial), n)},
+            [_rewards(name, given, kind, found, rows) for name, given in (rewards or {}).items()],
+        ),
+        settings,
     )
-    return explicit_model(data_read, settings)
 
 
-# ------------------------------------------------------------------------------------- matrices
-
-
-def _entries(given: Any, what: str) -> tuple[Int64s, Int64s, Numbers, tuple[int, int]]:
+def _entries(given: Any) -> tuple[Int64s, Int64s, Numbers, tuple[int, int]]:
     """Row, column and value of the entries that are not 0, by rows, and the shape."""
     if hasattr(given, "tocsr"):
         sparse = given.tocsr(copy=True)
         sparse.sum_duplicates()
         sparse.eliminate_zeros()
         rows = np.repeat(np.arange(sparse.shape[0]), np.diff(sparse.indptr))
-        return rows, sparse.indices, _numbers(sparse.data, what), sparse.shape
-    dense = _numbers(given, what)
+        return rows, sparse.indices, number_array(sparse.data, "the matrix"), sparse.shape
+    dense = number_array(given, "the matrix")
     if dense.ndim != 2:
-        raise UsageError(f"{what} has {dense.ndim} dimensions: expected 2, rows and columns")
+        raise UsageError(f"the matrix has {dense.ndim} dimensions: expected 2, rows and columns")
     rows, columns = np.nonzero(dense)
     return rows, columns, dense[rows, columns], dense.shape
 
 
-def _numbers(values: Any, what: str) -> Numbers:
-    """An array of float64, or of objects if there are Fractions."""
+def number_array(values: Any, what: str) -> Numbers:
+    """An array of float64, or of objects if there are Fractions. Raises UsageError."""
     try:
         array = np.asarray(values)
         real = array.dtype.kind in "biuf" or all(isinstance(x, Real) for x in array.flat)
@@ -122,68 +129,25 @@ def _numbers(values: Any, what: str) -> Numbers:
     except (TypeError, ValueError):
         floats = np.array([np.nan])
     if not np.isfinite(floats).all():
-        raise UsageError(f"{what} is no array of finite real numbers")
+        raise UsageError(f"{what}: expected finite real numbers")
     exact = array.dtype == object and any(isinstance(x, Fraction) for x in array.flat)
     return array if exact else floats
 
 
-def _groups(kind: ModelType, groups: Sequence[int] | None, shape: tuple[int, int]) -> Int64s | None:
-    rows, columns = shape
-    if not columns:
-        raise UsageError("the matrix is empty: a model has at least one state")
-    if kind is not ModelType.MDP:
-        if groups is not None:
-            raise UsageError(f"a {kind.name} has one row per state, and no groups")
-        if rows != columns:
-            raise UsageError(
-                f"the matrix has the shape {rows} x {columns}: a {kind.name} has a square matrix"
-                "\n  hint: an MDP has several rows per state, and groups that say which"
-            )
-        return None
-    starts = np.arange(columns + 1) if groups is None else np.asarray(groups, np.int64)
-    if (
-        starts.shape != (columns + 1,)
-        or starts[0] != 0
-        or starts[-1] != rows
-        or (np.diff(starts) < 0).any()
-    ):
-        raise UsageError(
-            f"groups: expected {columns + 1} ascending numbers, from 0 to the number of rows, "
-            f"{rows}: the first row of each state, and the end"
-        )
-    return starts
-
-
-def check_rows(
-    kind: ModelType,
-    matrix: SparseMatrix,
-    check_sums: bool,
-    describe: Callable[[int], str],
-    *,
-    deadlocks: bool = False,
-) -> None:
-    """Check the signs of entries and the sums of rows; with `deadlocks`, a row may be empty.
-
-    Raises ModelFault.
-    """
-    values = matrix.doubles().data
-    for entry in np.flatnonzero(values < 0)[:1].tolist():
-        row = int(np.searchsorted(matrix.indptr, entry, side="right")) - 1
-        message = f"{describe(row)} holds {values[entry]:g}, in column {matrix.indices[entry]}"
+def _check_rows(kind: ModelType, matrix: SparseMatrix, rows: Int64s, check_sums: bool) -> None:
+    """Check the signs of entries and the sums of rows. Raises ModelFault."""
+    message, hint = "", None
+    for entry in np.flatnonzero(matrix.data < 0)[:1].tolist():
+        message = f"row {rows[entry]} holds {matrix.data[entry]} in column {matrix.indices[entry]}"
+        message += ": expected no negative number"
         hint = "leave the diagonal of a generator matrix out" if kind is ModelType.CTMC else None
-        raise ModelFault(
-            Diagnostic(f"{message}: expected no negative number", code="negative", hint=hint)
-        )
-    if kind is ModelType.CTMC or not check_sums:
-        return
-    sums = sum_segments(matrix.data, matrix.indptr).tolist()
-    filled = np.diff(matrix.indptr).tolist()
-    for row, (total, entries) in enumerate(zip(sums, filled, strict=True)):
-        if not sums_to_one(total) and (entries or not deadlocks):
-            shown = total if isinstance(total, Fraction) else f"{float(total):.12g}"
-            message = f"{describe(row)} sums to {shown}, not to 1"
-            hint = None if entries else "a state that is not left has a 1 on the diagonal"
-            raise ModelFault(Diagnostic(message, code="update-sum", hint=hint))
+    if not message and kind is not ModelType.CTMC and check_sums:
+        sums = sum_segments(matrix.data, matrix.indptr).tolist()
+        for row in [i for i, total in enumerate(sums) if not sums_to_one(total)][:1]:
+            message = f"row {row} sums to {sums[row]}, not to 1"
+            hint = None if sums[row] else "a state that is not left has a 1 on the diagonal"
+    if message:
+        raise ModelFault(Diagnostic(message, code="update-sum", hint=hint))
 
 
 def _members(name: str, given: ArrayLike, n: int) -> Bools:
@@ -201,46 +165,42 @@ def _members(name: str, given: ArrayLike, n: int) -> Bools:
     return members
 
 
-def _actions(
+def numbered_actions(
     actions: Sequence[str | None] | None, matrix: SparseMatrix
 ) -> tuple[tuple[str, ...], Int32s]:
     """The action names, and the number of the action of each row."""
-    given = [None] * matrix.rows if actions is None else list(actions)
-    if len(given) != matrix.rows or (matrix.groups is None and actions is not None):
+    if actions is None:
+        return (), np.full(matrix.rows, -1, np.int32)
+    if len(actions) != matrix.rows or matrix.groups is None:
         raise UsageError(
-            f"actions: expected one for each of the {matrix.rows} rows of an MDP, not {len(given)}"
+            f"actions: expected one for each of the {matrix.rows} rows of an MDP, "
+            f"not {len(actions)}"
         )
-    names = tuple(dict.fromkeys(identifier("an action", a) for a in given if a is not None))
+    names = tuple(dict.fromkeys(identifier("an action", a) for a in actions if a is not None))
     number = {a: i for i, a in enumerate(names)}
-    return names, np.array([-1 if a is None else number[a] for a in given], np.int32)
+    return names, np.array([-1 if a is None else number[a] for a in actions], np.int32)
 
 
-def _matrix_rewards(
+def _rewards(
     name: str, given: Any, kind: ModelType, matrix: SparseMatrix, rows: Int64s
 ) -> ExplicitRewards:
     states, transitions = given if isinstance(given, tuple) else (given, None)
-    what = f'the reward "{identifier("a reward structure", name)}"'
-    n = matrix.states
-    of_states = np.zeros(n) if states is None else _numbers(states, what)
-    if of_states.shape != (n,):
+    what = f"rewards[{identifier('a reward structure', name)!r}]"
+    own = np.zeros(matrix.states) if states is None else number_array(states, what)
+    entries: Any = transitions
+    if transitions is not None:
+        sparse = hasattr(transitions, "tocsr")
+        entries = transitions.tocsr() if sparse else number_array(transitions, what)
+    shapes: tuple[tuple[int, ...], ...] = ((matrix.rows,), (matrix.rows, matrix.columns))
+    if own.shape != (matrix.states,) or (entries is not None and entries.shape not in shapes):
         raise UsageError(
-            f"{what}: expected {n} rewards of states, not an array of shape {of_states.shape}"
-            "\n  hint: a pair (None, matrix) gives the rewards of transitions"
+            f"{what}: expected {matrix.states} rewards of states, or a pair of these or None and "
+            f"rewards of transitions, {matrix.rows} x {matrix.columns} or one for each row"
         )
-    if transitions is None:
-        return ExplicitRewards(name, of_states, np.zeros(matrix.rows))
-    shape = (matrix.rows, matrix.columns)
-    array = transitions.tocsr() if hasattr(transitions, "tocsr") else _numbers(transitions, what)
-    if array.shape == (matrix.rows,):
-        entries = array[rows]
-    elif array.shape == shape:
-        entries = _numbers(array[rows, matrix.indices], what).ravel()
-    else:
-        raise UsageError(
-            f"{what}: expected rewards of transitions as {shape[0]} x {shape[1]} numbers or one "
-            f"for each of the {shape[0]} rows, not an array of shape {array.shape}"
-        )
-    return reward_structure(name, kind, matrix, of_states, entries)
+    if entries is not None:
+        chosen = entries[rows] if entries.ndim == 1 else entries[rows, matrix.indices]
+        entries = number_array(chosen, what).ravel()
+    return reward_structure(name, kind, matrix, own, entries)
 
 
 # ---------------------------------------------------------------------------------------- names

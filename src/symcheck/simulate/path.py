@@ -11,11 +11,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from symcheck.errors import Diagnostic, NameFault, UnsupportedError
+from symcheck.errors import Diagnostic, NameFault
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
+from symcheck.tables import data_frame
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -103,25 +104,17 @@ class Path:
 
         Raises UnsupportedError without pandas.
         """
-        try:
-            from pandas import DataFrame
-        except ImportError:
-            raise UnsupportedError("data frames need pandas: pip install pandas") from None
-        names = [r.name or str(i) for i, r in enumerate(self.model.rewards, 1)]
-        columns = [f"{name}_{of}" for of in ("state", "transition") for name in names]
-        rows = (
-            (
-                s.action,
-                s.probability,
-                s.time,
-                *s.state,
-                *s.rewards,
-                *(s.earned or [0.0] * len(names)),
-            )
-            for s in self.steps
-        )
-        titles = ["action", "probability", "time", *self.variables, *columns]
-        return DataFrame(list(rows), columns=titles).rename_axis("step")
+        columns = {
+            "action": [s.action for s in self.steps],
+            "probability": [s.probability for s in self.steps],
+            "time": self.times,
+            **{name: self.values(name) for name in self.variables},
+        }
+        for i, structure in enumerate(self.model.rewards):
+            name = structure.name or str(i + 1)
+            columns[f"{name}_state"] = [s.rewards[i] for s in self.steps]
+            columns[f"{name}_transition"] = [s.earned[i] if s.earned else 0.0 for s in self.steps]
+        return data_frame(columns, range(len(self.steps)), "step")
 
     def __str__(self) -> str:
         return table(self).rstrip("\n")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import RenamedModule
 from symcheck.syntax.printer import pretty
 
-__all__ = ["Branch", "Choice", "CommandSteps", "Steps", "TableSteps"]
+__all__ = ["Branch", "Choice", "Steps", "TableSteps"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,26 +68,38 @@ def _command_text(model: BoundModel, command: BoundCommand) -> str:
     return f"[{command.action or ''}] {pretty(command.guard)} -> {' + '.join(updates)}"
 
 
-class Steps(Protocol):
-    """The states of a model, their choices, rewards and labels."""
+class Steps:
+    """The steps of a model in the PRISM language, computed by the interpreter.
 
-    model: BoundModel
+    The interpreter knows the commands of each transition; the compiled sampler does not.
+    """
+
+    def __init__(self, model: BoundModel, check_sums: bool = True) -> None:
+        self.model, self._check_sums = model, check_sums
 
     def initial(self) -> Sequence[State]:
         """The initial states."""
-        ...
+        layout = StateLayout.of(self.model.variables)
+        return [layout.unpack(row) for row in initial_rows(self.model, layout)]
 
     def choices(self, state: State) -> tuple[Choice, ...]:
         """The enabled choices; none in a deadlock. Raises ModelFault."""
-        ...
+        found = []
+        for choice in choices(self.model, state, check_sums=self._check_sums):
+            modules = {c.module for c in choice.commands}
+            name = self.model.modules[modules.pop()].name if len(modules) == 1 else None
+            rewards = tuple(map(float, choice.rewards))
+            branches = tuple(Branch(p, s, rewards) for p, s in choice.branches)
+            found.append(Choice(choice.action, name, branches, choice.commands, self.model))
+        return tuple(found)
 
     def rewards(self, state: State) -> tuple[float, ...]:
         """The state reward per reward structure. Raises ModelFault."""
-        ...
+        return tuple(map(float, state_rewards(self.model, state)))
 
     def has_label(self, state: State, name: str) -> bool:
         """Whether a state has a label of the model."""
-        ...
+        return bool(evaluate(self.model.labels[name], valuation(self.model, state)))
 
     def start(self, generator: np.random.Generator) -> PathStep:
         """The first step of a path; several initial states are equally likely."""
@@ -116,13 +127,12 @@ class Steps(Protocol):
         """
         kind = self.model.type
         share = 1 if kind is ModelType.CTMC else len(enabled)
-        moves = [(c, b) for c in enabled for b in c.branches]
-        weights = [float(b.probability) / share for _, b in moves]
+        moves = [(c, b) for c in enabled for b in c.branches] if allowed is None else list(allowed)
         duration = 1.0
         if kind is ModelType.CTMC:
-            duration = float(generator.standard_exponential()) / sum(weights)
-        if allowed is not None:
-            moves, weights = list(allowed), [float(b.probability) / share for _, b in allowed]
+            rate = sum(float(b.probability) for c in enabled for b in c.branches)
+            duration = float(generator.standard_exponential()) / rate
+        weights = [float(b.probability) / share for _, b in moves]
         cumulative = np.cumsum(weights)
         index = int(np.searchsorted(cumulative, generator.random() * cumulative[-1], side="right"))
         index = min(index, len(moves) - 1)
@@ -138,41 +148,6 @@ class Steps(Protocol):
         )
 
 
-@dataclass(frozen=True)
-class CommandSteps(Steps):
-    """The steps of a model in the PRISM language, computed by the interpreter.
-
-    The interpreter knows the commands of each transition; the compiled sampler does not.
-    """
-
-    model: BoundModel
-    check_sums: bool = True
-
-    def initial(self) -> Sequence[State]:
-        """The initial states."""
-        layout = StateLayout.of(self.model.variables)
-        return [layout.unpack(row) for row in initial_rows(self.model, layout)]
-
-    def choices(self, state: State) -> tuple[Choice, ...]:
-        """The enabled choices; none in a deadlock. Raises ModelFault."""
-        found = []
-        for choice in choices(self.model, state, check_sums=self.check_sums):
-            modules = {c.module for c in choice.commands}
-            name = self.model.modules[modules.pop()].name if len(modules) == 1 else None
-            rewards = tuple(map(float, choice.rewards))
-            branches = tuple(Branch(p, s, rewards) for p, s in choice.branches)
-            found.append(Choice(choice.action, name, branches, choice.commands, self.model))
-        return tuple(found)
-
-    def rewards(self, state: State) -> tuple[float, ...]:
-        """The state reward per reward structure. Raises ModelFault."""
-        return tuple(map(float, state_rewards(self.model, state)))
-
-    def has_label(self, state: State, name: str) -> bool:
-        """Whether a state has a label of the model."""
-        return bool(evaluate(self.model.labels[name], valuation(self.model, state)))
-
-
 class TableSteps(Steps):
     """The steps of a model from explicit files or from Python, read from its rows."""
 
@@ -183,7 +158,7 @@ class TableSteps(Steps):
         )
         assert explored is not None
         assert imported is not None
-        self.model = engine.model
+        super().__init__(engine.model)
         self._explored, self._imported = explored.explored, imported
         self._states: list[State] = list(self._explored.states)
         self._numbers = {state: i for i, state in enumerate(self._states)}
