@@ -105,7 +105,7 @@ class Simulator:
         """Take a step.
 
         Args:
-            choice: the number of a choice or its action; None: any choice.
+            choice: the number of a choice or its action ("" without action); None: any choice.
             branch: the number of a successor of the choice; None: one at random.
 
         Returns:
@@ -118,7 +118,7 @@ class Simulator:
         enabled = self.choices
         if not enabled:
             raise UsageError(f"{self._text(self._path[-1].state)} is a deadlock: there is no step")
-        chosen = [c for i, c in enumerate(enabled) if choice in (None, i, c.action)]
+        chosen = [c for i, c in enumerate(enabled) if choice in (None, i, c.action or "")]
         if not chosen:
             actions = dict.fromkeys(c.action for c in enabled if c.action is not None)
             known = f"0 to {len(enabled) - 1}" + "".join(f", {a}" for a in actions)
