@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 from symcheck.api import Model, ReducedModel
@@ -42,7 +42,7 @@ class InstancesTask:
         self, state: RunState, constants: Mapping[str, str], varying: Mapping[str, str]
     ) -> None:
         """Check one instance."""
-        model = self.model.with_constants(constants)
+        model = replace(self.model, given_constants=constants)  # faults are reported below
         _check_instance(state, model, self.file, self.indices, self.of_properties, varying)
 
 

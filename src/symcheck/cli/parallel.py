@@ -99,7 +99,7 @@ def _report(
 
 
 def _add(state: RunState, outcome: _Outcome) -> None:
-    print(outcome.text, end="", file=state.output.out, flush=True)
-    state.rows += outcome.rows
+    state.rows += outcome.rows  # first: Ctrl-C may come while the text is printed
     state.failures += outcome.failures
     state.output.warnings += outcome.warnings
+    print(outcome.text, end="", file=state.output.out, flush=True)
