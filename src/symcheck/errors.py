@@ -55,10 +55,15 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Source:
-    """A named text, such as a model file."""
+    """A named text, such as a model file.
+
+    Attributes:
+        shown: the text that the user wrote, if `text` is it with faulty parts blanked out.
+    """
 
     name: str
     text: str = field(repr=False)
+    shown: str = field(repr=False, default="")
 
     @cached_property
     def _starts(self) -> tuple[int, ...]:
@@ -71,9 +76,9 @@ class Source:
 
     def line(self, number: int) -> str:
         """The text of line `number` (from 1), without its end."""
-        start = self._starts[number - 1]
-        end = self.text.find("\n", start)
-        return self.text[start : end if end >= 0 else len(self.text)].rstrip("\r")
+        text, start = self.shown or self.text, self._starts[number - 1]
+        end = text.find("\n", start)
+        return text[start : end if end >= 0 else len(text)].rstrip("\r")
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,8 @@ def results(text: str) -> list[str]:
         (["missing.pm"], 2, "missing.pm"),
         ([str(ROOT)], 2, "directory"),
         ([DIE, "missing.pctl"], 2, "missing.pctl"),
+        ([DIE_PCTL, DIE], 2, "in the place of the model"),
+        ([CROWDS, "-const", "TotalRuns=3", "CrowdSize=5"], 2, "commas separate constants"),
         ([DIE, "-bogus"], 2, "-bogus"),
         ([DIE, "-pf"], 2, "expected one argument"),
         ([DIE, "-epsilon", "x"], 2, "'x' is not a number"),

@@ -67,6 +67,13 @@ def test_the_rest_is_answered(tmp_path, capsys):
     assert "Error" not in capsys.readouterr().out
 
 
+def test_excerpts_show_what_was_typed(tmp_path, capsys):
+    """Also where a faulty property stands on the same line."""
+    (tmp_path / "m.pm").write_text(MODEL)
+    assert main([str(tmp_path / "m.pm"), "-pf", "P=? [ F 0 0 ]; P=? [ F y=1 ]"]) == 1
+    assert "  1 | P=? [ F 0 0 ]; P=? [ F y=1 ]\n" in capsys.readouterr().out
+
+
 def test_a_property_may_be_called_as_a_label_is(tmp_path, capsys):
     (tmp_path / "m.pm").write_text(MODEL)
     assert main([str(tmp_path / "m.pm"), "-pf", '"up": P=? [ F "up" ]; "down": "up" | x=0']) == 0

@@ -40,6 +40,17 @@ def choose_model_file(a: Arguments) -> str:
         if a.model is not None and a.model.endswith(_MODEL_ENDINGS):
             raise UsageError(f"'{a.model}' and -import… both name a model to read")
         a.model, a.properties = None, a.model
+    if a.model is not None and not a.model.endswith(_MODEL_ENDINGS):
+        if a.properties is not None and a.properties.endswith(_MODEL_ENDINGS):
+            raise UsageError(
+                f"'{a.model}' stands in the place of the model, and '{a.properties}' in that of "
+                "the properties\n  hint: symcheck MODEL PROPERTIES"
+            )
+    if a.properties is not None and "=" in a.properties and not Path(a.properties).exists():
+        raise UsageError(
+            f"cannot read {a.properties}: there is no such file"
+            "\n  hint: commas separate constants: -const N=3,p=0.5"
+        )
     source = a.model or a.importmodel or a.importtrans
     if source is None:
         raise UsageError(

@@ -105,7 +105,7 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
                         " ".join(_bare(whole).split()), SyntaxFault(*own)
                     )
         try:
-            file = parse_properties(text, source.name)
+            file = parse_properties(text, source.name, shown=source.text)
             break
         except SyntaxFault as another:
             current = another

@@ -9,7 +9,7 @@ from lark import Token
 
 from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax.grammars import Language
-from symcheck.syntax.operators import FUNCTION_BY_NAME
+from symcheck.syntax.operators import function_hint
 from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
 
 __all__ = ["diagnose"]
@@ -285,6 +285,8 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
     if glued and text[start - 1 : start + 1] in _DOUBLED:
         message, hint = _DOUBLED[text[start - 1 : start + 1]]
         return wrong(message, hint, 2, start - 1)
+    if two in ("[]", "<>") and "NEXT" in expected:
+        return wrong(*_DOUBLED[two], 2)
     if two in ("||", "/*"):
         return wrong(*_DOUBLED[two], 2)
     if two == "<-":
@@ -395,7 +397,7 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
             f"there is no function '{last}'",
             named,
             "function",
-            f"the functions are {', '.join(FUNCTION_BY_NAME)}",
+            function_hint(last),
         )
     if (
         found.isidentifier()
@@ -446,6 +448,8 @@ _DOUBLED = {
     "&&": ("'&&' is not an operator", "and is written &"),
     "||": ("'||' is not an operator of expressions", "or is written |"),
     "->": ("'->' is not an operator of properties", "implication is written =>"),
+    "[]": ("'[]' is not an operator of paths", "always is written G"),
+    "<>": ("'<>' is not an operator of paths", "eventually is written F"),
     "/*": ("this comment cannot be read", "comments start with // and end with the line"),
 }
 _COMMAND = "a command is [action] guard -> updates;"

@@ -13,6 +13,7 @@ from enum import Enum, StrEnum
 from typing import Any, TypeVar
 
 __all__ = [
+    "CTL_HINTS",
     "FUNCTION_BY_NAME",
     "OPERATOR_BY_TOKEN",
     "Function",
@@ -20,6 +21,7 @@ __all__ = [
     "Signature",
     "UnaryOperator",
     "connect",
+    "function_hint",
 ]
 
 T = TypeVar("T")
@@ -218,3 +220,16 @@ def connect(
 def _restricted(operator: Operator, left: bool, right: T, negation: Callable[[T], T]) -> T:
     """The operator for an undecided left operand: the right operand or its negation."""
     return right if operator.apply(left, True) else negation(right)
+
+
+CTL_HINTS = {
+    f"{quantifier}{path}": f"write {quantifier} [ {path} … ]"
+    for quantifier in "AE"
+    for path in "FGX"
+}
+"""What to write instead of the names that other tools give to pairs of a quantifier and a path."""
+
+
+def function_hint(name: str) -> str:
+    """The hint for a name that stands like a function and is none."""
+    return CTL_HINTS.get(name) or f"the functions are {', '.join(FUNCTION_BY_NAME)}"

@@ -59,12 +59,13 @@ def parse_model(text: str, name: str = "<model>") -> Program:
     return cast(Program, _parse("prism", "program", Source(name, text)))
 
 
-def parse_properties(text: str, name: str = "<properties>") -> PropertiesFile:
+def parse_properties(text: str, name: str = "<properties>", *, shown: str = "") -> PropertiesFile:
     """Parse a properties text: properties, and the constants, labels and formulas among them.
 
     Args:
         text: The whole text. Semicolons between the properties are optional.
         name: What diagnostics call the text, such as its file name.
+        shown: The text of the same length that diagnostics quote, if it is another one.
 
     Returns:
         The syntax tree, with the comments above each property.
@@ -76,7 +77,7 @@ def parse_properties(text: str, name: str = "<properties>") -> PropertiesFile:
         >>> len(parse_properties('P=? [ F x=1 ]; "goal": x>2').properties)
         2
     """
-    return cast(PropertiesFile, _parse("properties", "properties", Source(name, text)))
+    return cast(PropertiesFile, _parse("properties", "properties", Source(name, text, shown)))
 
 
 def parse_expression(text: str, name: str = "<expression>") -> Expression:

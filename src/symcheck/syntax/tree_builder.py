@@ -25,6 +25,7 @@ from symcheck.syntax.operators import (
     Function,
     Operator,
     UnaryOperator,
+    function_hint,
 )
 from symcheck.syntax.traversal import Tree, children
 
@@ -341,8 +342,12 @@ class Builder:
     def call(self, values: Values) -> ast.Call:
         function = values[0 if len(values) == 4 else 2].value
         if function not in FUNCTION_BY_NAME:
-            hint = f"the functions are {', '.join(FUNCTION_BY_NAME)}"
-            self._wrong(f"there is no function '{function}'", self._words(values), "function", hint)
+            self._wrong(
+                f"there is no function '{function}'",
+                self._words(values),
+                "function",
+                function_hint(function),
+            )
         return ast.Call(
             FUNCTION_BY_NAME.get(function, Function.MIN), values[-2], span=self._words(values)
         )
@@ -496,8 +501,8 @@ class PropertiesBuilder(Builder):
         (start, _), (_, end) = self._place(name or formula), self._place(formula)
         word = _LAST_WORD.search(text, max(start, end - _LONGEST_WORD), end)
         if word and _OPENING.match(text, end):
-            hint = f"the functions are {', '.join(FUNCTION_BY_NAME)}"
             span = Span(self.source, word.start(), end)
+            hint = function_hint(word[0])
             self._wrong(f"there is no function '{word[0]}'", span, "function", hint)
         span = Span(self.source, start, end)
         comments = comments_above(text, start)

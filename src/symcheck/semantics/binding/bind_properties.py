@@ -251,6 +251,7 @@ class _Properties:
         self.model = model
         self.table = _table(model, DiagnosticCollector())
         self.table.add(file.constants, file.formulas)
+        self.table.labels = model.labels.keys() | {label.name for label in file.labels}
         set_constants(
             self.table,
             file.constants,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from fractions import Fraction
 
 from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
@@ -14,6 +14,7 @@ from symcheck.semantics.expressions.types import Typer, type_of
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Expression, LabelReference, Literal, Name, Type
 from symcheck.syntax.declarations import Constant, Formula
+from symcheck.syntax.operators import CTL_HINTS
 from symcheck.syntax.traversal import Tree, nodes, transform
 
 __all__ = [
@@ -33,6 +34,7 @@ class SymbolTable:
     """Constants, formulas and variables by name; values of constants are computed on demand.
 
     Attributes:
+        labels: the names of the labels, for a hint at forgotten quotes.
         given: values for constants that the text leaves undefined.
         repeated: values for constants that the text defines; they must agree with the definition.
     """
@@ -43,6 +45,7 @@ class SymbolTable:
         self.constants: dict[str, Constant] = {}
         self.formulas: dict[str, Formula] = {}
         self.variables: dict[str, Type] = {}
+        self.labels: Set[str] = frozenset()
         self.given: dict[str, ConstantValue] = {}
         self.repeated: dict[str, ConstantValue] = {}
         self._values: dict[str, Value | InputError] = {}
@@ -252,7 +255,9 @@ def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnosti
         return Diagnostic(f"{node.name} is a variable: {why}", node.span, "not-constant")
     known = (*table.constants, *table.formulas, *table.variables)
     hint = (
-        suggest(node.name, known)
+        (f'the label is written "{node.name}"' if node.name in table.labels else None)
+        or CTL_HINTS.get(node.name)
+        or suggest(node.name, known)
         or f"declare a constant: const int {node.name}; or const double {node.name};"
     )
     return Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
