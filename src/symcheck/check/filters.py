@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -24,6 +24,9 @@ __all__ = [
 
 F = TypeVar("F")
 Bounds = tuple[Number, Number]
+
+_PER_STATE = ("range", "print", "printall")
+"""Filters on numbers whose value within a larger formula differs between states."""
 
 
 @dataclass(frozen=True)
@@ -72,22 +75,70 @@ class AppliedFilter:
             InputError: no state is selected, or several for 'state', or the formula has a wrong
                 type.
         """
-        operator, formula, states = self.node.operator, self.node.formula, self._selected()
-        if operator in ("argmin", "argmax"):
-            return _arguments(self.context, operator, self.numbers(formula), states)
-        if operator not in _BOOLEAN:
-            raise self._wrong_type("bool")
-        return _BOOLEAN[operator](self.context, self.node, self.satisfying(formula), states)
+        engine, formula, states = self.context.engine, self.node.formula, self._selected()
+        match self.node.operator:
+            case "argmin" | "argmax":
+                return self._extreme(self.numbers(formula), states)
+            case "print" | "printall" as operator:
+                holds = self.satisfying(formula)
+                shown = states if operator == "printall" else states & holds
+                self.context.log.lines.extend(truth_lines(self.context, holds, shown))
+                return FilterResult(None, holds)
+            case "forall":
+                value = states <= self.satisfying(formula)
+            case "exists":
+                value = bool(self.satisfying(formula) & states)
+            case "state" | "first":
+                value = bool(self.satisfying(formula) & self._one(states))
+            case _:
+                raise self._wrong_type("bool")
+        return FilterResult(value, engine.all if value else engine.none)
 
     def number(self) -> Numeric:
         """The result of a filter whose type is a number; raises InputError as `condition`."""
-        operator, formula, states = self.node.operator, self.node.formula, self._selected()
+        formula, states, operator = self.node.formula, self._selected(), self.node.operator
         if operator == "count":
             count = (self.satisfying(formula) & states).count
-            return _number(self.context, (count, count), rounded=False)
-        if operator not in _NUMERIC:
+            return self._constant((count, count), rounded=False)
+        if operator not in ("state", "first", "min", "max", "sum", "avg", *_PER_STATE):
             raise self._wrong_type("number")
-        return _NUMERIC[operator](self.context, self.node, self.numbers(formula), states)
+        values = self.numbers(formula)
+        rounded = values.rounded(states)
+        match operator:
+            case "range":
+                ends = values.minimum(states), values.maximum(states)
+                return FilterResult(ends, values, rounded)
+            case "print" | "printall":
+                shown = states if operator == "printall" else states & values.compare("!=", 0)[0]
+                self.context.log.lines.extend(value_lines(self.context, values, shown))
+                return FilterResult(None, values)
+            case "max":
+                bounds = values.maximum(states)
+            case "sum":
+                bounds = values.total(states)
+            case "avg":
+                low, high = values.total(states)
+                bounds = low / states.count, high / states.count
+            case "min":
+                bounds = values.minimum(states)
+            case _:
+                one = self._one(states)
+                bounds, rounded = values.minimum(one), values.rounded(one)
+        return self._constant(bounds, rounded)
+
+    def _constant(self, bounds: Bounds, rounded: bool) -> Numeric:
+        per_state = self.context.engine.constant(*bounds, rounded=rounded)
+        return FilterResult(bounds, per_state, rounded)
+
+    def _extreme(self, values: Values, states: StateSet) -> Condition:
+        """The states whose value may be the least (greatest), given its accuracy."""
+        if self.node.operator == "argmin":
+            sure, maybe = values.compare("<=", values.minimum(states)[1])
+        else:
+            sure, maybe = values.compare(">=", values.maximum(states)[0])
+        extreme = (sure | maybe) & states
+        self.context.log.lines.extend(value_lines(self.context, values, extreme))
+        return FilterResult(None, extreme)
 
     def _selected(self) -> StateSet:
         if self.states:
@@ -95,88 +146,17 @@ class AppliedFilter:
         message = "no state satisfies the condition of this filter"
         raise InputError(Diagnostic(message, self.node.span, "filter-empty"))
 
+    def _one(self, states: StateSet) -> StateSet:
+        """The first state, which must be the only one for 'state'."""
+        if self.node.operator == "state" and states.count != 1:
+            message = f"this filter selects {states.count} states, not one"
+            hint = "filter(first, …), filter(min, …) or filter(range, …) take several states"
+            raise InputError(Diagnostic(message, self.node.span, "filter-state", hint))
+        return self.context.engine.first(states)
+
     def _wrong_type(self, kind: str) -> InputError:
         message = f"the filter '{self.node.operator}' does not take a {kind}"
         return InputError(Diagnostic(message, self.node.span, "filter-type"))
-
-
-def _truth(context: Context, value: bool) -> Condition:
-    return FilterResult(value, context.engine.all if value else context.engine.none)
-
-
-def _number(context: Context, bounds: Bounds, rounded: bool) -> Numeric:
-    return FilterResult(bounds, context.engine.constant(*bounds, rounded=rounded), rounded)
-
-
-def _one_bool(context: Context, _: Filter, formula: StateSet, states: StateSet) -> Condition:
-    return _truth(context, bool(formula & states))
-
-
-def _state_bool(context: Context, node: Filter, formula: StateSet, states: StateSet) -> Condition:
-    return _one_bool(context, node, formula, _single(node, states))
-
-
-def _first_bool(context: Context, node: Filter, formula: StateSet, states: StateSet) -> Condition:
-    return _one_bool(context, node, formula, context.engine.first(states))
-
-
-def _forall(context: Context, _: Filter, formula: StateSet, states: StateSet) -> Condition:
-    return _truth(context, states <= formula)
-
-
-def _print_bool(context: Context, node: Filter, formula: StateSet, states: StateSet) -> Condition:
-    wanted = states if node.operator == "printall" else states & formula
-    context.log.lines.extend(truth_lines(context, formula, wanted))
-    return FilterResult(None, formula)
-
-
-def _state(context: Context, node: Filter, formula: Values, states: StateSet) -> Numeric:
-    return _number(context, formula.minimum(_single(node, states)), formula.rounded(states))
-
-
-def _first(context: Context, _: Filter, formula: Values, states: StateSet) -> Numeric:
-    first = context.engine.first(states)
-    return _number(context, formula.minimum(first), formula.rounded(first))
-
-
-def _minimum(context: Context, _: Filter, formula: Values, states: StateSet) -> Numeric:
-    return _number(context, formula.minimum(states), formula.rounded(states))
-
-
-def _maximum(context: Context, _: Filter, formula: Values, states: StateSet) -> Numeric:
-    return _number(context, formula.maximum(states), formula.rounded(states))
-
-
-def _sum(context: Context, _: Filter, formula: Values, states: StateSet) -> Numeric:
-    return _number(context, formula.total(states), formula.rounded(states))
-
-
-def _average(context: Context, _: Filter, formula: Values, states: StateSet) -> Numeric:
-    low, high = formula.total(states)
-    return _number(context, (low / states.count, high / states.count), formula.rounded(states))
-
-
-def _range(_: Context, __: Filter, formula: Values, states: StateSet) -> Numeric:
-    return FilterResult(
-        (formula.minimum(states), formula.maximum(states)), formula, formula.rounded(states)
-    )
-
-
-def _arguments(context: Context, operator: str, formula: Values, states: StateSet) -> Condition:
-    """The states whose value may be the least (greatest), given its accuracy."""
-    if operator == "argmin":
-        sure, maybe = formula.compare("<=", formula.minimum(states)[1])
-    else:
-        sure, maybe = formula.compare(">=", formula.maximum(states)[0])
-    extreme = (sure | maybe) & states
-    context.log.lines.extend(value_lines(context, formula, extreme))
-    return FilterResult(None, extreme)
-
-
-def _print(context: Context, node: Filter, formula: Values, states: StateSet) -> Numeric:
-    wanted = states if node.operator == "printall" else states & formula.compare("!=", 0)[0]
-    context.log.lines.extend(value_lines(context, formula, wanted))
-    return FilterResult(None, formula)
 
 
 def truth_lines(context: Context, formula: StateSet, states: StateSet) -> list[Line]:
@@ -202,39 +182,3 @@ def _lines(context: Context, states: StateSet, values: Sequence[bool | float]) -
 
 def _middle(low: float, high: float) -> float:
     return low if low == high else (low + high) / 2
-
-
-def _single(node: Filter, states: StateSet) -> StateSet:
-    if states.count != 1:
-        hint = "filter(first, …), filter(min, …) or filter(range, …) take several states"
-        raise InputError(
-            Diagnostic(
-                f"this filter selects {states.count} states, not one",
-                node.span,
-                "filter-state",
-                hint,
-            )
-        )
-    return states
-
-
-_BOOLEAN: Mapping[str, Callable[[Context, Filter, StateSet, StateSet], FilterResult[StateSet]]] = {
-    "state": _state_bool,
-    "first": _first_bool,
-    "forall": _forall,
-    "exists": _one_bool,
-    "print": _print_bool,
-    "printall": _print_bool,
-}
-
-_NUMERIC: Mapping[str, Callable[[Context, Filter, Values, StateSet], Numeric]] = {
-    "state": _state,
-    "first": _first,
-    "min": _minimum,
-    "max": _maximum,
-    "sum": _sum,
-    "avg": _average,
-    "range": _range,
-    "print": _print,
-    "printall": _print,
-}
