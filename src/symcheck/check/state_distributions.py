@@ -134,9 +134,7 @@ def transient(
     else:
         from symcheck.numerics.transient.uniformization import transient_distribution
 
-        found = transient_distribution(
-            matrix, sparse.row_sums(matrix.indptr, matrix.data), start, float(time), options
-        )
+        found = transient_distribution(matrix, matrix.row_sums(), start, float(time), options)
         lower, upper, text = found.lower, found.upper, found.explanation
     return Distribution(engine, lower, upper, True, text, perf_counter() - started)
 
@@ -170,9 +168,7 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
 
     All terms are non-negative, so the rounding error is relative.
     """
-    indptr, indices, data = sparse.transpose_values(
-        matrix.indptr, matrix.indices, matrix.data, matrix.columns
-    )
+    indptr, indices, data = sparse.transpose_values(*matrix.arrays, matrix.columns)
     longest = int(np.max(np.diff(indptr), initial=0))
     x, y = start.copy(), np.empty(len(start))
     made = 0
@@ -227,12 +223,7 @@ def steady_state(
             continue
         index = np.full(engine.states, -1, np.int32)
         index[part] = np.arange(len(part), dtype=np.int32)
-        component = SparseMatrix(
-            *sparse.select(
-                matrix.indptr, matrix.indices, matrix.data, part.astype(np.int64), index
-            ),
-            len(part),
-        )
+        component = matrix.select(part, index, len(part))
         found = stationary_distribution(component, options)
         certified &= found.certified
         lower[part], upper[part] = found.lower * low, np.minimum(found.upper * high, 1.0)

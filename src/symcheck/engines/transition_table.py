@@ -56,7 +56,7 @@ class TransitionTable:
     @property
     def choice(self) -> Int64s:
         """The choice (row of the matrix) of each transition, int64[transitions]."""
-        return np.repeat(np.arange(self.matrix.rows), np.diff(self.matrix.indptr))
+        return np.repeat(np.arange(self.matrix.rows), self.matrix.lengths)
 
     @property
     def source(self) -> Int64s:

@@ -47,6 +47,21 @@ class SparseMatrix:
         return self.rows if self.groups is None else len(self.groups) - 1
 
     @property
+    def arrays(self) -> tuple[Int64s, Int32s, Floats]:
+        """`indptr`, `indices` and `data`, as compiled loops take them."""
+        return self.indptr, self.indices, self.data
+
+    @property
+    def lengths(self) -> Int64s:
+        """Number of entries of each row."""
+        return np.diff(self.indptr)
+
+    @property
+    def longest(self) -> int:
+        """Number of entries of the longest row."""
+        return int(np.max(self.lengths, initial=0))
+
+    @property
     def entries(self) -> int:
         """Number of stored entries."""
         return int(self.indptr[-1])
@@ -71,12 +86,16 @@ class SparseMatrix:
         if self.exact:
             return sum_segments(self.data * x[self.indices], self.indptr)
         out = np.empty(self.rows)
-        sparse.multiply(self.indptr, self.indices, self.data, x, out)
+        sparse.multiply(*self.arrays, x, out)
         return out
+
+    def row_sums(self) -> Floats:
+        """The sum of each row of doubles."""
+        return sparse.row_sums(self.indptr, self.data)
 
     def divided(self, divisor: Numbers) -> SparseMatrix:
         """The matrix with each row divided by a number."""
-        return replace(self, data=self.data / np.repeat(divisor, np.diff(self.indptr)))
+        return replace(self, data=self.data / np.repeat(divisor, self.lengths))
 
     def select(
         self, rows: Int64s | Int32s, place: Int32s, columns: int, groups: Int64s | None = None
@@ -101,7 +120,7 @@ class SparseMatrix:
                 columns,
                 self.groups,
             )
-        row = np.repeat(np.arange(self.rows), np.diff(self.indptr))
+        row = np.repeat(np.arange(self.rows), self.lengths)
         keys, inverse = np.unique(row * columns + place[self.indices], return_inverse=True)
         order = np.argsort(inverse, kind="stable")
         starts = starts_of(np.bincount(inverse, minlength=len(keys)))
@@ -133,7 +152,7 @@ class SparseMatrix:
                 self.indptr, self.indices, self.data, self.groups, chosen, member, values
             )
         rows = states if self.groups is None else np.repeat(states, np.diff(self.groups))
-        entries = np.repeat(rows, np.diff(self.indptr)) & columns[self.indices]
+        entries = np.repeat(rows, self.lengths) & columns[self.indices]
         chosen = self.data[entries]
         terms = chosen if values is None else chosen * values[self.indices[entries]]
         return sum_segments(terms, starts_of(entries)[self.indptr])[rows]

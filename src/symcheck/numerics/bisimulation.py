@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.kernels.partition.row_signatures import row_signatures
-from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.graph import Incidence
 
@@ -63,9 +62,7 @@ def lump(
         rounds += 1
         fresh = np.empty((len(dirty), 2), dtype=np.uint64)
         row_signatures(
-            matrix.indptr,
-            matrix.indices,
-            matrix.data,
+            *matrix.arrays,
             edges.groups,
             seeds,
             block,
@@ -162,9 +159,6 @@ def _quotient(matrix: SparseMatrix, edges: Incidence, block: Int32s, rounds: int
     chosen = np.zeros(matrix.states, dtype=np.bool_)
     chosen[first] = True
     rows = np.flatnonzero(chosen[edges.owner_of_rows]).astype(np.int64)
-    kept = sparse.select(
-        matrix.indptr, matrix.indices, matrix.data, rows, np.arange(matrix.columns, dtype=np.int32)
-    )
-    merged = sparse.merge_columns(*kept, block, len(first))
     groups = None if matrix.groups is None else starts_of(np.diff(matrix.groups)[first])
-    return Lumping(block, first, SparseMatrix(*merged, len(first), groups), rows, rounds)
+    quotient = matrix.choose(rows, groups).merge(block, len(first))
+    return Lumping(block, first, quotient, rows, rounds)

@@ -148,6 +148,23 @@ class EndComponents:
     rows: Bools
     count: int
 
+    def representatives(self) -> Int64s:
+        """The first state of the component of each state; the state itself if there is none."""
+        states, inside = np.arange(len(self.of)), self.of >= 0
+        first = np.full(self.count, len(states))
+        np.minimum.at(first, self.of[inside], states[inside])
+        states[inside] = first[self.of[inside]]
+        return states
+
+    def quotient_states(self) -> tuple[Int32s, int]:
+        """The state of each state in the quotient by the components, and their number.
+
+        They are in the order of their first members.
+        """
+        first = self.representatives()
+        leads = first == np.arange(len(first))
+        return (np.cumsum(leads) - 1)[first].astype(np.int32), int(leads.sum())
+
     def meeting(self, sets: Sequence[Bools]) -> Bools:
         """The states of the components that meet all of some sets."""
         inside = self.of >= 0

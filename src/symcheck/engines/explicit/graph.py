@@ -95,7 +95,7 @@ class ExplicitGraph:
     @cached_property
     def _self_loops(self) -> Bools:
         m = self.engine.matrix
-        owners = np.repeat(self._edges.owner_of_rows, np.diff(m.indptr))
+        owners = np.repeat(self._edges.owner_of_rows, m.lengths)
         loops = np.zeros(m.states, bool)
         loops[owners[owners == m.indices]] = True
         return loops

@@ -214,7 +214,7 @@ def pair_matrix(
         rows = spans(matrix.groups[:-1][state], matrix.groups[1:][state])
         groups = starts_of(per_state)
         after = np.repeat(following, per_state)
-    indptr = starts_of(np.diff(matrix.indptr)[rows])
+    indptr = starts_of(matrix.lengths[rows])
     indices, data = np.empty(int(indptr[-1]), np.int32), np.empty(int(indptr[-1]))
     kernel.product_rows(
         matrix.indptr,

@@ -13,7 +13,6 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.states import variable_names
-from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.tables import SHOWN_ROWS, Table, data_frame, state_table
@@ -48,11 +47,7 @@ class Strategy:
     @cached_property
     def induced(self) -> SparseMatrix:
         """The Markov chain that the strategy induces, on all states."""
-        m = self.engine.matrix
-        part = sparse.select(
-            m.indptr, m.indices, m.data, self.rows, np.arange(m.columns, dtype=np.int32)
-        )
-        return SparseMatrix(*part, m.columns)
+        return self.engine.matrix.choose(self.rows)
 
     @cached_property
     def reachable(self) -> Bools:

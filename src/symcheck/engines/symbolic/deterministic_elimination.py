@@ -353,7 +353,7 @@ def _among(
     number = np.full(m.columns, -1, np.int32)
     number[open_] = np.arange(n, dtype=np.int32)
     groups, into, leave, entries = kernel.restrict_in_place(
-        m.indptr, m.indices, m.data, m.groups, member.view(np.uint8), number, n
+        *m.arrays, m.groups, member.view(np.uint8), number, n
     )
     rows = m.indptr[: len(into) + 1], m.indices[:entries], m.data[:entries]
     return SparseMatrix(*rows, n, None if direction is None else groups), into, leave

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import (
@@ -38,10 +37,7 @@ class BellmanOperator:
     @staticmethod
     def of(problem: LinearProblem) -> BellmanOperator:
         """The Bellman operator of a problem."""
-        if problem.operator is not None:
-            longest = problem.operator.longest
-        else:
-            longest = int(np.max(np.diff(problem.rows.indptr), initial=0))
+        longest = (problem.operator or problem.rows).longest
         groups = problem.choices
         first_rows = None if groups is None else groups[:-1]
         return BellmanOperator(problem, (longest + 8) * tuning.UNIT_ROUNDOFF, first_rows)
@@ -50,10 +46,7 @@ class BellmanOperator:
         """A x, per row."""
         if self.problem.operator is not None:
             return self.problem.operator.multiply(x)
-        matrix = self.problem.rows
-        out = np.empty(matrix.rows)
-        sparse.multiply(matrix.indptr, matrix.indices, matrix.data, x, out)
-        return out
+        return self.problem.rows.multiply(x)
 
     def best(self, rows: Floats) -> Floats:
         """The optimum over the rows of each state."""

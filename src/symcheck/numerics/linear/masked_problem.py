@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.kernels.rows import sparse
 from symcheck.kernels.rows import submatrix as kernel
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics import graph
@@ -80,10 +79,8 @@ class MaskedProblem:
         m, chosen = self.matrix, self.unknown.view(np.uint8)
         values = self.initial_values()[:, 0].copy()
         outside = (~self.unknown).view(np.uint8)
-        constant = kernel.sum_columns(
-            m.indptr, m.indices, m.data, m.groups, chosen, outside, values
-        )
-        leave = kernel.sum_columns(m.indptr, m.indices, m.data, m.groups, chosen, outside, None)
+        constant = kernel.sum_columns(*m.arrays, m.groups, chosen, outside, values)
+        leave = kernel.sum_columns(*m.arrays, m.groups, chosen, outside, None)
         if self.constant is not None:
             constant += (
                 self.constant[self.unknown]
@@ -91,16 +88,9 @@ class MaskedProblem:
                 else kernel.take_rows(self.constant, m.groups, chosen)
             )
         groups = None if m.groups is None else kernel.select_groups(m.groups, chosen)
-        matrix = SparseMatrix(
-            *kernel.select_states(m.indptr, m.indices, m.data, m.groups, chosen), self.n, groups
-        )
+        matrix = SparseMatrix(*kernel.select_states(*m.arrays, m.groups, chosen), self.n, groups)
         if self.rates:
-            total = sparse.row_sums(matrix.indptr, matrix.data) + leave
-            matrix = SparseMatrix(
-                matrix.indptr,
-                matrix.indices,
-                matrix.data / np.repeat(total, np.diff(matrix.indptr)),
-                self.n,
-            )
+            total = matrix.row_sums() + leave
+            matrix = matrix.divided(total)
             constant, leave = constant / total, leave / total
         return LinearProblem(constant, matrix, None, leave, self.direction, self.probability)

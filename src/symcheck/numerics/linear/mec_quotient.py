@@ -104,15 +104,7 @@ def collapse(problem: LinearProblem) -> MecQuotient | None:
 def _quotient(problem: LinearProblem, parts: graph.EndComponents, owner: Int32s) -> MecQuotient:
     """The quotient, with states in the order of their first members and without inner rows."""
     matrix = problem.rows
-    n = matrix.states
-    first = np.arange(n)
-    inside = parts.of >= 0
-    leader = np.full(parts.count, n, dtype=np.int64)
-    np.minimum.at(leader, parts.of[inside], np.flatnonzero(inside))
-    first[inside] = leader[parts.of[inside]]
-    leads = first == np.arange(n)
-    index = (np.cumsum(leads) - 1)[first].astype(np.int32)
-    count = int(leads.sum())
+    index, count = parts.quotient_states()
     rows = np.flatnonzero(~parts.rows)
     # Rows are sorted by quotient state; rows of the same state keep their order.
     rows = rows[np.argsort(index[owner[rows]], kind="stable")].astype(np.int64)

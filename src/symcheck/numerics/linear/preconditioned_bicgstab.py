@@ -59,9 +59,7 @@ class SplitMatrix:
         below, above = np.empty(lower, kind), np.empty(upper, kind)
         left, right = np.empty(lower, np.int32), np.empty(upper, np.int32)
         table = np.ones(1) if table is None or not len(table) else table
-        ssor_eisenstat.fill_triangles(
-            matrix.indptr, matrix.indices, matrix.data, table, left, below, right, above
-        )
+        ssor_eisenstat.fill_triangles(*matrix.arrays, table, left, below, right, above)
         return SplitMatrix(scale, table, (low, left, below), (up, right, above))
 
     def with_rank_one(self, column: Floats, row: Floats) -> SplitMatrix:
@@ -170,7 +168,7 @@ def scaled(rates: SparseMatrix, weights: Floats) -> SparseMatrix:
     """diag(weights)^-1 rates diag(weights)."""
     data = weights[rates.indices]
     data *= rates.data
-    data *= np.repeat(1.0 / weights, np.diff(rates.indptr))
+    data *= np.repeat(1.0 / weights, rates.lengths)
     return SparseMatrix(rates.indptr, rates.indices, data, rates.columns)
 
 

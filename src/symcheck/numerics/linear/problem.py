@@ -11,7 +11,6 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
-from symcheck.kernels.rows import sparse
 from symcheck.matrices.numbers import Numbers, is_exact, sum_segments
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import tuning
@@ -169,8 +168,8 @@ class LinearProblem:
         elif self.exact:
             out = 1 - sum_segments(self.rows.data, self.rows.indptr)
         elif self.matrix is not None:
-            out = 1.0 - sparse.row_sums(self.matrix.indptr, self.matrix.data)
-            noise = (np.diff(self.matrix.indptr) + 2) * 2.0 * tuning.UNIT_ROUNDOFF
+            out = 1.0 - self.matrix.row_sums()
+            noise = (self.matrix.lengths + 2) * 2.0 * tuning.UNIT_ROUNDOFF
             out[out <= noise] = 0.0
         else:
             out = np.zeros(len(self.constant))

@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 
 from symcheck.kernels.chains.gth_elimination import GthElimination
-from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.certificates import certify
 from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
@@ -68,9 +67,7 @@ class LocalSystem:
         """All equations of a problem."""
         m = problem.rows
         system = ComponentSolver(
-            m.indptr,
-            m.indices,
-            m.data,
+            *m.arrays,
             m.groups,
             problem.constant,
             problem.high,
@@ -117,11 +114,7 @@ class LocalSystem:
 
     def chain(self, policy: Int64s) -> tuple[SparseMatrix, Floats]:
         """The chain of a policy (rows of the block): its matrix and exit probabilities."""
-        everywhere = np.arange(self.n, dtype=np.int32)
-        part = sparse.select(
-            self.matrix.indptr, self.matrix.indices, self.matrix.data, policy, everywhere
-        )
-        return SparseMatrix(*part, self.n), self.exit[policy]
+        return self.matrix.choose(policy), self.exit[policy]
 
     def problem(self, policy: Int64s, constant: Floats, probability: bool = False) -> LinearProblem:
         """The chain of a policy as a problem, with the given constants per row of the block."""
@@ -132,9 +125,7 @@ class LocalSystem:
 
     def rows_of(self, x: Floats, constant: Floats) -> Floats:
         """The right-hand sides constant + A x, per row."""
-        out = np.empty(self.matrix.rows)
-        sparse.multiply(self.matrix.indptr, self.matrix.indices, self.matrix.data, x, out)
-        return out + constant
+        return np.asarray(self.matrix.multiply(x) + constant)
 
     def certify(self, x: Floats, weight: Floats, policy: Int64s | None) -> tuple[float, float]:
         """Factors (low, high) such that x - low·weight and x + high·weight are proved bounds.
@@ -143,9 +134,7 @@ class LocalSystem:
         """
         rows = np.zeros(1, dtype=np.int64) if policy is None else policy
         m = self.matrix
-        return certify(
-            m.indptr, m.indices, m.data, m.groups, self.low, self.high, x, weight, rows, self.mode
-        )
+        return certify(*m.arrays, m.groups, self.low, self.high, x, weight, rows, self.mode)
 
 
 def _absolute_scale(x: Floats) -> Floats:
@@ -173,7 +162,7 @@ def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
     is too small or too large for a double.
     """
     m = local.matrix
-    factors = GthElimination(m.indptr, m.indices, m.data, local.exit, limit)
+    factors = GthElimination(*m.arrays, local.exit, limit)
     if not factors.complete:
         return None
     lower = factors.solve(local.low) * (1.0 - factors.error)
@@ -229,9 +218,7 @@ class _BiCGStab:
 
     def times(self, v: Floats) -> Floats:
         """(I - A) v."""
-        m, out = self.local.matrix, np.empty(self.local.n)
-        sparse.multiply(m.indptr, m.indices, m.data, v, out)
-        return np.subtract(v, out, out=out)
+        return np.asarray(v - self.local.matrix.multiply(v))
 
     def solve(self, right: Floats, scale: Floats | None, goal: float) -> Floats | None:
         """A solution with a residual of at most about goal · scale; None if it does not converge.
@@ -321,7 +308,7 @@ def _proves_optimality(local: LocalSystem, policy: Int64s, values: Solution) -> 
     """Whether the bounds on a policy's values prove that no other row is better in any state."""
     groups = local.matrix.groups
     assert groups is not None
-    longest = int(np.max(np.diff(local.matrix.indptr), initial=0))
+    longest = local.matrix.longest
     rounding_error = (longest + 8) * tuning.UNIT_ROUNDOFF
     if local.mode == 2:
         rows = local.rows_of(values.upper, local.high)

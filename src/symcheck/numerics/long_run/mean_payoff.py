@@ -24,7 +24,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, full
-from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
@@ -88,7 +88,7 @@ class _EndComponent:
         """A bound on the rounding error of T h - h; 0 in rational arithmetic."""
         if self.matrix.exact:
             return 0
-        longest = int(np.diff(self.matrix.indptr).max())
+        longest = int(self.matrix.lengths.max())
         return float(
             (longest + 6) * 2.0**-52 * (np.abs(self.rewards).max() + 2.0 * np.abs(h).max())
         )
@@ -315,11 +315,11 @@ class MecQuotient:
     Attributes:
         problem: the equations; each component is one state with one more row, which stops and
             yields its gain.
-        state: the state of the quotient of each state, int64[n].
+        state: the state of the quotient of each state, int32[n].
     """
 
     problem: LinearProblem
-    state: Int64s
+    state: Int32s
 
 
 def mec_quotient(matrix: SparseMatrix, gains: Gains, direction: Direction) -> MecQuotient:
@@ -332,20 +332,16 @@ def mec_quotient(matrix: SparseMatrix, gains: Gains, direction: Direction) -> Me
         gains: bounds on the gains, which must not be negative.
         direction: maximise or minimise.
     """
-    parts, n = gains.parts, matrix.states
-    inside = parts.of >= 0
-    first = np.arange(n)
-    leader = np.full(parts.count, n, dtype=np.int64)
-    np.minimum.at(leader, parts.of[inside], np.flatnonzero(inside))
-    first[inside] = leader[parts.of[inside]]
-    leads: Bools = first == np.arange(n)
-    state = (np.cumsum(leads) - 1)[first]
-    count = int(leads.sum())
+    parts = gains.parts
+    state, count = parts.quotient_states()
     owner = graph.Incidence(matrix).owner_of_rows
     rows = np.flatnonzero(~parts.rows)
-    kept = matrix.choose(rows).merge(state.astype(np.int32), count)
+    kept = matrix.choose(rows).merge(state, count)
     whole = replace(kept, indptr=np.concatenate((kept.indptr, np.full(parts.count, kept.entries))))
-    of = np.concatenate((state[owner[rows]], state[leader]))
+    inside = parts.of >= 0
+    stopping = np.empty(parts.count, np.int32)
+    stopping[parts.of[inside]] = state[inside]
+    of = np.concatenate((state[owner[rows]], stopping))
     order = np.argsort(of, kind="stable").astype(np.int64)
     groups = starts_of(np.bincount(of, minlength=count))
     none, one = full(len(rows), 0, exact=matrix.exact), full(parts.count, 1, exact=matrix.exact)

@@ -84,7 +84,7 @@ def stationary_distribution(
 def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
     """The distribution by elimination; None if that needs more than `limit` operations."""
     n = rates.states
-    factors = GthElimination(rates.indptr, rates.indices, rates.data, np.zeros(n), limit)
+    factors = GthElimination(*rates.arrays, np.zeros(n), limit)
     if not factors.complete:
         return None
     pi = factors.stationary()
@@ -98,8 +98,8 @@ def _estimate(
     rates: SparseMatrix, settings: Settings, observer: Observer | None
 ) -> tuple[Floats, int]:
     """Gauss-Seidel sweeps on pi Q = 0: the distribution and the number of sweeps."""
-    columns = sparse.transpose_values(rates.indptr, rates.indices, rates.data, rates.columns)
-    leave = gauss_seidel.exit_rates(rates.indptr, rates.indices, rates.data)
+    columns = sparse.transpose_values(*rates.arrays, rates.columns)
+    leave = gauss_seidel.exit_rates(*rates.arrays)
     pi = np.full(rates.states, 1.0 / rates.states)
     for count in range(1, settings.max_iterations + 1):
         change = gauss_seidel.stationary_sweep(*columns, leave, pi)
@@ -141,7 +141,7 @@ def long_run_average(
     known = _eliminated(rates, limit) if limit else None
     if known is not None:
         return _weighted(known, rewards)
-    leave = gauss_seidel.exit_rates(rates.indptr, rates.indices, rates.data)
+    leave = gauss_seidel.exit_rates(*rates.arrays)
     found = _poisson_equation(rates, leave, rewards, settings, observer)
     if not _close_enough((found.lower, found.upper), settings) and n <= tuning.ELIMINATION_STATES:
         known = _eliminated(rates, tuning.STATIONARY_OPERATIONS)
@@ -171,7 +171,7 @@ def _bordered(rates: SparseMatrix, leave: Floats) -> SplitMatrix:
     for sweep in range(tuning.OCCUPATION_SWEEPS):
         if sweep == tuning.OCCUPATION_SWEEPS // 2:
             time[:] = 0.0  # discard the part that depends on the start
-        gauss_seidel.occupation_sweep(rates.indptr, rates.indices, rates.data, leave, mass, time)
+        gauss_seidel.occupation_sweep(*rates.arrays, leave, mass, time)
     time *= (
         tuning.EIGENVALUE_SHIFT * float(np.einsum("i,i->", time, leave)) / float(time.sum()) ** 2
     )
@@ -188,13 +188,13 @@ def _poisson_equation(
 ) -> Average:
     """Improve h until the least and the greatest entry of r + Q h are close enough."""
     split = _bordered(rates, leave)
-    longest = int(np.max(np.diff(rates.indptr), initial=0))
+    longest = rates.longest
     largest = float(np.max(np.abs(rewards), initial=0.0))
 
     def compute_bounds(h: Floats) -> tuple[float, float]:
         out = np.empty(rates.states)
-        gauss_seidel.apply_generator(rates.indptr, rates.indices, rates.data, h, out)
-        most = gauss_seidel.largest_generator_term(rates.indptr, rates.indices, rates.data, h)
+        gauss_seidel.apply_generator(*rates.arrays, h, out)
+        most = gauss_seidel.largest_generator_term(*rates.arrays, h)
         rounding_error = (longest + 6) * 2.0 * tuning.UNIT_ROUNDOFF * (most + largest)
         out += rewards
         return float(out.min()) - rounding_error, float(out.max()) + rounding_error

@@ -177,7 +177,7 @@ class Flow:
         """Rows, columns and entries: outflow + settling - inflow = begin, per live state."""
         m, number, rows = self.matrix, np.cumsum(self.live) - 1, self.usable
         entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
-        source = np.repeat(np.arange(len(rows)), np.diff(m.indptr)[rows])
+        source = np.repeat(np.arange(len(rows)), m.lengths[rows])
         inside = self.live[m.indices[entries]]
         settled = np.concatenate([number[:0], *(number[places] for places in self.places)])
         equations = (

@@ -123,7 +123,7 @@ class _Entries:
     def of(problem: RewardBoundedReachability, lead: _Representatives) -> _Entries:
         m = problem.matrix
         index = spans(m.indptr[:-1][lead.rows], m.indptr[1:][lead.rows])
-        row = np.repeat(np.arange(len(lead.rows)), np.diff(m.indptr)[lead.rows])
+        row = np.repeat(np.arange(len(lead.rows)), m.lengths[lead.rows])
         target = lead.number[m.indices[index]]
         same_epoch = (problem.rewards == 0)[lead.rows][row] & (target >= 0)
         edge = same_epoch & (target != lead.of_row[row])
@@ -132,7 +132,7 @@ class _Entries:
     def values(self, problem: RewardBoundedReachability, lead: _Representatives) -> Floats:
         """The probabilities, with self-loops divided out; exactly 1 for deterministic rows."""
         m, rows = problem.matrix, lead.rows
-        deterministic = (np.diff(m.indptr)[rows] == 1) & (problem.exit[rows] <= 0.0)
+        deterministic = (m.lengths[rows] == 1) & (problem.exit[rows] <= 0.0)
         value = np.where(deterministic[self.row], 1.0, m.data[self.index])
         looping = np.bincount(self.row[self.loop], minlength=len(rows)) > 0
         rest = np.bincount(self.row[~self.loop], value[~self.loop], len(rows)) + problem.exit[rows]
@@ -160,7 +160,7 @@ def _ordered(
     outside = count - np.bincount(position[row[keep[own[keep]]]], minlength=len(order))
     ptr = starts_of(count)
     rows = lead.rows[order]
-    lengths, full = np.diff(m.indptr)[rows], problem.exit[rows] <= 0.0
+    lengths, full = m.lengths[rows], problem.exit[rows] <= 0.0
     first, last = lead.member_ptr[:-1][blocks.order], lead.member_ptr[1:][blocks.order]
     return EpochSystem(
         block=blocks.start.astype(np.int64),
@@ -239,9 +239,7 @@ class _Representatives:
         inside = parts.of >= 0
         place = np.arange(problem.matrix.states)
         if problem.direction == Direction.MAX:
-            leader = np.full(parts.count, len(place))
-            np.minimum.at(leader, parts.of[inside], np.flatnonzero(inside))
-            place[inside] = leader[parts.of[inside]]
+            place = parts.representatives()
             rows = np.flatnonzero(unknown[owner] & ~parts.rows)
             leaving = np.zeros(len(place), np.bool_)
             leaving[place[owner[rows]]] = True
@@ -286,10 +284,7 @@ def _follow_deterministic_rows(
     of = place[owner[rows]]
     alone = np.bincount(of, minlength=len(place))[of] == 1
     copies = (
-        alone
-        & (np.diff(m.indptr)[rows] == 1)
-        & (problem.rewards[rows] == 0)
-        & (problem.exit[rows] <= 0.0)
+        alone & (m.lengths[rows] == 1) & (problem.rewards[rows] == 0) & (problem.exit[rows] <= 0.0)
     )
     target = m.indices[np.minimum(m.indptr[rows], m.entries - 1)]
     copies &= active[target]

@@ -271,7 +271,7 @@ def unfold_reward_dimension(
     after = np.repeat(count_of, per_pair) + np.minimum(rewards[rows], counts)
     fails = after >= counts if upper is not None else np.zeros(len(rows), np.bool_)
     after = np.minimum(after, counts - 1)
-    lengths = np.where(fails, 0, np.diff(m.indptr)[rows])
+    lengths = np.where(fails, 0, m.lengths[rows])
     entries = spans(m.indptr[rows], m.indptr[rows] + lengths)
     columns = m.indices[entries].astype(np.int64) * counts + np.repeat(after, lengths)
     matrix = SparseMatrix(

@@ -131,8 +131,8 @@ def importance(
     rest = tuning.IMPORTANCE_SHIFT / time
     scale = 1.0 / (exit_rates + rest)
     if rates.states <= tuning.KRYLOV_ELIMINATION_STATES:
-        data = rates.data * np.repeat(scale, np.diff(rates.indptr))
-        leaves = np.maximum(exit_rates - sparse.row_sums(rates.indptr, rates.data), 0.0) + rest
+        data = rates.data * np.repeat(scale, rates.lengths)
+        leaves = np.maximum(exit_rates - rates.row_sums(), 0.0) + rest
         factors = GthElimination(
             rates.indptr,
             rates.indices,
@@ -143,15 +143,13 @@ def importance(
         found = factors.solve(reward_rate * scale) if factors.complete else None
         if found is not None:
             return found if bool(np.all(found > 0.0)) else None
-    scale = 1.0 / (
-        exit_rates + rest - ssor_eisenstat.diagonal(rates.indptr, rates.indices, rates.data)
-    )
+    scale = 1.0 / (exit_rates + rest - ssor_eisenstat.diagonal(*rates.arrays))
     return relative_solution(rates, scale, reward_rate, guess, tuning.IMPORTANCE_RESIDUAL)
 
 
 def excess(rates: SparseMatrix, exit_rates: Floats) -> float:
     """The largest excess of the sum of a row over its exit rate, or 0."""
-    return max(0.0, float(np.max(sparse.row_sums(rates.indptr, rates.data) - exit_rates)))
+    return max(0.0, float(np.max(rates.row_sums() - exit_rates)))
 
 
 def _residual_relaxation(widths: list[float]) -> float:
@@ -188,14 +186,14 @@ class _System:
     def of(
         rates: SparseMatrix, exit_rates: Floats, poles: tuple[float, ...], single: float
     ) -> _System:
-        diagonal = exit_rates - ssor_eisenstat.diagonal(rates.indptr, rates.indices, rates.data)
+        diagonal = exit_rates - ssor_eisenstat.diagonal(*rates.arrays)
         factors = (
             _factors(rates, single / (1.0 + single * diagonal))
             if rates.states <= tuning.KRYLOV_ELIMINATION_STATES
             else None
         )
         split = None if factors is not None else SplitMatrix.of(rates, diagonal)
-        longest = int(np.max(np.diff(rates.indptr), initial=0))
+        longest = rates.longest
         poles = (single,) if split is None else poles
         return _System(
             rates,
@@ -214,21 +212,15 @@ class _System:
 
     def generator(self, v: Floats) -> Floats:
         """Q v."""
-        out = np.empty(len(v))
-        sparse.multiply(self.rates.indptr, self.rates.indices, self.rates.data, v, out)
-        out -= self.exit_rates * v
-        return out
+        return np.asarray(self.rates.multiply(v) - self.exit_rates * v)
 
     def flow(self, v: Floats) -> Floats:
         """|Q| v."""
-        out = np.empty(len(v))
-        sparse.multiply(self.rates.indptr, self.rates.indices, self.rates.data, v, out)
-        out += self.exit_rates * v
-        return out
+        return np.asarray(self.rates.multiply(v) + self.exit_rates * v)
 
 
 def _factors(rates: SparseMatrix, scale: Floats) -> GthElimination | None:
-    owner = np.repeat(np.arange(rates.states, dtype=np.int32), np.diff(rates.indptr))
+    owner = np.repeat(np.arange(rates.states, dtype=np.int32), rates.lengths)
     data = rates.data * scale[owner]
     data[rates.indices == owner] = 0.0
     leaves = 1.0 - sparse.row_sums(rates.indptr, data)

@@ -19,7 +19,7 @@ from symcheck.kernels.chains import ssor_eisenstat
 from symcheck.kernels.graph import components
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.component_bounds import ComponentSolver
-from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import relative_solution
 
@@ -76,7 +76,7 @@ def truncate(
     # A lower bound on the least value: the reward within T/a is part of that within T.
     least = float(value[interest].min())
     target = least * math.exp(-laplace_shift) / (4.0 * laplace_shift)
-    owner = np.repeat(np.arange(rates.states), np.diff(rates.indptr))
+    owner = np.repeat(np.arange(rates.states), rates.lengths)
     flow = occupation[owner] * rates.data
     inflow = np.bincount(rates.indices, weights=flow, minlength=rates.states)
     with np.errstate(under="ignore", over="ignore"):
@@ -102,7 +102,7 @@ def _resolvent(
 ) -> Floats | None:
     """Upper bounds on e^a (a/time - Q)^-1 right (or its transpose), within about a factor of 2."""
     scale = 1.0 / (exit_rates + laplace_shift / time)
-    arrays: tuple[Int64s, Int32s, Floats] = (rates.indptr, rates.indices, rates.data)
+    arrays = rates.arrays
     back = sparse.transpose_values(*arrays, rates.columns)
     if transposed:
         arrays, back = back, arrays
@@ -150,19 +150,13 @@ def _supersolution(
     """
     if not guess.min(initial=np.inf) > tuning.GUESS_RANGE * guess.max(initial=0.0):
         return None
-    diagonal = (
-        exit_rates
-        + tuning.SHIFT_REDUCTION * rest
-        - ssor_eisenstat.diagonal(matrix.indptr, matrix.indices, matrix.data)
-    )
+    diagonal = exit_rates + tuning.SHIFT_REDUCTION * rest - ssor_eisenstat.diagonal(*matrix.arrays)
     # The room suffices for this residual if the guess is at most ten times too large.
     goal = 0.1 * (1.0 - tuning.SHIFT_REDUCTION) * rest / float(np.max(exit_rates) + rest)
     found = relative_solution(matrix, 1.0 / diagonal, right, guess, goal)
     if found is None:
         return None
-    out = np.empty(matrix.states)
-    sparse.multiply(matrix.indptr, matrix.indices, matrix.data, found, out)
-    longest = int(np.max(np.diff(matrix.indptr), initial=0))
+    longest = matrix.longest
     rounding_error = (longest + 8) * tuning.UNIT_ROUNDOFF
-    out = (out + right) / (exit_rates + rest) * (1.0 + rounding_error)
+    out = (matrix.multiply(found) + right) / (exit_rates + rest) * (1.0 + rounding_error)
     return found if bool(np.all(out <= found)) else None

@@ -21,7 +21,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
@@ -405,9 +404,7 @@ def _on_truncated_space(
         kept, loss = kept[cut.kept], loss + cut.loss
         index[:] = -1
         index[kept] = np.arange(len(kept))
-        matrix = SparseMatrix(
-            *sparse.select(rates.indptr, rates.indices, rates.data, kept, index), len(kept)
-        )
+        matrix = rates.select(kept, index, len(kept))
     if len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
         return None
     at = index[interest].astype(np.int64)

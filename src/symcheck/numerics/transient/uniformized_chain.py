@@ -52,7 +52,7 @@ class UniformizedChain:
         if self.matrix is not None:
             m = self.matrix
             even, low, high, most = uniformization.uniformized_steps(
-                m.indptr, m.indices, m.data, self.diagonal, y, z, total, weights, floor
+                *m.arrays, self.diagonal, y, z, total, weights, floor
             )
             return (y, z, low, high, most) if even else (z, y, low, high, most)
         assert self.operator is not None
@@ -92,7 +92,7 @@ class OccupationBounds:
     def of(chain: UniformizedChain, time: Floats) -> OccupationBounds:
         """The bounds for a chain that loses little probability."""
         assert chain.matrix is not None
-        stays = sparse.row_sums(chain.matrix.indptr, chain.matrix.data) + chain.diagonal
+        stays = chain.matrix.row_sums() + chain.diagonal
         return OccupationBounds(
             time,
             chain.q * float(time @ np.maximum(1.0 - stays, 0.0)) * (1.0 + 1e-9)
@@ -143,10 +143,8 @@ def uniformize(
     diagonal[diagonal < 4 * tuning.UNIT_ROUNDOFF] = 0.0
     if not isinstance(rates, SparseMatrix):
         return UniformizedChain(q, diagonal, None, rates, rates.longest)
-    arrays = (rates.indptr, rates.indices, rates.data)
+    arrays = rates.arrays
     if transposed:
         arrays = sparse.transpose_values(*arrays, rates.columns)
     matrix = SparseMatrix(arrays[0], arrays[1], arrays[2] / q, rates.columns)
-    return UniformizedChain(
-        q, diagonal, matrix, None, int(np.max(np.diff(matrix.indptr), initial=0))
-    )
+    return UniformizedChain(q, diagonal, matrix, None, matrix.longest)

@@ -23,9 +23,7 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     def step(_: Floats) -> Floats:
         nonlocal backwards
         backwards = not backwards
-        gauss_seidel_sweep(
-            m.indptr, m.indices, m.data, m.groups, problem.constant, x, problem.mode, backwards
-        )
+        gauss_seidel_sweep(*m.arrays, m.groups, problem.constant, x, problem.mode, backwards)
         return x.copy()
 
     return iterate_to_estimate("gauss-seidel", step, problem, settings, observer)

@@ -21,7 +21,7 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     owner = np.arange(matrix.rows)
     if matrix.groups is not None:
         owner = np.repeat(np.arange(matrix.states), np.diff(matrix.groups))
-    row_of_entry = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
+    row_of_entry = np.repeat(np.arange(matrix.rows), matrix.lengths)
     diagonal = matrix.indices == owner[row_of_entry]
     loops = np.zeros(matrix.rows)
     loops[row_of_entry[diagonal]] = matrix.data[diagonal]

@@ -94,9 +94,7 @@ def solve_masked(
     m, constant = problem.matrix, problem.constant
     unknown = problem.unknown.view(np.uint8)
     system = ComponentSolver(
-        m.indptr,
-        m.indices,
-        m.data,
+        *m.arrays,
         m.groups,
         constant,
         constant,
@@ -117,9 +115,7 @@ def _solve_rows(
     """Solve a problem with non-negative constants, whose end components are collapsed."""
     m = problem.rows
     system = ComponentSolver(
-        m.indptr,
-        m.indices,
-        m.data,
+        *m.arrays,
         m.groups,
         problem.constant,
         problem.high,
