@@ -115,11 +115,12 @@ def test_faults_of_imported_files(die, capsys):
     assert "bad.tra:3:3: error[index]: state 9 does not exist" in err
 
 
-def test_engines_that_cannot_take_an_imported_model_say_so(die, capsys):
-    (die / "m.tra").write_text("1 1\n0 0 1\n")
-    status, _, err = run(capsys, "-importmodel", die / "m.tra", "-m")
-    assert status == 2
-    assert "explicit engine" in err
+def test_every_engine_takes_an_imported_model(die, capsys):
+    (die / "m.tra").write_text("2 2\n0 1 1\n1 1 1\n")
+    for engine in ("mtbdd", "hybrid", "sparse", "explicit"):
+        status, out, _ = run(capsys, "-importmodel", die / "m.tra", f"-{engine}")
+        assert status == 0
+        assert f"Engine:      {engine}\nStates:      2 (1 initial)\nTransitions: 2" in out
 
 
 def test_exports_that_cannot_be(die, capsys):
