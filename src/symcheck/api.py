@@ -44,7 +44,7 @@ from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.model import BoundModel, Value, Variable
 from symcheck.semantics.rewards import Structure
-from symcheck.syntax.ast import ModelType, Type
+from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import (
     parse_model,
@@ -147,17 +147,15 @@ class Model:
     def _repr_html_(self) -> str:
         from symcheck.tables import Table
 
-        given = [f"{n}={v}" for n, v in self.given_constants.items()]
-        rows = [
-            ("type", [self._kind.value]),
-            ("modules", [m.name for m in self.program.modules]),
-            ("constants", given),
-            ("labels", [x.name for x in self.program.labels]),
-            ("rewards", [r.name or "(unnamed)" for r in self.program.rewards]),
-        ]
-        if "engine" in vars(self):
-            rows.append(("states", [f"{self.engine.states:,}"]))
-        return Table.of(("", ""), [(n, ", ".join(t)) for n, t in rows if t])._repr_html_()
+        facts = {
+            "type": [self._kind.value],
+            "modules": [m.name for m in self.program.modules],
+            "constants": [f"{n}={v}" for n, v in self.given_constants.items()],
+            "labels": [x.name for x in self.program.labels],
+            "states": [f"{self.engine.states:,}"] if "engine" in vars(self) else [],
+        }
+        rows = [(name, ", ".join(texts)) for name, texts in facts.items() if texts]
+        return Table.of(("", ""), rows)._repr_html_()
 
     # ------------------------------------------------------------------------- stages
 
@@ -262,23 +260,20 @@ class Model:
 
         return TransitionTable(self.engine)
 
-    @property
+    @cached_property
     def labels(self) -> Named[States]:
         """The states of each label, "init" and "deadlock" among them."""
-        names = dict.fromkeys((*self.bound.labels, "init", "deadlock"))
-        return Named("label", names, lambda name: self.where(f'"{name}"'))
+        names = (*self.bound.labels, "init", "deadlock")
+        return Named({name: self.where(f'"{name}"') for name in names})
 
     @property
     def rewards(self) -> Named[StructureRewards]:
         """The numbers of each reward structure, as arrays; one without a name is `""`."""
-        names = [r.name or "" for r in self.bound.rewards]
-
-        def arrays(name: str) -> StructureRewards:
-            index = Structure(names.index(name))
-            found = self.engine.system(self.engine.all).rewards(index)
-            return StructureRewards(*(array.copy() for array in found))
-
-        return Named("reward structure", names, arrays)
+        system, found = self.engine.system(self.engine.all), Named[StructureRewards]()
+        for number, structure in enumerate(self.bound.rewards):
+            arrays = system.rewards(Structure(number))
+            found[structure.name or ""] = StructureRewards(*(a.copy() for a in arrays))
+        return found
 
     @property
     def matrix(self) -> csr_array:
@@ -312,16 +307,11 @@ class Model:
             >>> print(*model.where('x=1 & "deadlock"'))
             (x=1)
         """
-        everywhere = replace(self.options, everywhere=True, reduce=False, strategy=False)
-        instance = self._instance(formula, None)
-        bound, labels = instance.bind(self.bound)
-        if bound.type is not Type.BOOL:
-            instance.formula(self.bound)  # a fault of the text comes first
+        everywhere = replace(self.options, everywhere=True, strategy=False)
+        instance = PropertyInstance(_single_property(formula), 0, {})
+        found = self.check_instance(instance, options=everywhere).satisfying
+        if found is None:
             raise UsageError(f"a condition is expected, and {formula} is a number")
-        found = check(
-            self.engine, bound.formula, everywhere, labels=labels, rebind=instance.formula
-        ).satisfying
-        assert found is not None
         return found
 
     # ---------------------------------------------------------------------- properties
@@ -390,10 +380,6 @@ class Model:
             bound, _ = instance.bind(model.bound)
             yield bound, model.check_instance(instance, shared=shared, observer=observer)
 
-    @staticmethod
-    def _instance(formula: str, constants: GivenConstants | str | None) -> PropertyInstance:
-        return PropertyInstance(_single_property(formula), 0, constant_values(constants))
-
     def properties(
         self, file: PropertiesFile, constants: GivenConstants | str | None = None
     ) -> BoundProperties:
@@ -425,6 +411,7 @@ class Model:
         self,
         instance: PropertyInstance,
         *,
+        options: Options | None = None,
         shared: SharedQuotient | None = None,
         observer: IterationObserver | None = None,
     ) -> Result:
@@ -432,6 +419,7 @@ class Model:
 
         Args:
             instance: the property.
+            options: how it is checked; None for the options of the model.
             shared: a quotient for several properties, of this model.
             observer: is told of each iteration of a numerical method, and may raise to end it.
 
@@ -442,7 +430,7 @@ class Model:
         return check(
             self.engine,
             bound.formula,
-            self.options,
+            options or self.options,
             labels=labels,
             rebind=instance.formula,
             observer=observer,
@@ -565,7 +553,8 @@ class Model:
             max_steps=max_steps,
             seed=seed,
         )
-        return self.estimate_instance(self._instance(formula, constants), plan)
+        instance = PropertyInstance(_single_property(formula), 0, constant_values(constants))
+        return self.estimate_instance(instance, plan)
 
     def estimate_instance(self, instance: PropertyInstance, plan: Plan) -> Result:
         """Estimate a property from random paths, sampled as planned. Raises SymcheckError."""
@@ -654,8 +643,8 @@ def load(
         raise UsageError(
             f"load takes the name of a file, not {path!r}\n  hint: symcheck.loads takes a text"
         )
-    kind, given, chosen = model_type(type), constant_values(constants), make_options(options)
-    return _checked(Model(parse_model_file(path), given, chosen, kind))
+    given, chosen = constant_values(constants), make_options(options)
+    return _checked(Model(parse_model_file(path), given, chosen, model_type(type)))
 
 
 @takes_options
@@ -671,5 +660,5 @@ def loads(
         raise UsageError(
             f"loads takes the text of a model, not {text!r}\n  hint: symcheck.load reads a file"
         )
-    kind, given, chosen = model_type(type), constant_values(constants), make_options(options)
-    return _checked(Model(parse_model(text), given, chosen, kind))
+    given, chosen = constant_values(constants), make_options(options)
+    return _checked(Model(parse_model(text), given, chosen, model_type(type)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib import import_module
@@ -13,13 +13,36 @@ from symcheck.errors import UnsupportedError
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["SHOWN_ROWS", "Table", "data_frame", "optional_package", "state_table"]
+__all__ = ["SHOWN_ROWS", "Table", "Tabular", "optional_package", "state_table"]
 
 SHOWN_ROWS = 10
 """Rows of a table of states that are shown; its last line says how many there are."""
 
 _SHOWN_VARIABLES = 12
 """Columns of variables that are shown; there are hundreds in some models."""
+
+
+class Tabular:
+    """What prints as a table of its first rows, and becomes a data frame."""
+
+    def _table(self) -> Table:
+        raise NotImplementedError
+
+    def columns(self) -> dict[str, Any]:
+        """Sequences of the same length by name; the first one numbers the rows."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table()._repr_html_()
+
+    def to_frame(self) -> DataFrame:
+        """The columns as a data frame of pandas. Raises UnsupportedError without pandas."""
+        columns = self.columns()
+        frame: DataFrame = optional_package("pandas", "frames").DataFrame(columns)
+        return frame.set_index(next(iter(columns)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,41 +79,26 @@ class Table:
 
 
 def state_table(
-    names: Sequence[str],
-    rows: Iterable[tuple[int, Sequence[object], object]],
-    last: str,
-    note: str,
+    names: Sequence[str], rows: Iterable[tuple[Any, ...]], last: Sequence[str], note: str
 ) -> Table:
-    """A table of states: number, the first variables, and one more value (none if `last` is '').
+    """A table of states: number, the first variables, and more values.
 
     Args:
         names: the variables.
-        rows: of each state its number, the values of the variables, and the other value.
-        last: the head of the other value.
+        rows: of each state its number, the values of the variables, and more values.
+        last: the heads of the latter.
         note: a line below the rows.
     """
     n = _SHOWN_VARIABLES
-    more, dots = (["…"], ("…",)) if len(names) > n else ([], ())
-    body = ((i, *s[:n], *dots, value) for i, s, value in rows)
-    head = ["state", *names[:n], *more, last]
-    if last:
-        return Table.of(head, body, note)
-    return Table.of(head[:-1], (row[:-1] for row in body), note)
+    dots = ["…"] * (len(names) > n)
+    body = ((i, *state[:n], *dots, *more) for i, state, *more in rows)
+    return Table.of(["state", *names[:n], *dots, *last], body, note)
 
 
 def _text(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def data_frame(
-    columns: Mapping[str, object], index: Iterable[int], name: str = "state"
-) -> DataFrame:
-    """A data frame of pandas with a named index. Raises UnsupportedError without pandas."""
-    pandas = optional_package("pandas", "frames")
-    frame: DataFrame = pandas.DataFrame(dict(columns), index=pandas.Index(index, name=name))
-    return frame
 
 
 def optional_package(name: str, extra: str) -> Any:

@@ -44,7 +44,11 @@ def test_states_are_a_sequence_of_named_valuations(model):
     assert states[np.int64(2)]["x"] == 2
     assert [*states.initial] == [states[0]]
     assert repr(states[1]) == "(x=1, b=true)"
-    assert states.columns() == {"x": [0, 1, 2, 3], "b": [False, True, True, True]}
+    assert {n: list(c) for n, c in states.columns().items()} == {
+        "state": [0, 1, 2, 3],
+        "x": [0, 1, 2, 3],
+        "b": [False, True, True, True],
+    }
 
 
 def test_sets_of_states(model):

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from numbers import Real
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,9 +27,6 @@ from symcheck.numerics import graph
 from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
 from symcheck.tables import SHOWN_ROWS, Table, state_table
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
 
@@ -49,6 +46,8 @@ class Distribution(StateVector):
         explanation: the method, in words.
         seconds: the time of the computation.
     """
+
+    _noun: ClassVar[str] = "probability"
 
     engine: Engine = field(repr=False)
     lower: Floats = field(repr=False)
@@ -83,18 +82,8 @@ class Distribution(StateVector):
         rows = sorted(self, key=lambda row: -row[2])
         note = f"{len(rows):,} of {len(self):,} states have positive probability"
         return state_table(
-            variable_names(self.engine.model), rows[:SHOWN_ROWS], "probability", note
+            variable_names(self.engine.model), rows[:SHOWN_ROWS], (self._noun,), note
         )
-
-    def __str__(self) -> str:
-        return str(self._table())
-
-    def _repr_html_(self) -> str:
-        return self._table()._repr_html_()
-
-    def to_frame(self) -> DataFrame:
-        """A data frame of pandas: the variables, the probability, and bounds that differ."""
-        return self._frame("probability")
 
 
 def initial_distribution(engine: Engine) -> Floats:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, reduce
+from functools import cached_property
 from sys import maxsize
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,14 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.semantics.diagnostics import suggest
+from symcheck.semantics.expressions.literals import format_state, format_value
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type, Unary
-from symcheck.syntax.operators import Operator, UnaryOperator
-from symcheck.tables import SHOWN_ROWS, Table, data_frame, state_table
+from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type
+from symcheck.syntax.operators import Operator
+from symcheck.tables import SHOWN_ROWS, Table, Tabular, state_table
 
 if TYPE_CHECKING:
     from fractions import Fraction
-
-    from pandas import DataFrame
 
 __all__ = [
     "Named",
@@ -42,37 +41,16 @@ T = TypeVar("T")
 A = TypeVar("A", bound=NDArray[Any])
 
 
-class Named(Mapping[str, T]):
-    """Values by name; each is made when it is asked for.
+class Named(dict[str, T]):
+    """Values by name, which suggests a name in place of an unknown one."""
 
-    Args:
-        noun: what the names are of, for messages.
-        names: the names.
-        make: the value of a name.
-    """
-
-    def __init__(self, noun: str, names: Collection[str], make: Callable[[str], T]) -> None:
-        self._noun, self._names, self._make = noun, names, make
-
-    def __getitem__(self, name: str) -> T:
-        if name in self._names:
-            return self._make(name)
-        raise KeyError(_unknown(self._noun, name, self._names))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def __repr__(self) -> str:
-        return f"<{self._noun}s: {', '.join(map(repr, self._names))}>"
+    def __missing__(self, name: str) -> T:
+        raise KeyError(_unknown(name, self))
 
 
-def _unknown(noun: str, name: object, names: Collection[str]) -> str:
-    near = suggest(str(name), names)
-    known = f"there are {', '.join(map(repr, names))}" if names else "there are none"
-    return f"there is no {noun} {name!r}" + (f", {near}" if near else f"; {known}")
+def _unknown(name: str, names: Iterable[str]) -> str:
+    near = suggest(name, names)
+    return f"there is no {name!r}, " + (near or f"there are {', '.join(names) or 'none'}")
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -93,7 +71,7 @@ class State(Mapping[str, bool | int]):
         names = variable_names(self.engine.model)
         if name in names:
             return self.valuation[names.index(name)]
-        raise KeyError(_unknown("variable", name, names))
+        raise KeyError(_unknown(name, names))
 
     def __iter__(self) -> Iterator[str]:
         return iter(variable_names(self.engine.model))
@@ -105,11 +83,7 @@ class State(Mapping[str, bool | int]):
         return hash(frozenset(self.items()))
 
     def __repr__(self) -> str:
-        return f"({', '.join(f'{name}={_lower(value)}' for name, value in self.items())})"
-
-
-def _lower(value: bool | int) -> str:
-    return str(value).lower()
+        return f"({', '.join(f'{name}={format_value(value)}' for name, value in self.items())})"
 
 
 StateKey = int | State | Mapping[str, bool | int] | tuple[bool | int, ...]
@@ -138,13 +112,10 @@ def _one(engine: Engine, key: object) -> StateSet:
     variables = engine.model.variables
     names = variable_names(engine.model)
     if isinstance(key, Mapping):
-        for name in key:
-            if name not in names:
-                raise KeyError(_unknown("variable", name, names))
-        if missing := [name for name in names if name not in key]:
+        if set(key) != set(names):
             raise KeyError(
-                f"a state has a value for each variable: {', '.join(missing)} missing; "
-                "model.where(…) selects states by some of them"
+                f"a state gives values to {', '.join(names)}, and not to {', '.join(key)}; "
+                "model.where(…) selects states by a condition"
             )
         key = tuple(key[name] for name in names)
     if not isinstance(key, tuple) or len(key) != len(names):
@@ -152,17 +123,13 @@ def _one(engine: Engine, key: object) -> StateSet:
             f"a state is given by its number, or by the values of {', '.join(names)}, not {key!r}; "
             "model.where(…) selects states by a condition"
         )
-    parts: list[Expression] = [Literal(True, Type.BOOL)]
-    for variable, value in zip(variables, key, strict=True):
-        name = Name(variable.name)
-        if variable.type is not Type.BOOL:
-            parts.append(Binary(Operator.EQ, name, Literal(int(value), Type.INT)))
-        else:
-            parts.append(name if value else Unary(UnaryOperator.NOT, name))
-    found = engine.where(reduce(lambda x, y: Binary(Operator.AND, x, y), parts))
+    condition: Expression = Literal(True, Type.BOOL)
+    for v, x in zip(variables, key, strict=True):
+        value = Literal(bool(x) if v.type is Type.BOOL else int(x), v.type)
+        condition = Binary(Operator.AND, condition, Binary(Operator.EQ, Name(v.name), value))
+    found = engine.where(condition)
     if not found:
-        text = ", ".join(f"{n}={_lower(v)}" for n, v in zip(names, key, strict=True))
-        raise KeyError(f"the state ({text}) is not reachable")
+        raise KeyError(f"the state {format_state(key)} of ({', '.join(names)}) is not reachable")
     return found
 
 
@@ -174,7 +141,7 @@ def _place(number: int, count: int) -> int:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class States(Collection[State]):
+class States(Tabular, Collection[State]):
     """A set of reachable states, in the order of their numbers.
 
     `|`, `&`, `-` and `~` are union, intersection, difference and complement; `<=` is inclusion. The
@@ -296,30 +263,18 @@ class States(Collection[State]):
 
     def _table(self) -> Table:
         shown = self[:SHOWN_ROWS] if self.engine.states <= maxsize else []
-        rows = ((s.number, s.valuation, "") for s in shown)
+        rows = ((s.number, s.valuation) for s in shown)
         note = f"{self.count:,} of {self.engine.states:,} states"
-        return state_table(variable_names(self.engine.model), rows, "", note)
+        return state_table(variable_names(self.engine.model), rows, (), note)
 
-    def __str__(self) -> str:
-        return str(self._table())
-
-    def _repr_html_(self) -> str:
-        return self._table()._repr_html_()
-
-    def columns(self) -> dict[str, list[bool | int]]:
-        """The values of each variable, by its name."""
-        refuse_many(self.count)
-        rows = list(self.engine.valuations(self.members))
-        return {
-            name: [r[i] for r in rows] for i, name in enumerate(variable_names(self.engine.model))
-        }
-
-    def to_frame(self) -> DataFrame:
-        """A data frame of pandas: a row per state, a column per variable."""
-        return data_frame(self.columns(), self.numbers)
+    def columns(self) -> dict[str, Any]:
+        """The number of each state, and the values of each variable."""
+        numbers, rows = self.numbers, list(self.engine.valuations(self.members))
+        names = variable_names(self.engine.model)
+        return {"state": numbers} | {n: [r[i] for r in rows] for i, n in enumerate(names)}
 
 
-class StateVector:
+class StateVector(Tabular):
     """A number for each reachable state, known to lie between a lower and an upper bound.
 
     numpy takes it as an array: float64[states], or Fractions of rational arithmetic. It is indexed
@@ -327,6 +282,7 @@ class StateVector:
     """
 
     engine: Engine
+    _noun: ClassVar[str] = "value"
 
     def at(self, states: StateSet) -> tuple[Numbers, Numbers]:
         """Lower and upper bounds over a set, in index order."""
@@ -377,12 +333,13 @@ class StateVector:
         """Each state with its number."""
         return zip(_all(self.engine), self.array.tolist(), strict=True)
 
-    def _frame(self, name: str) -> DataFrame:
-        columns = {**_all(self.engine).columns(), name: self.array}
+    def columns(self) -> dict[str, Any]:
+        """Number and variables of each state, its value, and bounds if they differ."""
+        columns = {**_all(self.engine).columns(), self._noun: self.array}
         low, high = self._bounds
         if np.any(low != high):
             columns |= {"lower": low, "upper": high}
-        return data_frame(columns, range(self.engine.states))
+        return columns
 
 
 def _few(engine: Engine) -> bool:
@@ -452,13 +409,3 @@ class StateValues(StateVector):
         rows = ((s.number, s.valuation, self[s]) for s in states[:SHOWN_ROWS])
         names = variable_names(self.engine.model)
         return state_table(names, rows, "value", f"{states.count:,} states")
-
-    def __str__(self) -> str:
-        return str(self._table())
-
-    def _repr_html_(self) -> str:
-        return self._table()._repr_html_()
-
-    def to_frame(self) -> DataFrame:
-        """A data frame of pandas: the variables, the value, and bounds that differ."""
-        return self._frame("value")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,13 +15,12 @@ from symcheck.engines.capabilities import HasActions
 from symcheck.engines.states import State, States, refuse_many
 from symcheck.matrices.rows import Int64s, SparseMatrix
 from symcheck.syntax.ast import ModelType
-from symcheck.tables import SHOWN_ROWS, Table, data_frame, optional_package
+from symcheck.tables import SHOWN_ROWS, Table, Tabular, optional_package
 
 if TYPE_CHECKING:
     from fractions import Fraction
 
     from networkx import DiGraph
-    from pandas import DataFrame
 
 __all__ = ["Transition", "TransitionTable"]
 
@@ -38,7 +37,7 @@ class Transition(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TransitionTable:
+class TransitionTable(Tabular):
     """The transitions, ordered by source and choice; they are listed when they are asked for.
 
     Example:
@@ -77,8 +76,9 @@ class TransitionTable:
         known = self.engine.capability(HasActions)
         if self.engine.model.type is not ModelType.MDP or known is None:
             return [None] * self.matrix.entries
-        names = (*self.engine.model.actions, None)
-        return [names[a] for a in known.row_actions()[self.choice].tolist()]
+        names = np.array([*self.engine.model.actions, None])
+        found: list[str | None] = names[known.row_actions()[self.choice]].tolist()
+        return found
 
     def __len__(self) -> int:
         return self.engine.transitions
@@ -101,22 +101,16 @@ class TransitionTable:
         note = f"{self.engine.transitions:,} transitions between states of these numbers"
         return Table.of(Transition._fields, texts, note)
 
-    def __str__(self) -> str:
-        return str(self._table())
-
-    def _repr_html_(self) -> str:
-        return self._table()._repr_html_()
-
-    def to_frame(self) -> DataFrame:
-        """A data frame of pandas: numbers of source, choice and target, action, probability."""
-        columns = {
+    def columns(self) -> dict[str, Any]:
+        """Numbers of source, choice and target of each transition, its action and probability."""
+        return {
+            "transition": np.arange(len(self)),
             "source": self.source,
             "choice": self.choice,
             "action": self.action,
             "target": self.target,
             "probability": self.matrix.data,
         }
-        return data_frame(columns, range(len(self)), "transition")
 
     def to_networkx(self) -> DiGraph:
         """A graph of networkx (a multigraph for an MDP).

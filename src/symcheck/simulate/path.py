@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any
 
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
-from symcheck.tables import data_frame
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
+from symcheck.tables import Table, Tabular
 
 __all__ = ["Path", "PathFormat", "PathStep", "rows", "table"]
 
@@ -55,7 +52,7 @@ class PathStep:
 
 
 @dataclass(frozen=True)
-class Path:
+class Path(Tabular):
     """A path with n + 1 states.
 
     Attributes:
@@ -98,33 +95,29 @@ class Path:
         index = self.variables.index(variable)
         return [s.state[index] for s in self.steps]
 
-    def to_frame(self) -> DataFrame:
-        """A row per state: transition, probability (rate), time, variables, and per reward
+    def columns(self) -> dict[str, Any]:
+        """Transition, probability (rate) and time of each step, the variables, and per reward
         structure the reward of the state and of the transition that led to it.
-
-        Raises UnsupportedError without pandas.
         """
-        columns = {
+        found: dict[str, Any] = {
+            "step": range(len(self.steps)),
             "action": [s.action for s in self.steps],
             "probability": [s.probability for s in self.steps],
             "time": self.times,
-            **{name: self.values(name) for name in self.variables},
         }
-        for i, structure in enumerate(self.model.rewards):
-            name = structure.name or str(i + 1)
-            columns[f"{name}_state"] = [s.rewards[i] for s in self.steps]
-            columns[f"{name}_transition"] = [s.earned[i] if s.earned else 0.0 for s in self.steps]
-        return data_frame(columns, range(len(self.steps)), "step")
+        found |= {name: self.values(name) for name in self.variables}
+        for i, r in enumerate(self.model.rewards):
+            name = r.name or str(i + 1)
+            found[f"{name}_state"] = [s.rewards[i] for s in self.steps]
+            found[f"{name}_transition"] = [s.earned[i] if s.earned else 0.0 for s in self.steps]
+        return found
 
     def __str__(self) -> str:
         return table(self).rstrip("\n")
 
-    def _repr_html_(self) -> str:
-        """The path as a table, for notebooks."""
+    def _table(self) -> Table:
         head, *body = rows(self)
-        cells = ["".join(f"<td>{c}</td>" for c in row) for row in body]
-        titles = "".join(f"<th>{c}</th>" for c in head)
-        return f"<table><tr>{titles}</tr>{''.join(f'<tr>{c}</tr>' for c in cells)}</table>"
+        return Table.of(head, body)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

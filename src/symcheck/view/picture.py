@@ -8,8 +8,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from symcheck.errors import UnsupportedError, UsageError
+from symcheck.errors import UsageError
 from symcheck.page.document import fragment
+from symcheck.tables import optional_package
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -153,13 +154,8 @@ class Picture:
         Raises:
             UnsupportedError: the package pygraphviz is not installed.
         """
-        try:
-            from pygraphviz import AGraph
-        except ImportError:
-            raise UnsupportedError(
-                "pictures need pygraphviz: pip install 'symcheck[view]'"
-            ) from None
-        drawn: bytes = AGraph(string=self.dot).draw(format=format, prog="dot")
+        graph = optional_package("pygraphviz", "view").AGraph(string=self.dot)
+        drawn: bytes = graph.draw(format=format, prog="dot")
         return drawn
 
     @property

@@ -11,6 +11,7 @@ from typing import IO, Any, Protocol
 
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats, Int64s
+from symcheck.tables import optional_package
 
 __all__ = ["axes_of", "plot_blocks", "plot_bounds", "plot_orders", "plot_search", "read_image"]
 
@@ -56,10 +57,9 @@ class Ordered(Protocol):
 
 
 def _pyplot() -> Any:
-    try:
-        from matplotlib import pyplot
-    except ImportError:
-        raise UnsupportedError("plots need matplotlib: pip install 'symcheck[plot]'") from None
+    optional_package("matplotlib", "plot")
+    from matplotlib import pyplot
+
     return pyplot
 
 

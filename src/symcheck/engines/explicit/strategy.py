@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import count, islice
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -15,16 +15,13 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.states import variable_names
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph
-from symcheck.tables import SHOWN_ROWS, Table, data_frame, state_table
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
+from symcheck.tables import SHOWN_ROWS, Table, Tabular, state_table
 
 __all__ = ["Strategy"]
 
 
 @dataclass(frozen=True, eq=False)
-class Strategy:
+class Strategy(Tabular):
     """A strategy: one row of the matrix for each state.
 
     Attributes:
@@ -78,18 +75,10 @@ class Strategy:
         states = zip(count(), self.states(), self.actions, self.reachable.tolist(), strict=False)
         shown = islice(((n, s, action) for n, s, action, there in states if there), SHOWN_ROWS)
         note = f"{np.count_nonzero(self.reachable):,} of {self.engine.states:,} states are reached"
-        return state_table(self._names(), shown, "action", note)
+        return state_table(self._names(), shown, ("action",), note)
 
-    def __str__(self) -> str:
-        return str(self._table())
-
-    def _repr_html_(self) -> str:
-        return self._table()._repr_html_()
-
-    def to_frame(self) -> DataFrame:
-        """A data frame of pandas: variables, memory if there is one, action, and whether the
-        strategy reaches the state.
-        """
-        columns = dict(zip(self._names(), zip(*self.states(), strict=True), strict=True))
-        columns |= {"action": tuple(self.actions), "reached": tuple(self.reachable.tolist())}
-        return data_frame(columns, range(self.engine.states))
+    def columns(self) -> dict[str, Any]:
+        """Number, variables and memory of each state, its action, and whether it is reached."""
+        columns: dict[str, Any] = {"state": range(self.engine.states)}
+        columns |= zip(self._names(), zip(*self.states(), strict=True), strict=True)
+        return columns | {"action": self.actions, "reached": self.reachable}

@@ -13,10 +13,10 @@ import numpy as np
 
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
-from symcheck.exchange.formats.umb_writer import umbi_package
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
+from symcheck.tables import optional_package
 
 __all__ = ["read_umb"]
 
@@ -39,7 +39,7 @@ def read_umb(path: Path, kind: ModelType | None = None, *, check_sums: bool = Tr
 
 
 def _raw(path: Path) -> Any:
-    umbi_package()
+    optional_package("umbi", "umb")
     import umbi.umb
 
     if not path.is_file():

@@ -12,22 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck import __version__
-from symcheck.errors import UnsupportedError, UsageError
+from symcheck.errors import UsageError
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.syntax.ast import ModelType, Type
+from symcheck.tables import optional_package
 from symcheck.whole_file import write_whole
 
-__all__ = ["umb_model", "umbi_package", "write_umb"]
-
-
-def umbi_package() -> None:
-    """Check that the package is installed. Raises UnsupportedError if it is not."""
-    try:
-        import umbi  # noqa: F401
-    except ImportError:
-        raise UnsupportedError(
-            "UMB files need the package 'umbi', which is not installed: pip install 'symcheck[umb]'"
-        ) from None
+__all__ = ["umb_model", "write_umb"]
 
 
 def write_umb(model: ExplicitExport, target: str) -> None:
@@ -37,7 +28,7 @@ def write_umb(model: ExplicitExport, target: str) -> None:
         UsageError: the file cannot be written.
         UnsupportedError: the package `umbi` is not installed.
     """
-    umbi_package()
+    optional_package("umbi", "umb")
     if Path(target).is_symlink() or (Path(target).exists() and not Path(target).is_file()):
         raise UsageError(f"cannot write '{target}': a UMB file is a plain file")
     made = umb_model(model)
