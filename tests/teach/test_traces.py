@@ -152,3 +152,62 @@ def test_blocks_cover_the_matrix() -> None:
         of_row = np.repeat(np.arange(128), np.diff(matrix.indptr))
         assert covered[of_row, matrix.indices].all()
         assert seen.statistics["entries"] == matrix.entries
+
+
+def test_traces_take_models_and_formulas() -> None:
+    model = symcheck.load(PHILOSOPHERS)
+    frames = teach.frontiers(model)
+    assert frames[0].found == ((0, 0, 0),)
+    assert len(frames) == len(list(frames)) == 8
+    assert teach.construction(model)[-1].stage == "model"
+    assert list(teach.prob1(model, "true", '"eating"', "max"))[-1].count == 155
+    assert next(teach.compare_orders(model)).states == 155
+    assert teach.block_structure(model).levels[0].counts == (155,)
+    die = symcheck.load(MODELS / "die/die.pm")
+    seen = teach.until_trace(die, "true", "d=6", max_steps=3)
+    assert (seen.unknown.count, len(seen.steps), seen.solution) == (3, 3, None)
+
+
+def test_frames_are_made_when_they_are_asked_for() -> None:
+    trace = teach.frontiers(symcheck.load(PHILOSOPHERS))
+    first = next(iter(trace))
+    assert first is trace[0]
+    assert repr(trace) == "<Trace of 8 frames>"
+
+
+def test_construction_knows_where_a_command_is_enabled() -> None:
+    model = symcheck.load(MODELS / "die/die.pm")
+    made = construct(model.bound, OPTIONS)
+    guards = [f for f in teach.construction(made.space, OPTIONS) if f.stage == "guard"]
+    manager = made.space.symbolic.manager
+    rows = made.space.symbolic.encoding.rows
+    assert [manager.count(f.states, rows) for f in guards] == [1, 1, 1, 1, 1, 1, 1, 6]
+
+
+ENDLESS = """mdp
+module m
+  x : [0..4];
+  [a] x=0 -> (x'=1);
+  [b] x=1 -> (x'=0);
+  [c] x=1 -> 0.4 : (x'=2) + 0.6 : (x'=3);
+  [d] x=0 -> 0.3 : (x'=2) + 0.7 : (x'=3);
+  [e] x=4 -> 0.5 : (x'=4) + 0.5 : (x'=1);
+  []  x=2 | x=3 -> true;
+endmodule
+init x=0 | x=4 endinit
+"""
+
+
+@pytest.mark.parametrize("method", ["interval", "policy", "optimistic"])
+def test_iterates_of_end_components_are_those_of_their_states(method: str) -> None:
+    """States 0 and 1 form an end component, which the methods solve as one state."""
+    model = symcheck.loads(ENDLESS)
+    seen = teach.until_trace(model, "true", "x=2", Options(method=method), "max")  # type: ignore[arg-type]
+    assert (seen.unknown.count, len(seen.steps) > 0) == (3, True)
+    last = seen.steps[-1]
+    assert last.lower is not None
+    assert last.lower.tolist() == pytest.approx([0.4, 0.4, 0.4], abs=1e-5)
+    if method == "policy":
+        assert last.policy is not None
+        # State 0 moves on to 1 by [a], and 1 leaves by [c].
+        assert last.policy.tolist() == [0, 3, 4]

@@ -151,3 +151,29 @@ def test_legends_say_what_edges_mean(made: Transitions) -> None:
     states, encoding = made.space.states, made.space.symbolic.encoding
     assert "dashed edge: 0" in view.picture(states, encoding, bits=True).dot
     assert "labelled with values" in view.picture(states, encoding).dot
+
+
+def test_models_are_drawn_without_an_encoding() -> None:
+    model = symcheck.loads(MODEL)
+    made = construct(model.bound, Options())
+    states, encoding = made.space.states, made.space.symbolic.encoding
+    assert made.matrix is not None
+    assert view.picture(model, part="states").dot == view.picture(states, encoding).dot
+    assert view.picture(model, bits=True).dot == view.picture(made.matrix, encoding, bits=True).dot
+    with pytest.raises(UsageError, match="with its encoding"):
+        view.picture(states)
+
+
+def test_legends_count_nodes(made: Transitions) -> None:
+    encoding = made.space.symbolic.encoding
+    assert made.matrix is not None
+    picture = view.picture(made.matrix, encoding, bits=True)
+    count = made.matrix.node_count
+    assert f"{count - 1} nodes are drawn; {count} are in memory" in picture.legend
+    assert "no complement edges" in picture.legend
+
+
+def test_pictures_zoom_in_notebooks(made: Transitions) -> None:
+    html = view.picture(made.space.states, made.space.symbolic.encoding)._repr_html_()
+    assert html.startswith("<iframe")
+    assert "Zoom in" in html

@@ -6,7 +6,7 @@ import pytest
 
 import symcheck
 from symcheck import view
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.options import Options
 from symcheck.syntax.parse import parse_expression
@@ -78,3 +78,87 @@ def test_steps_back_and_loops_are_drawn() -> None:
     back = [e for e in picture.edges if layer[e.source] > layer[e.target]]
     assert len(back) == 5
     assert picture.svg.count('class="edge ') == len(picture.edges)
+
+
+def robot(**options: object) -> symcheck.Model:
+    return symcheck.loads(BACK.replace("[back]", "[] at=2 -> true; [back]"), **options)  # type: ignore[arg-type]
+
+
+def test_values_and_sets_of_a_model_are_drawn() -> None:
+    model = robot()
+    picture = view.state_graph(
+        model, values=model.check("Pmax=? [ F at=3 ]"), sets={"goal": "at=2", "far": "at>1"}
+    )
+    labels = {n.label: n.fill for n in picture.nodes if n.kind != "choice"}
+    assert labels["at=2\n0"] == picture.keys[0][0]  # the first set has the colour
+    assert labels["at=3\n1"] == picture.keys[1][0]
+    assert [text for _, text in picture.keys] == ["goal", "far"]
+    assert "goal" in picture.svg
+    infinite = view.state_graph(model, values=[0.5, 1, 2, float("inf")])
+    assert "at=3\n∞" in {n.label for n in infinite.nodes}
+
+
+def test_a_strategy_is_bold() -> None:
+    model = robot(strategy=True)
+    result = model.check("Pmin=? [ F at=2 ]")
+    picture = view.state_graph(model, strategy=result)
+    chosen = {e.label for e in picture.edges if e.emphasis == "chosen" and e.source == "s0"}
+    others = {e.label for e in picture.edges if e.emphasis == "other" and e.source == "s0"}
+    assert (chosen, others) == ({"wait"}, {"safe", "risky"})
+    bounded = view.state_graph(model, strategy=model.check("Pmax=? [ F<=2 at=2 ]"))
+    assert any("memory=" in n.label for n in bounded.nodes)
+
+
+def test_a_path_is_red() -> None:
+    model = symcheck.loads("dtmc module m x : [0..4]; [] true -> (x'=mod(x+1,5)); endmodule")
+    paths = (model.simulate(2), [0, 1, 2], [(0,), (1,), (2,)], [{"x": 0}, {"x": 1}, {"x": 2}])
+    for path in paths:
+        picture = view.state_graph(model, path=path)  # type: ignore[arg-type]
+        red = {(e.source, e.target) for e in picture.edges if e.emphasis == "path"}
+        assert red == {("s0", "s1"), ("s1", "s2")}
+
+
+def test_the_neighbourhood_of_states() -> None:
+    model = symcheck.loads(
+        "dtmc module m x : [0..9999]; [] x<9999 -> 0.5:(x'=x+1)+0.5:true; [] x=9999 -> true; endmodule"
+    )
+    picture = view.state_graph(model, around="x=5000", radius=2)
+    states = [n.label for n in picture.nodes if n.kind == "state"]
+    assert states == [f"x={i}" for i in range(4998, 5003)]
+    (outside,) = [e for e in picture.edges if e.dashed]
+    assert (outside.source, outside.label) == ("s5002", "0.5")
+    assert "not drawn" in picture.legend
+    with pytest.raises(UnsupportedError, match="10,000 states"):
+        view.state_graph(model)
+    with pytest.raises(UnsupportedError, match="10,000 transitions"):
+        view.state_graph(model.with_constants({}), max_states=6000, around="x<5000", radius=0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"values": [1.0]}, "4 values are expected, not 1"),
+        ({"path": [(9,)]}, "not a reachable state"),
+        ({"sets": {str(i): "at=0" for i in range(7)}}, "at most 6 sets"),
+    ],
+)
+def test_what_does_not_belong_to_the_model_is_refused(
+    arguments: dict[str, object], message: str
+) -> None:
+    with pytest.raises(UsageError, match=message):
+        view.state_graph(robot(), **arguments)  # type: ignore[arg-type]
+
+
+def test_a_result_without_a_strategy_is_refused() -> None:
+    model = robot()
+    result = model.check("Pmax=? [ F at=2 ]")
+    with pytest.raises(UsageError, match="no strategy"):
+        view.state_graph(model, strategy=result)
+
+
+def test_labels_inside_a_rank_do_not_end_graphviz() -> None:
+    """All states are initial, hence in one rank, and Graphviz 14 fails on labels there."""
+    text = "dtmc module m x : [0..40]; [] true -> 0.5:(x'=mod(x+1,41))+0.25:(x'=mod(x+7,41))+0.25:(x'=0); endmodule"
+    picture = view.state_graph(symcheck.loads(text + " init true endinit"))
+    assert "xlabel" in picture.dot
+    assert picture.svg.count('class="node"') == 41

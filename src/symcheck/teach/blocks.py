@@ -13,7 +13,8 @@ import numpy as np
 
 from symcheck.matrices.blocks import blocks, quad_dag
 from symcheck.matrices.rows import Int64s
-from symcheck.teach.source import GivenModel, transitions_of
+from symcheck.teach.source import transitions_of
+from symcheck.view.choice_graph import GivenModel
 
 if TYPE_CHECKING:
     from symcheck.symbolic.model import Transitions

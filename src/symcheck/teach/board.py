@@ -13,7 +13,7 @@ from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
-from symcheck.view.choice_graph import ChoiceGraph, HasEngine
+from symcheck.view.choice_graph import ChoiceGraph, GivenModel
 from symcheck.view.diagrams import shared_picture
 from symcheck.view.states import draw_states
 
@@ -70,14 +70,14 @@ class Board:
     """
 
     engine: Engine | None
-    max_states: int = 150
+    max_states: int = 200
     numbers: str = ""
     graphs: list[str] = field(default_factory=list)
 
     @staticmethod
     def of(source: object) -> Board:
         """The pictures of a model; without states if it has too many, or is another stage."""
-        engine = source.engine if isinstance(source, HasEngine) else None
+        engine = source.engine if isinstance(source, GivenModel) else None
         return Board(engine if engine is not None and engine.states <= _MOST_STATES else None)
 
     @cached_property

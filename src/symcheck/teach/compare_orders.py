@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from symcheck.options import Options
 from symcheck.symbolic.build import construct
-from symcheck.teach.source import GivenModel, bound_of
+from symcheck.teach.source import bound_of
+from symcheck.view.choice_graph import GivenModel
 
 if TYPE_CHECKING:
     from symcheck.semantics.model import BoundModel

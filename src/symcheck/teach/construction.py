@@ -10,8 +10,9 @@ from symcheck.options import Options
 from symcheck.symbolic.events.commands import touched_by
 from symcheck.symbolic.matrix.transitions import full_matrix, participant_matrix, transitions
 from symcheck.teach.board import Board, Show, played
-from symcheck.teach.source import GivenModel, state_space
+from symcheck.teach.source import state_space
 from symcheck.teach.trace import Trace
+from symcheck.view.choice_graph import GivenModel
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd

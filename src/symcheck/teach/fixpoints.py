@@ -10,9 +10,9 @@ from symcheck.direction import Direction
 from symcheck.engines.base import erased
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.teach.board import Board, Show, played
-from symcheck.teach.source import GivenModel, symbolic_engine
+from symcheck.teach.source import symbolic_engine
 from symcheck.teach.trace import Trace
-from symcheck.view.choice_graph import set_of
+from symcheck.view.choice_graph import GivenModel, set_of
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd

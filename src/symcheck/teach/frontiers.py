@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.reachability.search import search
 from symcheck.teach.board import Board, Show, played
-from symcheck.teach.source import GivenModel, encoded
+from symcheck.teach.source import encoded
 from symcheck.teach.trace import Trace
+from symcheck.view.choice_graph import GivenModel
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager

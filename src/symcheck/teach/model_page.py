@@ -193,8 +193,14 @@ class _Writer:
         ]
         for entry in properties:
             entry["show"] = None if entry["show"] is None else entry["show"] + 1
+        symbolic = None
         if bound.events and total <= _MOST_DIAGRAM_STATES:
-            shows.extend(self._stages(instances))
+            symbolic = symbolic_engine(self.model)
+            shows.extend(self._diagrams(symbolic))
+        for instance, entry in zip(instances, properties, strict=True):
+            if entry["value"] != "error":
+                stages = self._until(instance, symbolic)
+                shows.extend({**show, "group": instance.title} for show in stages)
         choices = {} if bound.type is not ModelType.MDP else {"choices": f"{engine.choices:,}"}
         facts = {
             "type": bound.type.name,
@@ -262,10 +268,9 @@ class _Writer:
             self.strategies.append({"name": instance.title, "rows": rows, "values": frame["low"]})
         return frame
 
-    def _stages(self, instances: Sequence[PropertyInstance]) -> Iterator[Show]:
-        """The stages on diagrams, and those of each property."""
+    def _diagrams(self, engine: SymbolicEngine) -> Iterator[Show]:
+        """Search, construction, and the diagrams of states and matrix."""
         board = self.board
-        engine = symbolic_engine(self.model)
         space = engine.space
         encoding = space.symbolic.encoding
         yield search_show(list(frontiers(space.symbolic)), board)
@@ -277,7 +282,7 @@ class _Writer:
         for name, diagram in pictures.items():
             for bits, how in ((False, "variables"), (True, "bits")):
                 drawn = board.diagram([diagram], encoding, bits=bits, title=name)
-                count = f"{diagram.node_count} nodes with the leaf 0"
+                count = f"{diagram.node_count} nodes in memory"
                 note = count if drawn.panes else f"{count}: too many to be drawn."
                 frame = {"title": name, "note": note}
                 yield {
@@ -285,11 +290,8 @@ class _Writer:
                     "panes": drawn.panes,
                     "frames": [frame],
                 }
-        for instance in instances:
-            for show in self._until(instance, engine):
-                yield {**show, "group": instance.title}
 
-    def _until(self, instance: PropertyInstance, symbolic: SymbolicEngine) -> Iterator[Show]:
+    def _until(self, instance: PropertyInstance, symbolic: SymbolicEngine | None) -> Iterator[Show]:
         """prob0, prob1, value and policy iteration for a property `P [ left U right ]`."""
         try:
             yield from self._until_stages(instance, symbolic)
@@ -297,7 +299,9 @@ class _Writer:
             frame = {"title": "This trace ended with an error.", "note": str(error)}
             yield self._on_states("Trace", "", frame)
 
-    def _until_stages(self, instance: PropertyInstance, symbolic: SymbolicEngine) -> Iterator[Show]:
+    def _until_stages(
+        self, instance: PropertyInstance, symbolic: SymbolicEngine | None
+    ) -> Iterator[Show]:
         bound, labels = instance.bind(self.model.bound)
         formula = bound.formula
         if not isinstance(formula, ProbabilityOperator):
@@ -312,11 +316,14 @@ class _Writer:
         if path.negative:
             direction = direction and direction.dual
             of = " of the complement"
-        # Both engines number the states lexicographically.
-        left, right = (symbolic.from_bools(explicit.to_bools(s)) for s in (path.left, path.right))
-        for question, trace in (("prob0", prob0), ("prob1", prob1)):
-            frames = list(trace(symbolic, left, right, direction))
-            yield fixpoint_show(f"{question}{of}", frames, symbolic, self.board)
+        if symbolic is not None:
+            # Both engines number the states lexicographically.
+            left, right = (
+                symbolic.from_bools(explicit.to_bools(s)) for s in (path.left, path.right)
+            )
+            for question, trace in (("prob0", prob0), ("prob1", prob1)):
+                frames = list(trace(symbolic, left, right, direction))
+                yield fixpoint_show(f"{question}{of}", frames, symbolic, self.board)
         methods: dict[MethodName, str] = {"interval": "Interval iteration"}
         if direction is not None:
             methods["policy"] = "Policy iteration"

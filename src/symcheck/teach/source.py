@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
-
-from symcheck.engines.base import Engine
 from symcheck.engines.symbolic.engine import SymbolicEngine
-from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.build import build, construct
 from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
 from symcheck.symbolic.reachability.search import reach
+from symcheck.view.choice_graph import GivenModel
 
 __all__ = [
-    "GivenModel",
     "bound_of",
     "encoded",
     "state_space",
     "symbolic_engine",
     "transitions_of",
 ]
-
-
-@runtime_checkable
-class GivenModel(Protocol):
-    """A model with its options: `symcheck.Model`."""
-
-    @property
-    def bound(self) -> BoundModel:
-        """The bound model."""
-        ...
-
-    @property
-    def options(self) -> Options:
-        """How it is built."""
-        ...
-
-    @property
-    def engine(self) -> Engine:
-        """The built model."""
-        ...
 
 
 def bound_of(source: GivenModel | BoundModel) -> BoundModel:

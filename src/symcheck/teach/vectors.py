@@ -14,7 +14,7 @@ from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem, Progress, Solution
 from symcheck.options import Options
 from symcheck.teach.board import Board, Show, played
-from symcheck.view.choice_graph import HasEngine, engine_of, set_of
+from symcheck.view.choice_graph import GivenModel, engine_of, set_of
 
 if TYPE_CHECKING:
     from symcheck.matrices.rows import Int64s
@@ -58,7 +58,7 @@ class _EnoughError(Exception):
 
 
 def until_trace(
-    model: HasEngine | Engine,
+    model: GivenModel | Engine,
     left: str | StateSet,
     right: str | StateSet,
     options: Options | None = None,

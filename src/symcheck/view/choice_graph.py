@@ -23,6 +23,7 @@ from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind_properties
 from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.model import BoundModel
 from symcheck.simulate.path import PathStep
 from symcheck.syntax.parse import parse_properties
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Choice",
     "ChoiceGraph",
-    "HasEngine",
+    "GivenModel",
     "Source",
     "States",
     "StatesOnPath",
@@ -52,8 +53,18 @@ StatesOnPath = Iterable[PathStep | State | Mapping[str, Any] | int]
 
 
 @runtime_checkable
-class HasEngine(Protocol):
-    """A model that builds its engine: `symcheck.Model`."""
+class GivenModel(Protocol):
+    """A model with its options: `symcheck.Model`."""
+
+    @property
+    def bound(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    @property
+    def options(self) -> Options:
+        """How it is built."""
+        ...
 
     @property
     def engine(self) -> Engine:
@@ -61,7 +72,7 @@ class HasEngine(Protocol):
         ...
 
 
-Source = HasEngine | ExplicitModel | Engine
+Source = GivenModel | ExplicitModel | Engine
 """Where states come from: a model, an explored model, or an engine."""
 
 
@@ -69,7 +80,7 @@ def engine_of(source: Source) -> Engine:
     """The engine of a model; an explored model becomes one."""
     if isinstance(source, ExplicitModel):
         return erased(ExplicitEngine(source))
-    return source.engine if isinstance(source, HasEngine) else source
+    return source.engine if isinstance(source, GivenModel) else source
 
 
 def set_of(engine: EngineOf[S, V], states: str | NamedStates | S) -> S:
@@ -94,7 +105,7 @@ def number_text(value: float | Fraction) -> str:
     """A number with four significant digits; a rational with a short text as it is."""
     if isinstance(value, Fraction) and len(str(value)) <= 9:
         return str(value)
-    return f"{float(value):.4g}"
+    return f"{float(value):.4g}".replace("inf", "∞")
 
 
 @dataclass(frozen=True, slots=True)

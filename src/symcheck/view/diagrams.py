@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, UsageError
+from symcheck.view.choice_graph import GivenModel
 from symcheck.view.picture import Edge, Kind, Node, Picture
 from symcheck.view.values import moves_text, values_text
 
@@ -53,9 +54,10 @@ def dot(
 
 
 def picture(
-    diagram: Bdd | Mtbdd,
-    encoding: Encoding,
+    diagram: Bdd | Mtbdd | GivenModel,
+    encoding: Encoding | None = None,
     *,
+    part: Literal["states", "matrix"] = "matrix",
     max_nodes: int = 200,
     bits: bool = False,
     title: str = "diagram",
@@ -63,8 +65,10 @@ def picture(
     """The picture of a decision diagram over the row and column bits of an encoding.
 
     Args:
-        diagram: a set (BDD) or a function (MTBDD).
-        encoding: says which bits encode which variable.
+        diagram: a set (BDD), a function (MTBDD), or a model.
+        encoding: says which bits encode which variable; needless for a model.
+        part: which diagram of a model is drawn: its reachable states, or its matrix. The matrices
+            of the choice classes of an MDP share their nodes.
         max_nodes: the most nodes that are drawn.
         bits: draw one node per bit. Otherwise one node per variable is drawn, provided that the
             bits of each variable are adjacent in the variable order and that no variable has more
@@ -73,11 +77,23 @@ def picture(
 
     Raises:
         UnsupportedError: the picture has more than `max_nodes` nodes.
+        UsageError: the encoding of a diagram is missing.
 
     Example:
         >>> view.picture(space.states, space.symbolic.encoding).save("states.svg")  # doctest: +SKIP
+        >>> view.picture(symcheck.load("models/die/die.pm"), bits=True)  # doctest: +SKIP
     """
-    return shared_picture([diagram], encoding, max_nodes=max_nodes, bits=bits, title=title)[0]
+    if isinstance(diagram, GivenModel):
+        from symcheck.symbolic.build import construct
+
+        made = construct(diagram.bound, diagram.options)
+        encoding = made.space.symbolic.encoding
+        diagrams: Sequence[Bdd | Mtbdd] = [made.space.states] if part == "states" else made.roots
+    elif encoding is None:
+        raise UsageError("a diagram is drawn with its encoding: picture(diagram, encoding)")
+    else:
+        diagrams = [diagram]
+    return shared_picture(diagrams, encoding, max_nodes=max_nodes, bits=bits, title=title)[0]
 
 
 def shared_picture(
@@ -111,6 +127,9 @@ def shared_picture(
     if len(nodes) > max_nodes:
         raise UnsupportedError(_too_many(len(nodes), max_nodes))
     legend = "" if not edges else _BITS if by_bit else _VALUES
+    if legend and by_bit and len(diagrams) == 1:
+        # A diagram in memory has the leaf 0; a set has complement edges, which save nodes.
+        legend += f"\n{len(nodes)} nodes are drawn; {diagrams[0].node_count} are in memory"
     kinds = {n.kind for n in nodes}
     keys = tuple(key for kind, key in _KEYS.items() if kind in kinds) if len(kinds) > 2 else ()
     picture = Picture(title, tuple(nodes), tuple(edges), tuple(layers), legend, keys)

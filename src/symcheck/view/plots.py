@@ -7,7 +7,7 @@ UnsupportedError if matplotlib is not installed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import IO, Any, Protocol
+from typing import IO, Any, Protocol, runtime_checkable
 
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats, Int64s
@@ -74,15 +74,25 @@ def read_image(file: IO[bytes]) -> Any:
     return _pyplot().imread(file)
 
 
-def plot_search(iterations: Iterable[Counted], axes: Any = None, title: str = "") -> Any:
+@runtime_checkable
+class Framed(Protocol):
+    """A frame of a trace of the search (`symcheck.teach.SearchFrame`)."""
+
+    @property
+    def iteration(self) -> Counted: ...
+
+
+def plot_search(iterations: Iterable[Counted | Framed], axes: Any = None, title: str = "") -> Any:
     """Plot BDD nodes of the reached set and of the frontier per iteration, and states on the right.
 
     Args:
-        iterations: of a reachability search with an observer; without one, nothing is counted.
+        iterations: the frames of `teach.frontiers`, or the iterations of a search with an observer
+            (without one, nothing is counted).
         axes: where to draw.
         title: the caption.
     """
-    seen = [i for i in iterations if i.states is not None]
+    counted = [i.iteration if isinstance(i, Framed) else i for i in iterations]
+    seen = [i for i in counted if i.states is not None]
     axes = axes_of(axes)
     number = [i.number for i in seen]
     axes.plot(number, [i.nodes for i in seen], color=_BLUE, label="nodes, reached")
@@ -108,7 +118,7 @@ def plot_bounds(
     """Plot the lower and upper bound of one unknown per iteration, with the gap shaded.
 
     Args:
-        steps: the iterations of a numerical method.
+        steps: the iterations of a numerical method: `steps` of `teach.until_trace`.
         state: the number of the unknown.
         axes: where to draw.
         truth: a value that is drawn as a line for comparison.

@@ -48,7 +48,7 @@ def state_graph(
     around: States | None = None,
     radius: int = 2,
     marked: States | None = None,
-    max_states: int = 150,
+    max_states: int = 200,
     names: bool | None = None,
     title: str = "states",
 ) -> Picture:
