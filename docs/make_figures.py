@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +42,9 @@ def bound(name: str) -> symcheck.BoundModel:
 
 def die_states() -> Any:
     """The die as a state graph."""
-    model = symcheck.explore(bound("die/die.pm"), Options())
-    return view.state_graph(model, marked=model.evaluate(parse_expression("d=6")), title="the die; green: six").draw()
+    die = symcheck.load(ROOT / "models" / "die" / "die.pm")
+    picture = view.state_graph(die, values=die.check("P=? [ F d=6 ]"), sets={"six": "d=6"}, title="the die, with probabilities of a six")
+    return picture.draw()
 
 
 def die_diagrams() -> Any:
@@ -90,6 +94,22 @@ def orders() -> Any:
     return view.plot_orders(list(teach.compare_orders(model, Options(), tried)), title="one model, five orders")
 
 
+def page(folder: Path) -> None:
+    """A page at an iteration of the interval method, as a browser shows it."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        print("Chromium is not installed: page.png stays as it is.")
+        return
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / "die.html"
+        made = symcheck.load(ROOT / "models" / "die" / "die.pm").page(["P=? [ F d=6 ]", 'R{"tosses"}=? [ F "done" ]'])
+        made.save(file)
+        number = [show["name"] for show in made.data["shows"]].index("Interval iteration")
+        switches = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1250,720")
+        profile, target = f"--user-data-dir={place}/profile", f"--screenshot={folder / 'page.png'}"
+        subprocess.run([chromium, *switches, profile, target, f"{file.as_uri()}#{number}.5"], check=True, capture_output=True)
+
+
 FIGURES = {f.__name__: f for f in (die_states, die_diagrams, search, bounds, blocks, orders)}
 
 
@@ -100,6 +120,7 @@ def main(folder: Path) -> None:
         figure = make().figure
         figure.savefig(folder / f"{name}.png", dpi=100, metadata={"Software": None})
         pyplot.close(figure)
+    page(folder)
 
 
 if __name__ == "__main__":

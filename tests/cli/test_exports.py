@@ -204,3 +204,17 @@ def test_results_as_json(die, capsys):
     found = json.loads((die / "r.json").read_text())
     assert [r["value"] for r in found] == [0.6666666666666666, True]
     assert found[0]["property"] == 'P=? [ F "two" ]'
+
+
+def test_a_page(die, capsys):
+    properties = die / "die.pctl"
+    properties.write_text("const int k;\nP=? [ F s=k ];")
+    target = die / "die.html"
+    words = (die / "die.pm", properties, "-const", "k=1", "-exportpage", target)
+    status, out, _ = run(capsys, *words)
+    assert (status, str(target) in out) == (0, True)
+    text = target.read_text()
+    assert text.startswith("<!DOCTYPE html>")
+    assert "0.3333" in text
+    status, _, err = run(capsys, *words[:-1], die / "missing" / "die.html")
+    assert (status, "cannot write" in err) == (1, True)

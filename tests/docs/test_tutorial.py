@@ -50,5 +50,7 @@ def test_figures_can_be_made(tmp_path: Path) -> None:
     runpy.run_path(str(DOCS / "make_figures.py"))["main"](tmp_path)
     made = {p.name for p in tmp_path.iterdir()}
     assert made <= {p.name for p in (DOCS / "figures").iterdir()}
-    shown = set(re.findall(r"figures/(\w+\.png)", (DOCS / "tutorial.md").read_text()))
-    assert shown == made
+    text = "".join((DOCS / name).read_text() for name in ("tutorial.md", "pages.md"))
+    shown = set(re.findall(r"figures/(\w+\.png)", text))
+    assert made <= shown
+    assert shown - made <= {"page.png"}  # it is made if Chromium is there

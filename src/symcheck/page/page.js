@@ -209,7 +209,7 @@ function select(chosen) {
   show = shows[chosen];
   index = 0;
   at("show").value = String(chosen);
-  at("note").textContent = show.note ?? "";
+  at("note").textContent = [show.group, show.note].filter(Boolean).join(": ");
   at("simulator").hidden = show.play !== "simulator";
   if (show.play === "simulator" && !walk.frames.length) walk.restart();
   at("key").replaceChildren(
@@ -447,4 +447,7 @@ function listen() {
 
 fill();
 listen();
-if (shows.length) select(0);
+// page.html#3.2 opens the fourth picture at its third frame.
+const [wanted, frame] = location.hash.slice(1).split(".").map((text) => Number(text) || 0);
+if (shows.length) select(Math.min(wanted, shows.length - 1));
+if (frame && show.play !== "simulator") go(frame);
