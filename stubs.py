@@ -27,7 +27,6 @@ ELEMENTS = {
     "long long": "Int64s",
     "uint8_t": "Masks",
     "unsigned char": "Masks",
-    "uint16_t": "UInt16s",
     "uint64_t": "Words",
     "unsigned long long": "Words",
 }

@@ -1,5 +1,9 @@
 # The unique table of diagram nodes.
 
+cdef struct Node:
+    int32_t bit, low, high
+
+
 cdef class Nodes:
     """The unique table of nodes. A negative child or node is the leaf -1 - child."""
 
@@ -8,13 +12,18 @@ cdef class Nodes:
     cdef Stop stop
     cdef readonly long long operations
     cdef public long long budget
-    cdef Buffer node_bits, lows, highs
+    cdef Buffer storage          # of the nodes
     cdef int32_t* table
     cdef int64_t mask, nodes
 
     cdef int64_t bytes_used(self) noexcept nogil:
         """Memory held, in bytes."""
-        return self.node_bits.size + self.lows.size + self.highs.size + 4 * (self.mask + 1)
+        return self.storage.size + 4 * (self.mask + 1)
+
+    @cython.final
+    cdef inline Node* node(self, int64_t x) noexcept nogil:
+        """The node with a number."""
+        return <Node*>self.storage.data + x
 
     @cython.final
     cdef inline int fail(self) noexcept nogil:
@@ -26,16 +35,16 @@ cdef class Nodes:
     @cython.final
     cdef inline int bit_of(self, int x) noexcept nogil:
         """The bit of a node; `bits` for leaves."""
-        return self.bits if x < 0 else (<int32_t*>self.node_bits.data)[x]
+        return self.bits if x < 0 else self.node(x).bit
 
     @cython.final
     cdef inline void children(self, int x, int bit, int* low, int* high) noexcept nogil:
         """The children of a node at a bit, which are the node itself if it does not depend on the
         bit.
         """
-        if x >= 0 and (<int32_t*>self.node_bits.data)[x] == bit:
-            low[0] = (<int32_t*>self.lows.data)[x]
-            high[0] = (<int32_t*>self.highs.data)[x]
+        if x >= 0 and self.node(x).bit == bit:
+            low[0] = self.node(x).low
+            high[0] = self.node(x).high
         else:
             low[0] = x
             high[0] = x
@@ -63,6 +72,7 @@ cdef class Nodes:
         """The node with these children."""
         cdef int64_t at
         cdef int x
+        cdef Node* node
         if low == high or self.stop != RUNNING:
             return low
         if self.tick():
@@ -70,18 +80,15 @@ cdef class Nodes:
         at = <int64_t>mix_pair(pair_key(low, high), bit) & self.mask
         while self.table[at] >= 0:
             x = self.table[at]
-            if ((<int32_t*>self.lows.data)[x] == low and (<int32_t*>self.highs.data)[x] == high
-                    and (<int32_t*>self.node_bits.data)[x] == bit):
+            node = self.node(x)
+            if node.low == low and node.high == high and node.bit == bit:
                 return x
             at = (at + 1) & self.mask
-        if (self.nodes >= MAX_NODES or reserve(&self.node_bits, 4 * (self.nodes + 1))
-                or reserve(&self.lows, 4 * (self.nodes + 1))
-            or reserve(&self.highs, 4 * (self.nodes + 1))):
+        if (self.nodes >= MAX_NODES
+                or reserve(&self.storage, (self.nodes + 1) * sizeof(Node))):
             return self.fail()
         x = <int>self.nodes
-        (<int32_t*>self.node_bits.data)[x] = bit
-        (<int32_t*>self.lows.data)[x] = low
-        (<int32_t*>self.highs.data)[x] = high
+        self.node(x)[0] = Node(bit, low, high)
         self.table[at] = x
         self.nodes += 1
         if 2 * self.nodes > self.mask and self.rehash() < 0:
@@ -92,14 +99,14 @@ cdef class Nodes:
     cdef int rehash(self) noexcept nogil:
         """Double the hash table; -1 when memory ends."""
         cdef int64_t mask = 2 * self.mask + 1, at, x
+        cdef Node* node
         cdef int32_t* table = <int32_t*>malloc((mask + 1) * sizeof(int32_t))
         if table == NULL:
             return -1
         memset(table, 0xFF, (mask + 1) * sizeof(int32_t))
         for x in range(self.nodes):
-            at = <int64_t>mix_pair(pair_key((<int32_t*>self.lows.data)[x],
-                                            (<int32_t*>self.highs.data)[x]),
-                                   (<int32_t*>self.node_bits.data)[x]) & mask
+            node = self.node(x)
+            at = <int64_t>mix_pair(pair_key(node.low, node.high), node.bit) & mask
             while table[at] >= 0:
                 at = (at + 1) & mask
             table[at] = <int32_t>x

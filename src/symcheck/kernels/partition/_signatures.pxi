@@ -63,9 +63,9 @@ cdef class Signatures(Nodes):
         if a < 0:
             r = self.leaf(self.signatures.shift_left(-1 - a, shift))
         else:
-            low = self.scale((<int32_t*>self.lows.data)[a], shift)
-            high = self.scale((<int32_t*>self.highs.data)[a], shift)
-            r = self.make((<int32_t*>self.node_bits.data)[a], low, high)
+            low = self.scale(self.node(a).low, shift)
+            high = self.scale(self.node(a).high, shift)
+            r = self.make(self.node(a).bit, low, high)
         return self.memoise(&self.scales, a, shift, r)
 
     @cython.final

@@ -1,5 +1,14 @@
 # Splitting of blocks by the values of a function at their states.
 
+cdef struct Split:              # of this round
+    int32_t block, signature
+    int32_t number              # of the new block
+
+cdef struct Block:
+    int32_t signature
+    int32_t last_seen           # the round in which a state with this signature was seen
+
+
 cdef class Splitting(Signatures):
     """The blocks and how they are split; see Partition."""
 
@@ -7,15 +16,33 @@ cdef class Splitting(Signatures):
     # pairs (partition node, signature node): stable ones; those visited in this round; the numbers
     # of splits; the nodes of the new partition
     cdef PairMap stable, visited_pairs, split_numbers, new_nodes
-    # splits of this round (block, signature, number of the new block); stable partition nodes
-    cdef Buffer split_block, split_signature, split_block_number, stable_nodes, visit_round
+    cdef Buffer split_storage, block_storage
+    cdef Buffer stable_nodes, visit_round
     cdef int64_t splits, stable_count
-    # per block: its signature, and the round in which it was last seen
-    cdef Buffer block_signature, last_seen
     cdef int round_number
     cdef bint rounding
     cdef readonly long long blocks
     cdef int root
+
+    @cython.final
+    cdef inline Split* split(self, int64_t i) noexcept nogil:
+        """A split of this round."""
+        return <Split*>self.split_storage.data + i
+
+    @cython.final
+    cdef inline Block* block(self, int64_t b) noexcept nogil:
+        """What is known about a block."""
+        return <Block*>self.block_storage.data + b
+
+    @cython.final
+    cdef int add_split(self, int block, int signature) noexcept nogil:
+        """Append a split; 1 when memory ends."""
+        if reserve(&self.split_storage, (self.splits + 1) * sizeof(Split)):
+            self.fail()
+            return 1
+        self.split(self.splits)[0] = Split(block, signature, -1)
+        self.splits += 1
+        return 0
 
     @cython.final
     cdef int signature(self, int s) noexcept nogil:
@@ -39,18 +66,12 @@ cdef class Splitting(Signatures):
             s = self.signature(s)
             if s < 0:
                 self.fail()
-            elif (<int32_t*>self.block_signature.data)[-1 - p] == s:
-                (<int32_t*>self.last_seen.data)[-1 - p] = self.round_number
+            elif self.block(-1 - p).signature == s:
+                self.block(-1 - p).last_seen = self.round_number
                 return False
             elif not pair_map_find(&self.split_numbers, p, s, &r):
-                if (reserve(&self.split_block, 4 * (self.splits + 1))
-                        or reserve(&self.split_signature, 4 * (self.splits + 1))):
-                    self.fail()
-                    return True
-                (<int32_t*>self.split_block.data)[self.splits] = -1 - p
-                (<int32_t*>self.split_signature.data)[self.splits] = s
                 self.memoise(&self.split_numbers, p, s, <int>self.splits)
-                self.splits += 1
+                self.add_split(-1 - p, s)
             return True
         if pair_map_find(&self.stable, p, s, &r):
             if reserve(&self.stable_nodes, 4 * (self.stable_count + 1)):
@@ -80,7 +101,7 @@ cdef class Splitting(Signatures):
         if p < 0 and s < 0:
             r = -1
             if pair_map_find(&self.split_numbers, p, self.signature(s), &r):
-                return -1 - (<int32_t*>self.split_block_number.data)[r]
+                return -1 - self.split(r).number
             return p
         if pair_map_find(&self.stable, p, s, &r) or pair_map_find(&self.new_nodes, p, s, &r):
             return r
@@ -98,11 +119,11 @@ cdef class Splitting(Signatures):
     cdef void mark_blocks_below(self, int p) noexcept nogil:
         """Mark the blocks below a node as seen."""
         if p < 0:
-            (<int32_t*>self.last_seen.data)[-1 - p] = self.round_number
+            self.block(-1 - p).last_seen = self.round_number
         elif (<int32_t*>self.visit_round.data)[p] != self.round_number:
             (<int32_t*>self.visit_round.data)[p] = self.round_number
-            self.mark_blocks_below((<int32_t*>self.lows.data)[p])
-            self.mark_blocks_below((<int32_t*>self.highs.data)[p])
+            self.mark_blocks_below(self.node(p).low)
+            self.mark_blocks_below(self.node(p).high)
 
     @cython.final
     cdef int mark_stable_blocks(self) noexcept nogil:
@@ -111,10 +132,8 @@ cdef class Splitting(Signatures):
         """
         cdef int64_t i
         cdef bint unknown_blocks = False
-        cdef const int32_t* last_seen = <int32_t*>self.last_seen.data
-        cdef const int32_t* split_block = <int32_t*>self.split_block.data
         for i in range(self.splits):
-            unknown_blocks |= last_seen[split_block[i]] != self.round_number
+            unknown_blocks |= self.block(self.split(i).block).last_seen != self.round_number
         if not unknown_blocks:
             return 0
         i = self.visit_round.size
@@ -132,23 +151,16 @@ cdef class Splitting(Signatures):
         If no state of a block has the known signature, the first split keeps the number of the
         block.
         """
-        cdef int64_t i, last_block = self.blocks
-        cdef int b
-        if (reserve(&self.split_block_number, 4 * (self.splits + 1))
-                or reserve(&self.block_signature, 4 * (self.blocks + self.splits + 2))
-            or reserve(&self.last_seen, 4 * (self.blocks + self.splits + 2))):
+        cdef int64_t i, b, last_block = self.blocks
+        if reserve(&self.block_storage, (self.blocks + self.splits + 2) * sizeof(Block)):
             return -1
-        cdef int32_t* last_seen = <int32_t*>self.last_seen.data
         for i in range(self.splits):
-            b = (<int32_t*>self.split_block.data)[i]
-            if last_seen[b] != self.round_number:
-                last_seen[b] = self.round_number
-            else:
+            b = self.split(i).block
+            if self.block(b).last_seen == self.round_number:
                 last_block += 1
-                b = <int>last_block
-                last_seen[b] = self.round_number
-            (<int32_t*>self.split_block_number.data)[i] = b
-            (<int32_t*>self.block_signature.data)[b] = (<int32_t*>self.split_signature.data)[i]
+                b = last_block
+            self.split(i).number = <int>b
+            self.block(b)[0] = Block(self.split(i).signature, self.round_number)
         self.blocks = last_block
         return 0
 

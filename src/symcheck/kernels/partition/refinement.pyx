@@ -4,7 +4,7 @@ diagram.
 
 Nodes are stored once, in arrays of this module. A node has a bit (the number of a row bit) and two
 children; a negative child is the leaf -1 - child. In a partition the leaves are blocks, and 0 is no
-state. In a signature they are sparse vectors (see signature_table.pyx) from blocks to sums of
+state. In a signature they are sparse vectors (see _signature_table.pxi) from blocks to sums of
 entries, or sets of these. A signature is the product of a matrix and the partition, summed over the
 column bits. Results are memoised across rounds, as long as blocks keep their numbers.
 
@@ -14,18 +14,18 @@ numbers.
 """
 
 from libc.limits cimport LLONG_MAX
+from libc.math cimport frexp, ldexp
 from libc.stdint cimport int32_t, int64_t, uint64_t
 from libc.stdlib cimport free, malloc
-from libc.string cimport memset
+from libc.string cimport memcmp, memcpy, memset
 
 
 import cython
 import numpy as np
 
-from symcheck.kernels.tables.hash_mix cimport mix_pair
+from symcheck.kernels.tables.hash_mix cimport double_bits, mix, mix_pair, round_to_44_bits
 from symcheck.kernels.tables.pair_map cimport (PairMap, pair_key, pair_map_clear, pair_map_find,
                                                pair_map_insert)
-from symcheck.kernels.tables.signature_table cimport SignatureTable
 from symcheck.kernels.diagrams.odd cimport MAX_NODES
 from symcheck.kernels.memory cimport Buffer, release, reserve
 from symcheck.kernels.tuning cimport CHECK_INTERVAL, COLLECTION_GROWTH, FIRST_COLLECTION
@@ -71,6 +71,7 @@ cdef inline int free_column_bits(int above, int image_below) noexcept nogil:
     return image_below // 2 - (above + 1) // 2
 
 
+include "_signature_table.pxi"
 include "_nodes.pxi"
 include "_signatures.pxi"
 include "_splitting.pxi"
@@ -123,22 +124,15 @@ cdef class Partition(Splitting):
         self.root = EMPTY
         self.mask = 1023
         self.table = <int32_t*>malloc(1024 * sizeof(int32_t))
-        if (self.table == NULL or reserve(&self.block_signature, 1024)
-                or reserve(&self.last_seen, 1024)):
+        if self.table == NULL or reserve(&self.block_storage, 2 * sizeof(Block)):
             raise MemoryError
         memset(self.table, 0xFF, 1024 * sizeof(int32_t))
-        memset(self.last_seen.data, 0, self.last_seen.size)
 
     def __dealloc__(self):
         free(self.table)
-        release(&self.node_bits)
-        release(&self.lows)
-        release(&self.highs)
-        release(&self.split_block)
-        release(&self.split_signature)
-        release(&self.split_block_number)
-        release(&self.block_signature)
-        release(&self.last_seen)
+        release(&self.storage)
+        release(&self.split_storage)
+        release(&self.block_storage)
         release(&self.stable_nodes)
         release(&self.visit_round)
         self.forget()
@@ -192,8 +186,7 @@ cdef class Partition(Splitting):
         self.root = self.import_diagram(level, low, high, leaves, root)
         self.blocks = self.root != EMPTY
         self.rounds = 0
-        (<int32_t*>self.block_signature.data)[0] = -1
-        (<int32_t*>self.block_signature.data)[1] = -1
+        self.block(0)[0] = self.block(1)[0] = Block(-1, 0)
 
     def separate(self, level: Int32s, low: Int32s, high: Int32s, leaves: Int32s, int root):
         """Separate states at which a function of the row bits differs; leaves are numbered from 0.
@@ -248,11 +241,11 @@ cdef class Partition(Splitting):
         cdef int64_t b
         pair_map_clear(&self.stable)
         for b in range(self.blocks + 1):
-            (<int32_t*>self.block_signature.data)[b] = -1
+            self.block(b).signature = -1
 
-    cdef int import_node(self, SignatureTable old, int32_t* node_bits, int32_t* lows,
-                         int32_t* highs, int x, bint of_signatures) noexcept nogil:
-        """A node of arrays that are being replaced, in the new ones."""
+    cdef int import_node(self, SignatureTable old, const Node* nodes, int x,
+                         bint of_signatures) noexcept nogil:
+        """A node of an array that is being replaced, in the new one."""
         cdef int r, low, high
         if x == EMPTY or self.stop != RUNNING:
             return EMPTY
@@ -260,36 +253,25 @@ cdef class Partition(Splitting):
             return self.leaf(self.signatures.import_vector(old, -1 - x)) if of_signatures else x
         if pair_map_find(&self.new_nodes, x, 0, &r):
             return r
-        low = self.import_node(old, node_bits, lows, highs, lows[x], of_signatures)
-        high = self.import_node(old, node_bits, lows, highs, highs[x], of_signatures)
-        return self.memoise(&self.new_nodes, x, 0, self.make(node_bits[x], low, high))
+        low = self.import_node(old, nodes, nodes[x].low, of_signatures)
+        high = self.import_node(old, nodes, nodes[x].high, of_signatures)
+        return self.memoise(&self.new_nodes, x, 0, self.make(nodes[x].bit, low, high))
 
     cdef int collect(self) except -1:
         """Drop all nodes but those of the partition and the rewards, and all memoised results."""
-        cdef Buffer node_bits = self.node_bits, lows = self.lows, highs = self.highs
+        cdef Buffer storage = self.storage
+        cdef const Node* nodes = <Node*>storage.data
         cdef SignatureTable old = self.signatures
-        cdef int r
-        cdef Buffer none
-        none.data = NULL
-        none.size = 0
         self.forget()
-        self.node_bits = none
-        self.lows = none
-        self.highs = none
+        self.storage = Buffer(NULL, 0)
         self.nodes = 0
         self.signatures = SignatureTable(old.exponent)
         memset(self.table, 0xFF, (self.mask + 1) * sizeof(int32_t))
-        self.root = self.import_node(old, <int32_t*>node_bits.data, <int32_t*>lows.data,
-                                     <int32_t*>highs.data, self.root, False)
+        self.root = self.import_node(old, nodes, self.root, False)
         pair_map_clear(&self.new_nodes)
-        for i in range(len(self.rewards)):
-            r = self.rewards[i]
-            self.rewards[i] = self.import_node(old, <int32_t*>node_bits.data, <int32_t*>lows.data,
-                                               <int32_t*>highs.data, r, True)
+        self.rewards = [self.import_node(old, nodes, r, True) for r in self.rewards]
         pair_map_clear(&self.new_nodes)
-        release(&node_bits)
-        release(&lows)
-        release(&highs)
+        release(&storage)
         self.invalidate_signatures()
         self.threshold = max(self.threshold, COLLECTION_GROWTH * self.nodes)
         return self.raise_if_stopped()
@@ -305,8 +287,7 @@ cdef class Partition(Splitting):
         pair_map_clear(&self.split_numbers)
         self.collect_blocks(self.root, x)
         self.raise_if_stopped()
-        blocks = [(<int32_t*>self.split_block.data)[i] for i in range(self.splits)]
-        return np.array(sorted(blocks), dtype=np.int64)
+        return np.array(sorted([self.split(i).block for i in range(self.splits)]), dtype=np.int64)
 
     cdef void collect_blocks(self, int p, int s) noexcept nogil:
         """Collect the blocks with a state in a set, as splits."""
@@ -316,11 +297,7 @@ cdef class Partition(Splitting):
             return
         self.memoise(&self.visited_pairs, p, s, 0)
         if p < 0 and s < 0:
-            if reserve(&self.split_block, 4 * (self.splits + 1)):
-                self.fail()
-                return
-            (<int32_t*>self.split_block.data)[self.splits] = -1 - p
-            self.splits += 1
+            self.add_split(-1 - p, EMPTY)
             return
         bit = min(self.bit_of(p), self.bit_of(s))
         self.children(p, bit, &p0, &p1)
@@ -365,11 +342,11 @@ cdef class Partition(Splitting):
         if visited[x]:
             return 0
         visited[x] = 1
-        bit = (<int32_t*>self.node_bits.data)[x]
-        self.collect_first_members((<int32_t*>self.lows.data)[x], visited, last_seen, path, order,
+        bit = self.node(x).bit
+        self.collect_first_members(self.node(x).low, visited, last_seen, path, order,
                                    members, n)
         path[bit] = 1
-        self.collect_first_members((<int32_t*>self.highs.data)[x], visited, last_seen, path, order,
+        self.collect_first_members(self.node(x).high, visited, last_seen, path, order,
                                    members, n)
         path[bit] = 0
         return 0
@@ -390,9 +367,9 @@ cdef class Partition(Splitting):
         cdef int[::1] node_bits = bit, lows = low, highs = high
         for i in range(self.nodes):
             if view[i] >= 0:
-                node_bits[base + view[i]] = (<int32_t*>self.node_bits.data)[i]
-                lows[base + view[i]] = self.export_id((<int32_t*>self.lows.data)[i], view, base)
-                highs[base + view[i]] = self.export_id((<int32_t*>self.highs.data)[i], view, base)
+                node_bits[base + view[i]] = self.node(i).bit
+                lows[base + view[i]] = self.export_id(self.node(i).low, view, base)
+                highs[base + view[i]] = self.export_id(self.node(i).high, view, base)
         return bit, low, high, self.export_id(self.root, view, base)
 
     cdef int export_id(self, int x, long long[::1] number, int64_t base):
@@ -403,8 +380,8 @@ cdef class Partition(Splitting):
         """Number the nodes below x, children first."""
         if x < 0 or number[x] >= 0:
             return 0
-        self.number_nodes((<int32_t*>self.lows.data)[x], number, count)
-        self.number_nodes((<int32_t*>self.highs.data)[x], number, count)
+        self.number_nodes(self.node(x).low, number, count)
+        self.number_nodes(self.node(x).high, number, count)
         number[x] = count[0]
         count[0] += 1
         return 0
@@ -425,7 +402,7 @@ cdef class Partition(Splitting):
         groups = np.zeros(n + 1, dtype=np.int64)
         cdef long long[::1] group = groups
         for i in range(n):
-            s = (<int32_t*>self.block_signature.data)[order[i]]
+            s = self.block(order[i]).signature
             group[i + 1] = group[i] + (self.signatures.length(s) if self.choices else 1)
         indptr = np.zeros(group[n] + 1, dtype=np.int64)
         cdef long long[::1] starts = indptr
@@ -448,5 +425,5 @@ cdef class Partition(Splitting):
 
     cdef int row(self, int block, Py_ssize_t which) noexcept nogil:
         """The signature of a row of a block before it was rounded."""
-        cdef int s = (<int32_t*>self.block_signature.data)[block]
+        cdef int s = self.block(block).signature
         return self.signatures.unrounded(self.signatures.keys_of(s)[which] if self.choices else s)

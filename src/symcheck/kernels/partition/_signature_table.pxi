@@ -1,24 +1,21 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The unique table of signatures: sparse vectors, each stored once and known by its number.
+# The unique table of signatures: sparse vectors, each stored once and known by its number.
+#
+# The signature of a state maps the blocks of a partition to sums of probabilities (Derisavi, Hermanns
+# & Sanders 2003; Wimmer, Derisavi & Hermanns 2010). Number 0 is the empty vector; -1 says that memory
+# ended.
+#
+# Keys are int32, and entries are sorted by key. The value of a non-negative key is a 128-bit integer
+# in units of 2 ** -exponent, so sums are exact and independent of their order. The value of a
+# negative key (a reward structure) is the bit pattern of a double, which is never added to. A set is
+# a vector whose values are all 0.
 
-The signature of a state maps the blocks of a partition to sums of probabilities (Derisavi, Hermanns
-& Sanders 2003; Wimmer, Derisavi & Hermanns 2010). Number 0 is the empty vector; -1 says that memory
-ended.
+cdef extern from *:
+    ctypedef long long int128 "__int128"
 
-Keys are int32, and entries are sorted by key. The value of a non-negative key is a 128-bit integer
-in units of 2 ** -exponent, so sums are exact and independent of their order. The value of a
-negative key (a reward structure) is the bit pattern of a double, which is never added to. A set is
-a vector whose values are all 0.
-"""
-
-from libc.math cimport frexp, ldexp
-from libc.stdlib cimport free, malloc
-from libc.string cimport memcmp, memcpy, memset
-
-import cython
-
-from symcheck.kernels.tables.hash_mix cimport double_bits, mix, round_to_44_bits
-from symcheck.kernels.memory cimport Buffer, release, reserve
+cdef struct Vector:
+    int64_t start, length          # of its entries
+    uint64_t hash
+    int32_t rounded, unrounded     # vectors that `round_values` maps this one to, and from; or -1
 
 
 cdef inline int128 round_sum_to_44_bits(int128 value) noexcept nogil:
@@ -57,14 +54,19 @@ cdef class SignatureTable:
     exponent: minus the exponent of the lowest binary digit that a value may have.
     """
 
+    cdef Buffer keys, values, vectors
+    cdef int32_t* table
+    cdef int64_t mask
+    cdef int64_t count, entries
+    cdef int exponent
+
     def __cinit__(self, int exponent):
         self.exponent = exponent
         self.mask = 1023
         self.table = <int32_t*>malloc(1024 * sizeof(int32_t))
-        if self.table == NULL or reserve(&self.starts, 8 * 1024):
+        if self.table == NULL:
             raise MemoryError
         memset(self.table, 0xFF, 1024 * sizeof(int32_t))
-        (<int64_t*>self.starts.data)[0] = 0
         if self.reserve_entries(0) < 0 or self.intern(0) != 0:
             raise MemoryError
 
@@ -72,27 +74,27 @@ cdef class SignatureTable:
         free(self.table)
         release(&self.keys)
         release(&self.values)
-        release(&self.starts)
-        release(&self.hashes)
-        release(&self.rounded_ids)
-        release(&self.unrounded_ids)
+        release(&self.vectors)
 
     cdef int64_t nbytes(self) noexcept nogil:
         """Memory held, in bytes."""
-        return (self.keys.size + self.values.size + self.starts.size + self.hashes.size
-                + self.rounded_ids.size + self.unrounded_ids.size + 4 * (self.mask + 1))
+        return self.keys.size + self.values.size + self.vectors.size + 4 * (self.mask + 1)
+
+    cdef inline Vector* vector(self, int64_t a) noexcept nogil:
+        """What is known about a vector."""
+        return <Vector*>self.vectors.data + a
 
     cdef int64_t length(self, int a) noexcept nogil:
         """Number of entries of a vector."""
-        return (<int64_t*>self.starts.data)[a + 1] - (<int64_t*>self.starts.data)[a]
+        return self.vector(a).length
 
     cdef int32_t* keys_of(self, int a) noexcept nogil:
         """The keys of a vector."""
-        return <int32_t*>self.keys.data + (<int64_t*>self.starts.data)[a]
+        return <int32_t*>self.keys.data + self.vector(a).start
 
     cdef int128* values_of(self, int a) noexcept nogil:
         """The values of a vector."""
-        return <int128*>self.values.data + (<int64_t*>self.starts.data)[a]
+        return <int128*>self.values.data + self.vector(a).start
 
     cdef double value(self, int a, int64_t index) noexcept nogil:
         """The value at an index, rounded to the nearest double."""
@@ -102,7 +104,7 @@ cdef class SignatureTable:
 
     cdef int unrounded(self, int a) noexcept nogil:
         """The first vector that `round_values` mapped to this one."""
-        return (<int32_t*>self.unrounded_ids.data)[a]
+        return self.vector(a).unrounded
 
     cdef int64_t reserve_entries(self, int64_t more) noexcept nogil:
         """Make room for so many entries behind the last vector; -1 when memory ends.
@@ -131,23 +133,18 @@ cdef class SignatureTable:
         slot = <int64_t>h & self.mask
         while self.table[slot] >= 0:
             vector = self.table[slot]
-            if ((<uint64_t*>self.hashes.data)[vector] == h and self.length(vector) == length
+            if (self.vector(vector).hash == h and self.length(vector) == length
                     and memcmp(self.keys_of(vector), keys, 4 * length) == 0
                 and memcmp(self.values_of(vector), values, 16 * length) == 0):
                 return vector
             slot = (slot + 1) & self.mask
         vector = <int>self.count
-        if (self.count >= 0x7FFFFFF0 or reserve(&self.starts, 8 * (self.count + 2))
-                or reserve(&self.hashes, 8 * (self.count + 1))
-            or reserve(&self.rounded_ids, 4 * (self.count + 1))
-            or reserve(&self.unrounded_ids, 4 * (self.count + 1))):
+        if (self.count >= 0x7FFFFFF0
+                or reserve(&self.vectors, (self.count + 1) * sizeof(Vector))):
             return -1
         self.table[slot] = vector
+        self.vector(vector)[0] = Vector(self.entries, length, h, -1, -1)
         self.entries += length
-        (<int64_t*>self.starts.data)[vector + 1] = self.entries
-        (<uint64_t*>self.hashes.data)[vector] = h
-        (<int32_t*>self.rounded_ids.data)[vector] = -1
-        (<int32_t*>self.unrounded_ids.data)[vector] = -1
         self.count += 1
         if 2 * self.count > self.mask and self.grow() < 0:
             return -1
@@ -161,7 +158,7 @@ cdef class SignatureTable:
             return -1
         memset(table, 0xFF, (mask + 1) * sizeof(int32_t))
         for i in range(self.count):
-            slot = <int64_t>(<uint64_t*>self.hashes.data)[i] & mask
+            slot = <int64_t>self.vector(i).hash & mask
             while table[slot] >= 0:
                 slot = (slot + 1) & mask
             table[slot] = <int32_t>i
@@ -232,7 +229,7 @@ cdef class SignatureTable:
 
     cdef int round_values(self, int a) noexcept nogil:
         """The vector with its values rounded to 44 binary digits."""
-        cdef int vector = (<int32_t*>self.rounded_ids.data)[a]
+        cdef int vector = self.vector(a).rounded
         cdef int64_t length = self.length(a), i
         cdef int128 value
         if vector >= 0:
@@ -247,10 +244,9 @@ cdef class SignatureTable:
             (<int128*>self.values.data)[self.entries + i] = value
         vector = self.intern(length)
         if vector >= 0:
-            (<int32_t*>self.rounded_ids.data)[a] = vector
-            (<int32_t*>self.rounded_ids.data)[vector] = vector
-            if (<int32_t*>self.unrounded_ids.data)[vector] < 0:
-                (<int32_t*>self.unrounded_ids.data)[vector] = a
+            self.vector(a).rounded = self.vector(vector).rounded = vector
+            if self.vector(vector).unrounded < 0:
+                self.vector(vector).unrounded = a
         return vector
 
     cdef int insert_key(self, int a, int key) noexcept nogil:
