@@ -113,8 +113,6 @@ def test_abstraction(manager, left, right, axes):
         return np.broadcast_to(table, x.shape).ravel()
 
     where = tuple(axes)
-    assert f.max_over(cube) == manager.table(NAMES, values(x.max(where, keepdims=True)))
-    assert f.min_over(cube) == manager.table(NAMES, values(x.min(where, keepdims=True)))
     np.testing.assert_allclose(
         f.sum_over(cube).evaluate(ROWS), values(x.sum(where, keepdims=True)), atol=1e-15
     )

@@ -76,21 +76,14 @@ def default_memory() -> int:
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """Counters of a manager. Memory in bytes, times in seconds; a node takes 32 bytes."""
+    """Counters of a manager. Memory in bytes; a node takes 32."""
 
     variables: int
     live_nodes: int
-    dead_nodes: int
     peak_live_nodes: int
-    peak_nodes: int
     memory: int
     collections: int
-    collection_seconds: float
-    reorderings: int
-    reordering_seconds: float
-    cache_slots: int
     cache_lookups: float
-    cache_hits: float
 
 
 class DiagramManager:

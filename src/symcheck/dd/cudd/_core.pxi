@@ -325,17 +325,10 @@ cdef class Core:
         return {
             "variables": Cudd_ReadSize(dd),
             "live_nodes": Cudd_ReadKeys(dd) - Cudd_ReadDead(dd),
-            "dead_nodes": Cudd_ReadDead(dd),
             "peak_live_nodes": Cudd_ReadPeakLiveNodeCount(dd),
-            "peak_nodes": Cudd_ReadPeakNodeCount(dd),
             "memory": Cudd_ReadMemoryInUse(dd),
             "collections": Cudd_ReadGarbageCollections(dd),
-            "collection_seconds": Cudd_ReadGarbageCollectionTime(dd) / 1000,
-            "reorderings": Cudd_ReadReorderings(dd),
-            "reordering_seconds": Cudd_ReadReorderingTime(dd) / 1000,
-            "cache_slots": Cudd_ReadCacheSlots(dd),
             "cache_lookups": Cudd_ReadCacheLookUps(dd),
-            "cache_hits": Cudd_ReadCacheHits(dd),
         }
 
     def collect(self) -> int:

@@ -100,25 +100,18 @@ cdef class Mtbdd:
             operator: one of < <= > >= = == !=.
             other: an Mtbdd or a number.
         """
-        cdef Mtbdd o = as_mtbdd(self.core, other)
-        cdef Env* e = self.core.begin()
-        cdef DdNode* r
-        if operator == "<":
-            r = compare(e, LESS, self.node, o.node)
-        elif operator == "<=":
-            r = compare(e, LESS_EQUAL, self.node, o.node)
-        elif operator == ">":
-            r = compare(e, LESS, o.node, self.node)
-        elif operator == ">=":
-            r = compare(e, LESS_EQUAL, o.node, self.node)
-        elif operator == "=" or operator == "==":
-            r = compare(e, EQUAL, self.node, o.node)
-        elif operator == "!=":
-            r = compare(e, EQUAL, self.node, o.node)
-            r = r if r is NULL else negate(r)
-        else:
-            raise ValueError(f"unknown comparison {operator!r}")
-        return wrap_bdd(self.core, r)
+        cdef Mtbdd o = as_mtbdd(self.core, other), f = self
+        if operator in (">", ">="):
+            f, o = o, f
+        if operator in ("<", ">"):
+            return wrap_bdd(self.core, apply(self.core.begin(), LESS, f.node, o.node))
+        if operator in ("<=", ">="):
+            return wrap_bdd(self.core, apply(self.core.begin(), LESS_EQUAL, f.node, o.node))
+        if operator in ("=", "=="):
+            return wrap_bdd(self.core, apply(self.core.begin(), EQUAL, f.node, o.node))
+        if operator == "!=":
+            return ~self.compare("=", other)
+        raise ValueError(f"unknown comparison {operator!r}")
 
     def equal(self, other: Operand) -> Bdd:
         """The set where both have the same value."""
@@ -127,23 +120,15 @@ cdef class Mtbdd:
     def times_bdd(self, states: Bdd) -> Mtbdd:
         """This function on the set `states`, 0 elsewhere."""
         cdef Bdd f = as_bdd(self.core, states)
-        return wrap_mtbdd(self.core, masked(self.core.begin(), self.node, f.node))
+        return wrap_mtbdd(self.core, ite(self.core.begin(), f.node, self.node, self.core.e.zero))
 
     def to_bdd(self) -> Bdd:
         """The set where the value is not 0."""
-        return wrap_bdd(self.core, to_bdd(self.core.begin(), self.node))
+        return self.compare("!=", 0.0)
 
     def sum_over(self, Cube cube not None) -> Mtbdd:
         """The sum over all assignments of the cube's variables."""
-        return wrap_mtbdd(self.core, abstract(self.core.begin(), SUM_OVER, self.node, cube_of(self.core, cube)))
-
-    def max_over(self, Cube cube not None) -> Mtbdd:
-        """The maximum over all assignments of the cube's variables."""
-        return wrap_mtbdd(self.core, abstract(self.core.begin(), MAX_OVER, self.node, cube_of(self.core, cube)))
-
-    def min_over(self, Cube cube not None) -> Mtbdd:
-        """The minimum over all assignments of the cube's variables."""
-        return wrap_mtbdd(self.core, abstract(self.core.begin(), MIN_OVER, self.node, cube_of(self.core, cube)))
+        return self.multiply_sum(1.0, cube)
 
     def multiply_sum(self, other: Operand, Cube cube not None) -> Mtbdd:
         """`(self * other).sum_over(cube)`, without building the product: a matrix times a vector or

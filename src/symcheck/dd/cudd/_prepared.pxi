@@ -78,19 +78,15 @@ cdef class Cube:
         if len(set(self.indices)) != len(self.indices):
             raise ValueError("a variable occurs twice")
         cdef Env* e = core.begin()
-        c = e.one
-        reference(c)
+        c = referenced(e.one)
         for i in sorted(self.indices, key=core.level, reverse=True):
             if not 0 <= i < e.size:
                 Cudd_IterDerefBdd(e.dd, c)
                 raise IndexError(i)
             r = Cudd_bddAnd(e.dd, Cudd_bddIthVar(e.dd, i), c)
-            if r is not NULL:
-                reference(r)
-            Cudd_IterDerefBdd(e.dd, c)
-            if r is NULL:
+            c = referenced(released(e, c, r))
+            if c is NULL:
                 core.fail()
-            c = r
         self.node = c
 
     def __dealloc__(self):
@@ -197,29 +193,11 @@ cdef class Transition:
         if self.adjacent(e):
             return relation_step(e, forward, s, r, self.all.node)
         if forward:
-            t = Cudd_bddAndAbstract(e.dd, s, r, self.rows.node)
-        else:
-            s = permute(e, True, s, &self.to_columns.map)
-            if s is NULL:
-                return NULL
-            reference(s)
-            t = Cudd_bddAndAbstract(e.dd, s, r, self.columns.node)
-            if t is not NULL:
-                reference(t)
-            Cudd_IterDerefBdd(e.dd, s)
-            if t is not NULL:
-                dereference(t)
-            return t
-        if t is NULL:
-            return NULL
-        reference(t)
-        u = permute(e, True, t, &self.to_rows.map)
-        if u is not NULL:
-            reference(u)
-        Cudd_IterDerefBdd(e.dd, t)
-        if u is not NULL:
-            dereference(u)
-        return u
+            t = referenced(Cudd_bddAndAbstract(e.dd, s, r, self.rows.node))
+            return released(e, t, NULL if t is NULL else permute(e, True, t, &self.to_rows.map))
+        t = referenced(permute(e, True, s, &self.to_columns.map))
+        u = NULL if t is NULL else Cudd_bddAndAbstract(e.dd, t, r, self.columns.node)
+        return released(e, t, u)
 
     def image(self, Bdd states not None, Bdd relation not None) -> Bdd:
         """The successors of `states` (over row variables) by `relation`, over row variables."""

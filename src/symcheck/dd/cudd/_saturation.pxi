@@ -271,19 +271,12 @@ cdef DdNode* fire_all(PartitionTable* table, Event* level_events, int count, DdN
     cdef Ref x, y
     cdef int i
     for i in range(count):
-        x = relation_step(e, table.forward, source, level_events[i].relation, level_events[i].touched)
-        if x is NULL:
-            Cudd_IterDerefBdd(e.dd, target)
-            return NULL
-        reference(x)
-        y = cuddBddAndRecur(e.dd, x, within)
-        if y is not NULL:
-            reference(y)
-        Cudd_IterDerefBdd(e.dd, x)
-        target = union_owned(e, target, y)
+        x = referenced(relation_step(e, table.forward, source, level_events[i].relation,
+                                     level_events[i].touched))
+        y = NULL if x is NULL else cuddBddAndRecur(e.dd, x, within)
+        target = union_owned(e, target, referenced(released(e, x, y)))
         if target is NULL:
-            return NULL
-        reference(target)
+            break
     return target
 
 
@@ -291,14 +284,8 @@ cdef DdNode* saturate_owned(PartitionTable* table, EventPartition* f, DdNode* s,
     """Saturate a referenced set, whose reference is consumed (NULL: stopped before); the result is
     referenced.
     """
-    cdef DdNode* r
-    if s is NULL:
-        return NULL
-    r = saturate(table, f, s, within)
-    if r is not NULL:
-        reference(r)
-    Cudd_IterDerefBdd(table.e.dd, s)
-    return r
+    cdef DdNode* r = NULL if s is NULL else saturate(table, f, s, within)
+    return referenced(released(table.e, s, r))
 
 
 cdef DdNode* saturate(PartitionTable* table, EventPartition* f, DdNode* s, DdNode* within) noexcept nogil:
@@ -318,31 +305,17 @@ cdef DdNode* saturate(PartitionTable* table, EventPartition* f, DdNode* s, DdNod
         bdd_cofactors(e, s, l, &s1, &s0)
         bdd_cofactors(e, within, l, &w1, &w0)
         index = regular(s).index if level_of(e, s) == l else regular(within).index
-        t = saturate(table, f, s1, w1)
-        if t is NULL:
-            return NULL
-        reference(t)
-        u = saturate(table, f, s0, w0)
-        if u is NULL:
-            Cudd_IterDerefBdd(e.dd, t)
-            return NULL
-        reference(u)
+        t = referenced(saturate(table, f, s1, w1))
+        u = NULL if t is NULL else referenced(saturate(table, f, s0, w0))
     else:
         if f.low is NULL and not split_partition(table, f):
             return NULL
         bdd_cofactors(e, s, f.level, &s1, &s0)
         bdd_cofactors(e, within, f.level, &w1, &w0)
         index = Cudd_ReadInvPerm(e.dd, f.level)
-        reference(s1)
-        t = saturate_owned(table, f.high, s1, w1)
-        if t is NULL:
-            return NULL
-        reference(s0)
-        u = saturate_owned(table, f.low, s0, w0)
-        if u is NULL:
-            Cudd_IterDerefBdd(e.dd, t)
-            return NULL
-        if not fire_to_fixpoint(table, f, &t, &u, w1, w0):
+        t = saturate_owned(table, f.high, referenced(s1), w1)
+        u = NULL if t is NULL else saturate_owned(table, f.low, referenced(s0), w0)
+        if u is not NULL and not fire_to_fixpoint(table, f, &t, &u, w1, w0):
             return NULL
     r = bdd_node(e, index, t, u)
     if r is not NULL:
@@ -360,46 +333,25 @@ cdef bint fire_to_fixpoint(PartitionTable* table, EventPartition* f, DdNode** t,
     False: stopped, and the references of the children are released.
     """
     cdef Env* e = table.e
-    cdef Ref new_t = t[0], new_u = u[0]
+    cdef Ref new_t = referenced(t[0]), new_u = referenced(u[0])
     cdef bint done = True
-    reference(new_t)
-    reference(new_u)
     while done and (new_u is not e.logic_zero or new_t is not e.logic_zero):
         # All steps may be cached, and there may be very many.
         done = not (stop_requested(e) or limit_reached(table))
         done = done and fire_and_saturate(table, f.high, f.level_events, f.rising, u[0], &new_u, t, &new_t, w1)
         done = done and fire_and_saturate(table, f.low, f.level_events + f.rising, f.falling, t[0], &new_t, u, &new_u, w0)
-    release_bdd(e, new_t)
-    release_bdd(e, new_u)
+    released(e, new_t, NULL)
+    released(e, new_u, NULL)
     if not done:
-        release_bdd(e, t[0])
-        release_bdd(e, u[0])
+        released(e, t[0], NULL)
+        released(e, u[0], NULL)
     return done
-
-
-cdef inline void release_bdd(Env* e, DdNode* n) noexcept nogil:
-    if n is not NULL:
-        Cudd_IterDerefBdd(e.dd, n)
 
 
 cdef DdNode* difference_owned(Env* e, DdNode* a, DdNode* b) noexcept nogil:
     """a without b, referenced; the reference of a, which may be NULL, is consumed."""
-    cdef DdNode* r
-    if a is NULL:
-        return NULL
-    r = cuddBddAndRecur(e.dd, a, negate(b))
-    if r is not NULL:
-        reference(r)
-    Cudd_IterDerefBdd(e.dd, a)
-    return r
-
-
-cdef DdNode* union_referenced(Env* e, DdNode* a, DdNode* b) noexcept nogil:
-    """a or b, referenced; the references of both, which may be NULL, are consumed."""
-    cdef DdNode* r = union_owned(e, a, b)
-    if r is not NULL:
-        reference(r)
-    return r
+    cdef DdNode* r = NULL if a is NULL else cuddBddAndRecur(e.dd, a, negate(b))
+    return referenced(released(e, a, r))
 
 
 cdef bint fire_and_saturate(PartitionTable* table, EventPartition* f, Event* level_events, int count, DdNode* source, DdNode** new_source,
@@ -410,33 +362,30 @@ cdef bint fire_and_saturate(PartitionTable* table, EventPartition* f, Event* lev
     stopped.
     """
     cdef Env* e = table.e
-    cdef Ref x = e.logic_zero, old = target[0]
-    reference(x)
+    cdef Ref x = referenced(e.logic_zero), old = target[0]
     if count and new_source[0] is not e.logic_zero:
         if table.new_only:
             x = difference_owned(e, fire_all(table, level_events, count, new_source[0], x, within), old)
             x = difference_owned(e, saturate_owned(table, f, x, within), old)
         else:
-            Cudd_IterDerefBdd(e.dd, x)
-            reference(old)
-            x = fire_all(table, level_events, count, source, old, within)
+            released(e, x, NULL)
+            x = fire_all(table, level_events, count, source, referenced(old), within)
             if x is not old:
                 x = saturate_owned(table, f, x, within)
-    release_bdd(e, new_source[0])
-    new_source[0] = e.logic_zero
-    reference(e.logic_zero)
+    released(e, new_source[0], NULL)
+    new_source[0] = referenced(e.logic_zero)
     if x is NULL:
         return False
     reference(x)
     if table.new_only or x is e.logic_zero:
-        target[0] = union_referenced(e, old, x)
-        new_target[0] = union_referenced(e, new_target[0], x)
+        target[0] = union_owned(e, old, x)
+        new_target[0] = union_owned(e, new_target[0], x)
     elif x is old:
-        release_bdd(e, x)
-        release_bdd(e, x)
+        released(e, x, NULL)
+        released(e, x, NULL)
     else:       # all of x counts as new
-        release_bdd(e, old)
-        release_bdd(e, new_target[0])
+        released(e, old, NULL)
+        released(e, new_target[0], NULL)
         target[0] = new_target[0] = x
     return target[0] is not NULL and new_target[0] is not NULL
 

@@ -83,7 +83,7 @@ cdef class Bdd:
     def to_mtbdd(self, double value=1.0) -> Mtbdd:
         """The function that is `value` on this set and 0 elsewhere."""
         cdef Mtbdd x = self.core.constant(value)
-        return wrap_mtbdd(self.core, masked(self.core.begin(), x.node, self.node))
+        return wrap_mtbdd(self.core, ite(self.core.begin(), self.node, x.node, self.core.e.zero))
 
     def exists(self, Cube cube not None) -> Bdd:
         """Existential quantification: assignments that are in the set for some values of the cube's
@@ -157,11 +157,6 @@ cdef class Bdd:
         """Whether the intersection is empty; no diagram is built."""
         cdef Bdd o = as_bdd(self.core, other)
         return Cudd_bddLeq(self.core.begin().dd, self.node, negate(o.node)) != 0
-
-    @property
-    def is_true(self) -> bool:
-        """Whether every assignment is in the set."""
-        return self.node is self.core.e.one
 
     @property
     def node_count(self) -> int:

@@ -16,27 +16,17 @@ cdef DdNode* permute(Env* e, bint boolean, DdNode* f, Mapping* map) noexcept nog
         return signed(r, sign(f))
     if stop_requested(e):
         return NULL
-    t = permute(e, boolean, n.type.kids.T, map)
-    if t is NULL:
-        return NULL
-    reference(t)
-    u = permute(e, boolean, n.type.kids.E, map)
-    if u is NULL:
-        Cudd_RecursiveDeref(e.dd, t)
-        return NULL
-    reference(u)
+    t = referenced(permute(e, boolean, n.type.kids.T, map))
+    u = NULL if t is NULL else referenced(permute(e, boolean, n.type.kids.E, map))
     index = map.to[n.index] if <int>n.index < map.size else n.index
+    if u is NULL:
+        return released(e, t, NULL)
     if e.perm[index] < min(level_of(e, t), level_of(e, u)):
         r = bdd_node(e, index, t, u) if boolean else mtbdd_node(e, index, t, u)
     else:
         x = Cudd_bddIthVar(e.dd, index)
         r = cuddBddIteRecur(e.dd, x, t, u) if boolean else ite(e, x, t, u)
-        if r is not NULL:
-            reference(r)
-        Cudd_RecursiveDeref(e.dd, t)
-        Cudd_RecursiveDeref(e.dd, u)
-        if r is not NULL:
-            dereference(r)
+        r = released(e, t, released(e, u, r))
     if r is NULL:
         return NULL
     cuddCacheInsert2(e.dd, &_ops[<int>op], n, map.key, r)
@@ -44,41 +34,21 @@ cdef DdNode* permute(Env* e, bint boolean, DdNode* f, Mapping* map) noexcept nog
 
 
 cdef DdNode* union_owned(Env* e, DdNode* t, DdNode* u) noexcept nogil:
-    """t or u; their references are consumed. Both may be NULL (stopped)."""
+    """t or u, referenced; their references are consumed."""
     cdef DdNode* r = NULL
     if t is not NULL and u is not NULL:
         r = cuddBddAndRecur(e.dd, negate(t), negate(u))
-        if r is not NULL:
-            reference(r)
-    if t is not NULL:
-        Cudd_IterDerefBdd(e.dd, t)
-    if u is not NULL:
-        Cudd_IterDerefBdd(e.dd, u)
-    if r is not NULL:
-        dereference(r)
-        return negate(r)
-    return NULL
+    r = released(e, t, released(e, u, r))
+    return NULL if r is NULL else referenced(negate(r))
 
 
-cdef inline DdNode* step_referenced(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
-    """relation_step, referenced."""
-    cdef DdNode* result = relation_step(e, forward, s, r, pairs)
-    if result is not NULL:
-        reference(result)
-    return result
-
-
-cdef DdNode* step_union(Env* e, bint forward, DdNode* s0, DdNode* r0, DdNode* s1, DdNode* r1, DdNode* pairs) noexcept nogil:
+cdef DdNode* step_union(Env* e, bint forward, DdNode* s0, DdNode* r0, DdNode* s1, DdNode* r1,
+                        DdNode* pairs) noexcept nogil:
     """The union of the steps (s0, r0) and (s1, r1), referenced."""
-    cdef DdNode* t = step_referenced(e, forward, s0, r0, pairs)
-    cdef DdNode* u
+    cdef DdNode* t = referenced(relation_step(e, forward, s0, r0, pairs))
     if t is NULL or t is e.one:
         return t
-    u = step_referenced(e, forward, s1, r1, pairs)
-    t = union_owned(e, t, u)
-    if t is not NULL:
-        reference(t)
-    return t
+    return union_owned(e, t, referenced(relation_step(e, forward, s1, r1, pairs)))
 
 
 cdef DdNode* relation_step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* pairs) noexcept nogil:
@@ -111,8 +81,8 @@ cdef DdNode* relation_step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* p
         index = regular(s).index if ls <= lr else regular(r).index
         bdd_cofactors(e, s, l, &s1, &s0)
         bdd_cofactors(e, r, l, &a, &b)
-        t = step_referenced(e, forward, s1, a, pairs)
-        u = step_referenced(e, forward, s0, b, pairs) if t is not NULL else NULL
+        t = referenced(relation_step(e, forward, s1, a, pairs))
+        u = NULL if t is NULL else referenced(relation_step(e, forward, s0, b, pairs))
     else:
         index = pairs.index
         bdd_cofactors(e, s, row, &s1, &s0)
@@ -120,16 +90,10 @@ cdef DdNode* relation_step(Env* e, bint forward, DdNode* s, DdNode* r, DdNode* p
         bdd_cofactors(e, a, row + 1, &r11, &r10)
         bdd_cofactors(e, b, row + 1, &r01, &r00)
         a = pairs.type.kids.T.type.kids.T
-        if forward:
-            t = step_union(e, forward, s0, r01, s1, r11, a)
-            u = step_union(e, forward, s0, r00, s1, r10, a) if t is not NULL else NULL
-        else:
-            t = step_union(e, forward, s0, r10, s1, r11, a)
-            u = step_union(e, forward, s0, r00, s1, r01, a) if t is not NULL else NULL
-    if u is NULL:
-        if t is not NULL:
-            Cudd_IterDerefBdd(e.dd, t)
-        return NULL
+        if not forward:
+            r01, r10 = r10, r01
+        t = step_union(e, forward, s0, r01, s1, r11, a)
+        u = NULL if t is NULL else step_union(e, forward, s0, r00, s1, r10, a)
     result = bdd_node(e, index, t, u)
     if result is not NULL:
         cuddCacheInsert(e.dd, tag, s, r, pairs, result)

@@ -30,7 +30,6 @@ ctypedef double (*f_value)(DdNode*) noexcept nogil
 ctypedef int (*f_is)(DdNode*) noexcept nogil
 ctypedef DdNode* (*f_int)(DdManager*, int) noexcept nogil
 ctypedef DdNode* (*f_const)(DdManager*, double) noexcept nogil
-ctypedef DdNode* (*f_1)(DdManager*, DdNode*) noexcept nogil
 ctypedef DdNode* (*f_2)(DdManager*, DdNode*, DdNode*) noexcept nogil
 ctypedef DdNode* (*f_3)(DdManager*, DdNode*, DdNode*, DdNode*) noexcept nogil
 ctypedef DdNode* (*f_unique)(DdManager*, int, DdNode*, DdNode*) noexcept nogil
@@ -44,10 +43,8 @@ ctypedef double (*f_get_double)(DdManager*) noexcept nogil
 ctypedef void (*f_set)(DdManager*) noexcept nogil
 ctypedef void (*f_set_double)(DdManager*, double) noexcept nogil
 ctypedef size_t (*f_set_size)(DdManager*, size_t) noexcept nogil
-ctypedef DdNode* (*f_look1)(DdManager*, void*, DdNode*) noexcept nogil
 ctypedef DdNode* (*f_look2)(DdManager*, void*, DdNode*, DdNode*) noexcept nogil
 ctypedef DdNode* (*f_look3)(DdManager*, uintptr_t, DdNode*, DdNode*, DdNode*) noexcept nogil
-ctypedef void (*f_keep1)(DdManager*, void*, DdNode*, DdNode*) noexcept nogil
 ctypedef void (*f_keep2)(DdManager*, void*, DdNode*, DdNode*, DdNode*) noexcept nogil
 ctypedef void (*f_keep3)(DdManager*, uintptr_t, DdNode*, DdNode*, DdNode*, DdNode*) noexcept nogil
 ctypedef int (*f_support)(DdManager*, DdNode*, int**) noexcept nogil
@@ -78,17 +75,15 @@ cdef f_drop Cudd_RecursiveDeref, Cudd_IterDerefBdd
 cdef f_leq Cudd_bddLeq
 cdef f_get Cudd_ReadSize, Cudd_ReadErrorCode, Cudd_ReadPeakLiveNodeCount, Cudd_ReadGarbageCollections, Cudd_DebugCheck
 cdef f_get_int Cudd_ReadPerm, Cudd_ReadInvPerm, cuddGarbageCollect
-cdef f_get_unsigned Cudd_ReadKeys, Cudd_ReadDead, Cudd_ReadCacheSlots, Cudd_ReadReorderings
-cdef f_get_long Cudd_ReadPeakNodeCount, Cudd_ReadMemoryInUse, Cudd_ReadGarbageCollectionTime, Cudd_ReadReorderingTime
-cdef f_get_double Cudd_ReadCacheLookUps, Cudd_ReadCacheHits
+cdef f_get_unsigned Cudd_ReadKeys, Cudd_ReadDead
+cdef f_get_long Cudd_ReadMemoryInUse
+cdef f_get_double Cudd_ReadCacheLookUps
 cdef f_set Cudd_AutodynDisable, Cudd_ClearErrorCode, Cudd_UnregisterTerminationCallback, Cudd_FreeTree
 cdef f_set Cudd_EnableGarbageCollection, Cudd_DisableGarbageCollection
 cdef f_set_double Cudd_SetEpsilon, Cudd_SetMaxGrowth
 cdef f_set_size Cudd_SetMaxMemory
-cdef f_look1 cuddCacheLookup1
 cdef f_look2 cuddCacheLookup2
 cdef f_look3 cuddCacheLookup
-cdef f_keep1 cuddCacheInsert1
 cdef f_keep2 cuddCacheInsert2
 cdef f_keep3 cuddCacheInsert
 cdef f_support Cudd_SupportIndices
@@ -153,14 +148,8 @@ cdef int _resolve_all() except -1:
     _resolve(library, b"cuddGarbageCollect", <void**>&cuddGarbageCollect)
     _resolve(library, b"Cudd_ReadKeys", <void**>&Cudd_ReadKeys)
     _resolve(library, b"Cudd_ReadDead", <void**>&Cudd_ReadDead)
-    _resolve(library, b"Cudd_ReadCacheSlots", <void**>&Cudd_ReadCacheSlots)
-    _resolve(library, b"Cudd_ReadReorderings", <void**>&Cudd_ReadReorderings)
-    _resolve(library, b"Cudd_ReadPeakNodeCount", <void**>&Cudd_ReadPeakNodeCount)
     _resolve(library, b"Cudd_ReadMemoryInUse", <void**>&Cudd_ReadMemoryInUse)
-    _resolve(library, b"Cudd_ReadGarbageCollectionTime", <void**>&Cudd_ReadGarbageCollectionTime)
-    _resolve(library, b"Cudd_ReadReorderingTime", <void**>&Cudd_ReadReorderingTime)
     _resolve(library, b"Cudd_ReadCacheLookUps", <void**>&Cudd_ReadCacheLookUps)
-    _resolve(library, b"Cudd_ReadCacheHits", <void**>&Cudd_ReadCacheHits)
     _resolve(library, b"Cudd_AutodynDisable", <void**>&Cudd_AutodynDisable)
     _resolve(library, b"Cudd_ClearErrorCode", <void**>&Cudd_ClearErrorCode)
     _resolve(library, b"Cudd_UnregisterTerminationCallback", <void**>&Cudd_UnregisterTerminationCallback)
@@ -170,10 +159,8 @@ cdef int _resolve_all() except -1:
     _resolve(library, b"Cudd_SetEpsilon", <void**>&Cudd_SetEpsilon)
     _resolve(library, b"Cudd_SetMaxGrowth", <void**>&Cudd_SetMaxGrowth)
     _resolve(library, b"Cudd_SetMaxMemory", <void**>&Cudd_SetMaxMemory)
-    _resolve(library, b"cuddCacheLookup1", <void**>&cuddCacheLookup1)
     _resolve(library, b"cuddCacheLookup2", <void**>&cuddCacheLookup2)
     _resolve(library, b"cuddCacheLookup", <void**>&cuddCacheLookup)
-    _resolve(library, b"cuddCacheInsert1", <void**>&cuddCacheInsert1)
     _resolve(library, b"cuddCacheInsert2", <void**>&cuddCacheInsert2)
     _resolve(library, b"cuddCacheInsert", <void**>&cuddCacheInsert)
     _resolve(library, b"Cudd_SupportIndices", <void**>&Cudd_SupportIndices)

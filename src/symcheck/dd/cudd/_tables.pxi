@@ -16,15 +16,9 @@ cdef DdNode* dense_diagram(Env* e, DenseTable* d, long start, int depth) noexcep
         return leaf(e, d.values[start])
     if stop_requested(e):
         return NULL
-    u = dense_diagram(e, d, start, depth + 1)
-    if u is NULL:
-        return NULL
-    reference(u)
-    t = dense_diagram(e, d, start + (<long>1 << (d.width - depth - 1)), depth + 1)
-    if t is NULL:
-        Cudd_RecursiveDeref(e.dd, u)
-        return NULL
-    reference(t)
+    u = referenced(dense_diagram(e, d, start, depth + 1))
+    start += <long>1 << (d.width - depth - 1)
+    t = NULL if u is NULL else referenced(dense_diagram(e, d, start, depth + 1))
     return mtbdd_node(e, d.indices[depth], t, u) if d.bits is NULL else bdd_node(e, d.indices[depth], t, u)
 
 
@@ -102,15 +96,8 @@ cdef DdNode* rows_diagram(Env* e, RowTable* r, long start, long end, int depth) 
                 b = middle
             else:
                 a = middle + 1
-    u = rows_diagram(e, r, start, b, depth + 1)
-    if u is NULL:
-        return NULL
-    reference(u)
-    t = rows_diagram(e, r, b, end, depth + 1)
-    if t is NULL:
-        Cudd_RecursiveDeref(e.dd, u)
-        return NULL
-    reference(t)
+    u = referenced(rows_diagram(e, r, start, b, depth + 1))
+    t = NULL if u is NULL else referenced(rows_diagram(e, r, b, end, depth + 1))
     return bdd_node(e, r.indices[depth], t, u) if r.values is NULL else mtbdd_node(e, r.indices[depth], t, u)
 
 

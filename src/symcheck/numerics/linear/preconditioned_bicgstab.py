@@ -42,6 +42,7 @@ class SplitMatrix:
     def of(matrix: SparseMatrix, scale: Floats) -> SplitMatrix:
         """For a non-negative square matrix R with one row per state, and scale float64[n]."""
         return SplitMatrix(scale, *ssor_eisenstat.triangles(*matrix.arrays))
+
     def with_rank_one(self, column: Floats, row: Floats) -> SplitMatrix:
         """The same with column · row^T added to I - A."""
         return SplitMatrix(self.scale, self.low, self.up, (self.solve_lower(column), row))
