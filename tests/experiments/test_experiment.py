@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from fractions import Fraction
 from multiprocessing import get_context
 from pathlib import Path
@@ -55,6 +55,7 @@ def test_rows_are_in_the_order_of_the_constants_and_typed(expected: Experiment) 
     assert expected.errors == ()
 
 
+@pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork:DeprecationWarning")
 @pytest.mark.parametrize("method", ["spawn", "fork", "forkserver"])
 def test_the_start_method_changes_nothing(method: str, expected: Experiment) -> None:
     with ProcessPoolExecutor(2, get_context(method)) as pool:
@@ -63,10 +64,10 @@ def test_the_start_method_changes_nothing(method: str, expected: Experiment) -> 
 
 
 def test_jobs_and_threads_change_nothing(expected: Experiment) -> None:
-    pools: list[dict[str, int | Executor]] = [{"jobs": 2}, {"executor": ThreadPoolExecutor(3)}]
-    for how in pools:
-        rows = symcheck.experiment(MODEL, PROPERTIES, CONSTANTS, **how)  # type: ignore[arg-type]
-        assert table(rows) == table(expected)
+    assert table(symcheck.experiment(MODEL, PROPERTIES, CONSTANTS, jobs=2)) == table(expected)
+    with ThreadPoolExecutor(3) as threads:
+        rows = symcheck.experiment(MODEL, PROPERTIES, CONSTANTS, executor=threads)
+    assert table(rows) == table(expected)
 
 
 def test_forms_of_models_properties_and_constants(tmp_path: Path, expected: Experiment) -> None:
