@@ -11,7 +11,8 @@ import sys
 from pathlib import Path
 
 from symcheck.errors import InputError
-from symcheck.semantics.binding.bind import bind, bind_properties
+from symcheck.semantics.binding.bind import BoundProperties, bind, bind_properties
+from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.interpreter import initial_states, state_rewards, transitions
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.parse import parse_model, parse_properties
@@ -28,6 +29,15 @@ def read(path: Path) -> dict[str, str]:
     return sections
 
 
+def raise_faults(properties: BoundProperties) -> None:
+    """Raise all faults of all properties as one error, except missing constants."""
+    report = DiagnosticCollector()
+    for p in properties.properties:
+        if p.fault is not None and not p.missing:
+            report.absorb(p.fault)
+    report.raise_all()
+
+
 def outcome(sections: dict[str, str]) -> str:
     """What the user sees."""
     options = sections.get("options", "").split()
@@ -37,7 +47,7 @@ def outcome(sections: dict[str, str]) -> str:
         model = bind(program, given, exact="exact" in options)
         if "properties" in sections:
             bound = bind_properties(parse_properties(sections["properties"], "model.props"), model)
-            bound.raise_faults()
+            raise_faults(bound)
             for p in bound.properties:
                 assert p.formula is not None
         if "step" in options:

@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import pytest
 
+from semantics.cases import raise_faults
 from symcheck.errors import InputError, NameFault, TypeFault
 from symcheck.semantics.binding.bind import (
     BoundProperties,
@@ -103,7 +104,7 @@ def test_a_missing_constant_stops_only_those_that_need_it() -> None:
     assert properties.constants == {"N": 2, "p": 0.5}
     with pytest.raises(NameFault, match="give it with -const k=VALUE"):
         assert properties.properties[1].formula
-    properties.raise_faults()
+    raise_faults(properties)
     known = bound(text, k="2", t=0.25)
     assert [p.missing for p in known.properties] == [()] * 6
     assert known.properties[1].constants == {"N": 2, "p": 0.5, "k": 2, "l": 2, "t": 0.25}
@@ -140,7 +141,7 @@ def test_faults_stay_with_their_property() -> None:
         "bound-negative",
     ]
     with pytest.raises(InputError) as caught:
-        properties.raise_faults()
+        raise_faults(properties)
     assert len(caught.value.diagnostics) == 4
 
 

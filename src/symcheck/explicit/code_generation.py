@@ -14,6 +14,7 @@ from symcheck.explicit import tuning
 from symcheck.explicit.assembler import Assembler, Register, is_constant
 from symcheck.kernels.explore.register_machine import Op
 from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import (
     Binary,
@@ -27,7 +28,7 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
-from symcheck.syntax.operators import Function, Operator, Signature, UnaryOperator, connect
+from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
 from symcheck.syntax.traversal import Tree, nodes
 
 __all__ = ["ARITHMETIC", "COMPARISONS", "FUNCTIONS", "CodeGenerator", "Value"]
@@ -305,41 +306,7 @@ class CodeGenerator:
 
     def type_of(self, expression: Expression) -> Type:
         """The type of a well-typed expression."""
-        match expression:
-            case Literal(_, type):
-                return type
-            case Name(name):
-                return self._variables[name][1]
-            case Unary(UnaryOperator.NOT, _):
-                return Type.BOOL
-            case Unary(_, operand):
-                return self.type_of(operand)
-            case Binary(operator, left, right):
-                match operator.signature:
-                    case Signature.LOGICAL | Signature.EQUALITY | Signature.ORDER:
-                        return Type.BOOL
-                    case Signature.ARITHMETIC:
-                        return self._join(left, right)
-                    case Signature.DIVISION:
-                        return Type.DOUBLE
-                    case _:
-                        assert_never(operator.signature)
-            case Conditional(_, then, otherwise):
-                return self._join(then, otherwise)
-            case Call(Function.LOG, _):
-                return Type.DOUBLE
-            case Call(Function.MIN | Function.MAX | Function.POW, arguments):
-                return self._join(*arguments)
-            case Call():
-                return Type.INT
-            case LabelReference() | StateOperator():
-                return Type.BOOL
-            case _:
-                assert_never(expression)
-
-    def _join(self, *expressions: Expression) -> Type:
-        types = [self.type_of(e) for e in expressions]
-        return Type.DOUBLE if Type.DOUBLE in types else types[0]
+        return static_type(expression, lambda name: self._variables[name][1])
 
     def total(self, expression: Expression) -> bool:
         """Whether the expression has a value in every state.
@@ -351,6 +318,8 @@ class CodeGenerator:
     def _is_total(self, node: Tree) -> bool:
         """Whether a node has a value if those below it have one."""
         match node:
+            case Literal() | Name():
+                return True
             case Binary(operator) | Call(operator) if operator in _PARTIAL:
                 return False
             case Binary(Operator.TIMES):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import NDArray
@@ -34,14 +34,14 @@ class ExplicitModel:
         seconds: duration of the exploration.
     """
 
-    model: BoundModel = field(repr=False)
+    model: BoundModel
     states: StateTable
-    matrix: SparseMatrix = field(repr=False)
-    choice_actions: Int32s = field(repr=False)
+    matrix: SparseMatrix
+    choice_actions: Int32s
     initial: Int64s
     deadlocks: Int64s
-    state_rewards: list[Floats] = field(repr=False)
-    choice_rewards: list[Floats] = field(repr=False)
+    state_rewards: list[Floats]
+    choice_rewards: list[Floats]
     levels: int = 0
     seconds: float = 0.0
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,14 +250,11 @@ class _Builder:
         Cheap conjuncts that always have a value come first.
         """
         generator = self.generator
-        parts = sorted(
-            conjuncts(guard),
-            key=lambda p: (
-                not generator.total(p),
-                generator.cost(p) if generator.total(p) else 0,
-            ),
-        )
-        for part in parts:
+
+        def cost(part: Expression) -> float:
+            return generator.cost(part) if generator.total(part) else inf
+
+        for part in sorted(conjuncts(guard), key=cost):
             generator.jump(part, False, self.fails)
 
     def effects(self, updates: tuple[BoundUpdate, ...]) -> None:

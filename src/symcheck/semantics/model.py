@@ -10,8 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from symcheck.errors import NO_SPAN, Span
-from symcheck.syntax.ast import Expression, Literal, ModelType, Type
+from symcheck.syntax.ast import Expression, Literal, ModelType, Node, Type
 from symcheck.syntax.declarations import Composition, Program
 
 __all__ = [
@@ -31,7 +30,7 @@ Value = bool | int | float | Fraction
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
+class Variable(Node):
     """A state variable.
 
     Attributes:
@@ -46,7 +45,6 @@ class Variable:
     high: int | None
     initial: bool | int | None
     module: str | None
-    span: Span = field(default=NO_SPAN, compare=False, repr=False)
 
     @property
     def domain(self) -> Sequence[bool | int] | None:
@@ -64,23 +62,21 @@ class Variable:
 
 
 @dataclass(frozen=True, slots=True)
-class BoundUpdate:
+class BoundUpdate(Node):
     """An update: its probability (a rate in a CTMC), and assignments by variable index."""
 
     probability: Expression
     assignments: tuple[tuple[int, Expression], ...]
-    span: Span = field(default=NO_SPAN, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class BoundCommand:
+class BoundCommand(Node):
     """A guarded command of module number `module`."""
 
     module: int
     action: str | None
     guard: Expression
     updates: tuple[BoundUpdate, ...]
-    span: Span = field(default=NO_SPAN, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,14 +89,13 @@ class BoundModule:
 
 
 @dataclass(frozen=True, slots=True)
-class BoundReward:
+class BoundReward(Node):
     """A reward of states (`on_states`), or of the transitions of `action` (None: unlabelled)."""
 
     on_states: bool
     action: str | None
     guard: Expression
     value: Expression
-    span: Span = field(default=NO_SPAN, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +132,7 @@ class BoundModel:
         builder: of a model without a text, the function that builds its engine from options.
     """
 
-    program: Program = field(repr=False)
+    program: Program
     type: ModelType
     variables: tuple[Variable, ...]
     modules: tuple[BoundModule, ...]
@@ -148,10 +143,8 @@ class BoundModel:
     constants: Mapping[str, Value]
     exact: bool = False
     system: Composition | None = None
-    derivation: Callable[[BoundModel], BoundModel] | None = field(
-        default=None, repr=False, compare=False
-    )
-    builder: Callable[..., object] | None = field(default=None, repr=False, compare=False)
+    derivation: Callable[[BoundModel], BoundModel] | None = field(default=None, compare=False)
+    builder: Callable[..., object] | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         """A summary on one line."""

@@ -9,7 +9,7 @@ report the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 from operator import and_
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,9 @@ from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
+
+LazySet = Callable[[], "Bdd"]
+"""A set that is computed on first use."""
 
 __all__ = ["check_initial", "check_model"]
 
@@ -74,29 +77,16 @@ def _violations(space: StateSpace, options: Options) -> Iterator[Bdd]:
     for event in space.symbolic.events:
         guards = [c.command.guard for commands in event.participants for c in commands]
         yield from filter(None, (translator.faults(g) & space.states for g in guards))
-        enabled = _LazySet(partial(and_, event.guard, space.states))
-        happens = _LazySet(partial(_happening, space, event, enabled))
+        enabled = cache(partial(and_, event.guard, space.states))
+        happens = cache(partial(_happening, space, event, enabled))
         if event.guard.disjoint(space.states):
             continue
         for command in (c for commands in event.participants for c in commands):
             yield from filter(None, _command_violations(space, command, enabled, happens, options))
 
 
-def _happening(space: StateSpace, event: EncodedEvent, enabled: _LazySet) -> Bdd:
+def _happening(space: StateSpace, event: EncodedEvent, enabled: LazySet) -> Bdd:
     return enabled() & _possible(space, event)
-
-
-class _LazySet:
-    """A set that is computed on first use."""
-
-    def __init__(self, make: Callable[[], Bdd]) -> None:
-        self._make = make
-        self._set: Bdd | None = None
-
-    def __call__(self) -> Bdd:
-        if self._set is None:
-            self._set = self._make()
-        return self._set
 
 
 def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
@@ -114,12 +104,12 @@ def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
 def _command_violations(
     space: StateSpace,
     command: EncodedCommand,
-    enabled: _LazySet,
-    happens: _LazySet,
+    enabled: LazySet,
+    happens: LazySet,
     options: Options,
 ) -> Iterator[Bdd]:
     translator = space.symbolic.translator
-    where = _LazySet(lambda: command.guard & enabled())
+    where = cache(lambda: command.guard & enabled())
     for update in command.updates:
         if isinstance(update.probability, float):
             if not 0 <= update.probability < float("inf"):
@@ -138,7 +128,7 @@ def _command_violations(
         yield _wrong_sum(space, command, where)
 
 
-def _wrong_sum(space: StateSpace, command: EncodedCommand, where: _LazySet) -> Bdd:
+def _wrong_sum(space: StateSpace, command: EncodedCommand, where: LazySet) -> Bdd:
     manager = space.symbolic.manager
     constant = sum(u.probability for u in command.updates if isinstance(u.probability, float))
     variable = [u.probability for u in command.updates if not isinstance(u.probability, float)]

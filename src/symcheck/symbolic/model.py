@@ -12,7 +12,7 @@ matrices on the reachable rows.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, overload
 
@@ -143,10 +143,10 @@ class SymbolicModel:
     model: BoundModel
     manager: DiagramManager
     encoding: Encoding
-    translator: Translator = field(repr=False)
-    initial: Bdd = field(repr=False)
-    events: tuple[EncodedEvent, ...] = field(repr=False)
-    relations: tuple[Relation, ...] = field(repr=False)
+    translator: Translator
+    initial: Bdd
+    events: tuple[EncodedEvent, ...]
+    relations: tuple[Relation, ...]
 
     def successors(self, states: Bdd) -> Bdd:
         """The states that a transition from `states` leads to."""
@@ -207,13 +207,13 @@ class StateSpace:
         iterations: its counters.
     """
 
-    symbolic: SymbolicModel = field(repr=False)
-    states: Bdd = field(repr=False)
-    deadlocks: Bdd = field(repr=False)
+    symbolic: SymbolicModel
+    states: Bdd
+    deadlocks: Bdd
     count: int
     schedule: str
     seconds: float
-    iterations: tuple[Iteration, ...] = field(repr=False)
+    iterations: tuple[Iteration, ...]
 
     @property
     def initial(self) -> Bdd:

@@ -11,6 +11,7 @@ from symcheck.syntax.ast import (
     Binary,
     Bound,
     Expression,
+    Literal,
     Name,
     Node,
     PathBound,
@@ -33,6 +34,8 @@ __all__ = [
 Tree = Expression | PathFormula | RewardQuery | Bound | PathBound | Composition
 """Any node that occurs within an expression, a property or a composition of modules."""
 
+_LEAVES = (Name, Literal)
+
 
 @cache
 def _fields(kind: Any) -> tuple[str, ...]:
@@ -42,8 +45,11 @@ def _fields(kind: Any) -> tuple[str, ...]:
 
 def children(node: Tree) -> tuple[Tree, ...]:
     """The nodes directly below, in the order of their fields; absent ones are left out."""
+    # Most nodes are of these kinds, for which this is faster.
     if isinstance(node, Binary):
         return node.left, node.right
+    if isinstance(node, _LEAVES):
+        return ()
     kind: Any = type(node)
     below: list[Any] = []
     for name in _fields(kind):

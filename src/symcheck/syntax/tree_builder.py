@@ -102,11 +102,16 @@ def _text(word: Any) -> Any:
     """The text of a word, of a name in quotes without them; any other value as it is."""
     if word is None or isinstance(word, ast.Node | tuple):
         return word
+    if isinstance(word, list):
+        return tuple(map(_text, word))
     return word.value.strip('"').strip() if word.value[0] == '"' else word.value
 
 
-def _node(kind: type[ast.Node], *indices: int) -> Callable[[Builder, Values], Any]:
-    """The method of a rule that makes a node from the values with these indices."""
+def _node(kind: type[ast.Node], *indices: int | slice) -> Callable[[Builder, Values], Any]:
+    """The method of a rule that makes a node from the values with these indices.
+
+    A slice gives a list without the signs between its parts.
+    """
 
     def method(self: Builder, values: Values) -> ast.Node:
         fields = [_text(values[i]) for i in indices]
@@ -119,7 +124,7 @@ def _node(kind: type[ast.Node], *indices: int) -> Callable[[Builder, Values], An
 
 def _listed(_: Builder, values: Values) -> tuple[Any, ...]:
     """The parts of a list without the signs between them."""
-    return tuple(map(_text, values[::2]))
+    return cast("tuple[Any, ...]", _text(values[::2]))
 
 
 def _of_kind(kind: Any, values: Values) -> tuple[Any, ...]:
@@ -402,17 +407,15 @@ class ModelBuilder(Builder):
 
     # -------------------------------------------------------------------------------------- modules
 
-    def ranged(self, values: Values) -> decl.VariableDeclaration:
-        low, high, initial = (self.measure(values[i]) for i in (3, 5, 8))
-        name, span = values[0].value, self._words(values)
-        return decl.VariableDeclaration(name, ast.Type.INT, low, high, initial, span=span)
-
-    def unranged(self, values: Values) -> decl.VariableDeclaration:
-        name, _, word, _, initial, _ = values
-        kind, span = ast.Type(word.value), self._words(values)
-        return decl.VariableDeclaration(
-            name.value, kind, None, None, self.measure(initial), span=span
-        )
+    def variable(self, values: Values) -> decl.VariableDeclaration:
+        name, _, *domain, _, initial, _ = values
+        kind, low, high = ast.Type.INT, None, None
+        if len(domain) == 1:
+            kind = ast.Type(domain[0].value)
+        else:
+            low, high = self.measure(domain[1]), self.measure(domain[3])
+        initial, span = self.measure(initial), self._words(values)
+        return decl.VariableDeclaration(name.value, kind, low, high, initial, span=span)
 
     def global_variable(self, values: Values) -> decl.VariableDeclaration:
         return cast(decl.VariableDeclaration, values[1])
@@ -446,18 +449,12 @@ class ModelBuilder(Builder):
         _, variable, _, _, value, _ = values
         return decl.Assignment(variable.value, self.measure(value), span=self._words(values))
 
-    def renamed_module(self, values: Values) -> decl.RenamedModule:
-        _, name, _, base, _, *pairs, _, _ = values
-        span = self._words(values)
-        return decl.RenamedModule(name.value, base.value, tuple(pairs[::2]), span=span)
-
+    renamed_module = _node(decl.RenamedModule, 1, 3, slice(5, -2, 2))
     rename = action_pair = _listed
 
     # -------------------------------------------------------------------------------------- rewards
 
-    def rewards(self, values: Values) -> decl.RewardStructure:
-        _, name, *items, _ = values
-        return decl.RewardStructure(_text(name), tuple(items), span=self._words(values))
+    rewards = _node(decl.RewardStructure, 1, slice(2, -1))
 
     def state_reward(self, values: Values) -> decl.RewardItem:
         guard, _, value, _ = values
@@ -468,15 +465,9 @@ class ModelBuilder(Builder):
 
     # ---------------------------------------------------------------------------------- composition
 
-    def parallel(self, values: Values) -> decl.Parallel:
-        return decl.Parallel(tuple(values[::2]), span=self._span(values))
-
-    def interleaving(self, values: Values) -> decl.Interleaving:
-        return decl.Interleaving(tuple(values[::2]), span=self._span(values))
-
-    def renaming(self, values: Values) -> decl.Renaming:
-        return decl.Renaming(values[0], tuple(values[2:-1:2]), span=self._span(values))
-
+    parallel = _node(decl.Parallel, slice(None, None, 2))
+    interleaving = _node(decl.Interleaving, slice(None, None, 2))
+    renaming = _node(decl.Renaming, 0, slice(2, -1, 2))
     synchronised = _node(decl.Synchronised, 0, 4, 2)
     hiding = _node(decl.Hiding, 0, 3)
     module_reference = _node(decl.ModuleReference, 0)

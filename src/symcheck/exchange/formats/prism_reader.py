@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import count, takewhile
 from pathlib import Path
 
@@ -21,6 +21,7 @@ __all__ = ["ModelFiles", "model_files", "read_files", "read_model"]
 
 _INT_LIMIT = 1 << 62
 _KINDS = ("tra", "sta", "lab", "srew", "trew")
+_CHAIN_WORDS = "source, target, probability or rate"
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,6 @@ class _Transitions:
     matrix: SparseMatrix
     actions: tuple[str, ...]
     row_actions: Int32s
-    row_sums: Floats = field(repr=False)
 
 
 def model_files(argument: str) -> ModelFiles:
@@ -58,41 +58,32 @@ def model_files(argument: str) -> ModelFiles:
         UsageError: an extension is unknown, or a file is missing.
     """
     base, dot, listed = argument.rpartition(".")
-    kinds = listed.split(",")
-    if not dot or any(k not in (*_KINDS, "rew", "all") for k in kinds):
+    kinds = set(listed.split(","))
+    if not dot or not kinds <= {*_KINDS, "rew", "all"}:
         raise UsageError(
             f"-importmodel: '{argument}' does not end in .all, .umb, "
             f"or some of .{',.'.join(_KINDS)}"
         )
     everything = "all" in kinds
-    asked = {*kinds, *(("srew", "trew") if "rew" in kinds else ())}
+    if everything or "rew" in kinds:
+        kinds |= {"srew", "trew"}
 
     def one(kind: str) -> Path | None:
         path = Path(f"{base}.{kind}")
-        return path if kind in asked or (everything and path.is_file()) else None
+        return path if kind in kinds or (everything and path.is_file()) else None
 
-    wanted = [everything or kind in asked for kind in ("srew", "trew")]
-    rewards = [pair for i in ("", 1) if (pair := _pair(base, i, wanted)) is not None]
-    if rewards and rewards[-1] == _pair(base, 1, wanted):
-        following = (_pair(base, i, wanted) for i in count(2))
-        rewards += takewhile(lambda pair: pair is not None, following)  # type: ignore[arg-type]
-    if not rewards and not everything and any(wanted):
+    def pair(number: object) -> tuple[Path | None, Path | None]:
+        paths = (Path(f"{base}{number}.{kind}") for kind in ("srew", "trew") if kind in kinds)
+        existing = {path.suffix: path for path in paths if path.is_file()}
+        return existing.get(".srew"), existing.get(".trew")
+
+    rewards = [*filter(any, [pair("")]), *takewhile(any, map(pair, count(1)))]
+    if not rewards and not everything and kinds & {"srew", "trew"}:
         raise UsageError(
             f"-importmodel: there is no reward file '{base}.srew', '{base}1.srew', "
             "or the same with .trew"
         )
     return ModelFiles(Path(f"{base}.tra"), one("sta"), one("lab"), tuple(rewards))
-
-
-def _pair(
-    base: str, number: str | int, wanted: Sequence[bool]
-) -> tuple[Path | None, Path | None] | None:
-    """The reward files of one structure that exist and are requested; None where there is none."""
-    paths = [Path(f"{base}{number}.{kind}") for kind in ("srew", "trew")]
-    states, transitions = (
-        p if want and p.is_file() else None for p, want in zip(paths, wanted, strict=True)
-    )
-    return (states, transitions) if states or transitions else None
 
 
 def read_files(
@@ -161,78 +152,61 @@ def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _
             0, f"{holds} in the first line", "header", None, f"the switch -{kind.value} requires it"
         )
     file.expect(size[-1], "transitions")
-    return _mdp(file, size, check_sums) if has_choices else _chain(file, size[0], kind, check_sums)
-
-
-def _chain(file: Columns, n: int, kind: ModelType | None, check_sums: bool) -> _Transitions:
-    file.widths((3, 4), "source, target, probability or rate, and perhaps an action")
-    source, target, values = (
-        file.integers(0, n, "state"),
-        file.integers(1, n, "state"),
-        _weights(file, 2),
-    )
-    order = np.lexsort((target, source))
-    if file.table is not None or all(len(row) == 3 for row in file.rows[1:]):
-        _unique(file, order, source, target)
-    sums: Floats = np.bincount(source, values, n).astype(np.float64)
-    told = kind or _entry_rewards(file)
-    if told is None:
-        told = (
-            ModelType.DTMC
-            if np.all((np.abs(sums - 1) <= SUM_TOLERANCE) | (sums == 0))
-            else ModelType.CTMC
-        )
-    if told is ModelType.DTMC and check_sums:
-        _check_sums(file, sums, source, "probabilities out of state {}")
-    keep = order[values[order] > 0]
-    # With actions, a pair of states may have several lines, one per action: they are added.
-    distinct, place = np.unique(source[keep] * n + target[keep], return_inverse=True)
-    indptr = starts_of(np.bincount(distinct // n, minlength=n))
-    total: Floats = np.bincount(place, values[keep], len(distinct)).astype(np.float64)
-    matrix = SparseMatrix(indptr, (distinct % n).astype(np.int32), total, n)
-    return _Transitions(told, matrix, (), np.full(n, -1, np.int32), sums)
-
-
-def _mdp(file: Columns, size: Sequence[int], check_sums: bool) -> _Transitions:
-    n, rows, _ = size
-    file.widths((4, 5), "source, choice, target, probability, and perhaps an action")
-    source, target, values = (
-        file.integers(0, n, "state"),
-        file.integers(2, n, "state"),
-        _weights(file, 3),
-    )
-    choice = file.integers(1, _INT_LIMIT, "choice")
+    first = 2 if has_choices else 1  # the word of the target
+    words = "source, choice, target, probability" if has_choices else _CHAIN_WORDS
+    file.widths((first + 2, first + 3), f"{words}, and perhaps an action")
+    n = size[0]
+    source, target = file.integers(0, n, "state"), file.integers(first, n, "state")
+    weights = _weights(file, first + 1)
+    choice = file.integers(1, _INT_LIMIT, "choice") if has_choices else np.zeros_like(source)
     order = np.lexsort((target, choice, source))
-    _unique(file, order, source, choice, target)
-    s, c = source[order], choice[order]
+    # A chain with actions may have several lines for a pair of states, one per action.
+    if has_choices or file.table is not None or all(len(row) == 3 for row in file.rows[1:]):
+        _unique(file, order, source, choice, target)
+    source, target, values = source[order], target[order], weights[order]
+    row, rows, groups = source, n, None
+    actions: tuple[str, ...] = ()
+    row_actions: Int32s = np.full(n, -1, np.int32)
+    if has_choices:
+        rows = size[1]
+        row, groups = _choices(file, order, source, choice[order], n, rows)
+        actions, row_actions = _read_actions(file, order, row, rows)
+    sums: Floats = np.bincount(row, values, rows).astype(np.float64)
+    told = ModelType.MDP if has_choices else kind or _told_type(file)
+    is_one = np.abs(sums - 1) <= SUM_TOLERANCE
+    if told is None:
+        told = ModelType.DTMC if np.all(is_one | (sums == 0)) else ModelType.CTMC
+    if told is not ModelType.CTMC and check_sums:
+        for i in np.flatnonzero(~is_one & (has_choices | (sums != 0)))[:1].tolist():
+            at = int(np.searchsorted(row, i))
+            what = f"probabilities {'of a choice' if has_choices else 'out'} of state {source[at]}"
+            message = f"the {what} sum to {sums[i]:.12g}, not to 1"
+            file.fault(int(order[at]) + 1, message, "update-sum")
+    keep = values > 0
+    entries, place = np.unique(row[keep] * n + target[keep], return_inverse=True)
+    indptr = starts_of(np.bincount(entries // n, minlength=rows))
+    total: Floats = np.bincount(place, values[keep], len(entries)).astype(np.float64)
+    matrix = SparseMatrix(indptr, (entries % n).astype(np.int32), total, n, groups)
+    return _Transitions(told, matrix, actions, row_actions)
+
+
+def _choices(
+    file: Columns, order: Int64s, source: Int64s, choice: Int64s, n: int, rows: int
+) -> tuple[Int64s, Int64s]:
+    """The row of each transition of an MDP, and the first row of each state."""
     new = np.ones(len(order), bool)
-    new[1:] = (np.diff(s) != 0) | (np.diff(c) != 0)
+    new[1:] = (np.diff(source) != 0) | (np.diff(choice) != 0)
     starts = np.flatnonzero(new)
     if len(starts) != rows:
-        file.fault(
-            0, f"the first line announces {rows} choices, but {len(starts)} follow", "count", 1
-        )
-    groups = starts_of(np.bincount(s[starts], minlength=n))
-    expected = np.arange(rows) - groups[s[starts]]
-    for i in np.flatnonzero(c[starts] != expected)[:1].tolist():
-        file.fault(
-            int(order[starts[i]]) + 1,
-            f"choice {expected[i]} of state {s[starts[i]]} is missing before this one",
-            "choice",
-            1,
-        )
-    row = np.cumsum(new) - 1
-    sums: Floats = np.bincount(row, values[order], rows).astype(np.float64)
-    if check_sums:
-        _check_sums(
-            file, sums, source, "probabilities of a choice of state {}", s[starts], order[starts]
-        )
-    actions, row_actions = _read_actions(file, order, row, rows)
-    keep = values[order] > 0
-    indptr = starts_of(np.bincount(row[keep], minlength=rows))
-    chosen = order[keep]
-    matrix = SparseMatrix(indptr, target[chosen].astype(np.int32), values[chosen], n, groups)
-    return _Transitions(ModelType.MDP, matrix, actions, row_actions, sums)
+        message = f"the first line announces {rows} choices, but {len(starts)} follow"
+        file.fault(0, message, "count", 1)
+    groups = starts_of(np.bincount(source[starts], minlength=n))
+    expected = np.arange(rows) - groups[source[starts]]
+    for i in np.flatnonzero(choice[starts] != expected)[:1].tolist():
+        missing = f"choice {expected[i]} of state {source[starts[i]]}"
+        message = f"{missing} is missing before this one"
+        file.fault(int(order[starts[i]]) + 1, message, "choice", 1)
+    return np.cumsum(new) - 1, groups
 
 
 def _weights(file: Columns, word: int) -> Floats:
@@ -254,29 +228,6 @@ def _unique(file: Columns, order: Int64s, *keys: Int64s) -> None:
         )
 
 
-def _check_sums(
-    file: Columns,
-    sums: Floats,
-    source: Int64s,
-    text: str,
-    states: Int64s | None = None,
-    places: Int64s | None = None,
-) -> None:
-    """Check that probabilities sum to 1, per state of a chain or per row of an MDP.
-
-    The line of a fault comes from `source` for a chain, from `places` for an MDP.
-    """
-    wrong = np.flatnonzero(
-        (np.abs(sums - 1) > SUM_TOLERANCE) & ((sums != 0) | (places is not None))
-    )
-    for i in wrong[:1].tolist():
-        line = int(np.flatnonzero(source == i)[0]) if places is None else int(places[i])
-        state = i if states is None else int(states[i])
-        file.fault(
-            line + 1, f"the {text.format(state)} sum to {sums[i]:.12g}, not to 1", "update-sum"
-        )
-
-
 def _read_actions(
     file: Columns, order: Int64s, row: Int64s, rows: int
 ) -> tuple[tuple[str, ...], Int32s]:
@@ -294,7 +245,7 @@ def _read_actions(
     return names, found
 
 
-def _entry_rewards(file: Columns) -> ModelType | None:
+def _told_type(file: Columns) -> ModelType | None:
     """The model type that a comment such as `Transitions (CTMC)` states."""
     for comment in file.comments:
         if match := re.fullmatch(r"Transitions \((DTMC|CTMC|MDP)\)", comment):
@@ -401,7 +352,7 @@ def _read_labels(path: Path, n: int) -> dict[str, Bools]:
     for i, words in enumerate(file.rows[1:], 1):
         state, colon, rest = " ".join(words).partition(":")
         numbers = rest.split()
-        if not colon or not all(_is_number(x) for x in (state.strip(), *numbers)):
+        if not colon or not all(map(str.isdigit, (state.strip(), *numbers))):
             file.fault(i, "a line should hold a state, a colon, and numbers of labels", "fields")
         if int(state) >= n:
             file.fault(
@@ -414,10 +365,6 @@ def _read_labels(path: Path, n: int) -> dict[str, Bools]:
     if "init" in members and not members["init"].any():
         file.fault(0, 'no state has the label "init"', "initial")
     return members
-
-
-def _is_number(text: str) -> bool:
-    return text.isdigit()
 
 
 # ----------------------------------------------------------------------------------------- rewards

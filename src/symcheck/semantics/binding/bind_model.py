@@ -151,25 +151,15 @@ class _Builder:
 
     def _variable(self, name: str, variable: DeclaredVariable) -> Variable:
         d = variable.declaration
-        if d.type is Type.BOOL:
-            low: int | None = 0
-            high: int | None = 1
-        else:
-            low = None if d.low is None else self._int(variable.scope, d.low)
-            high = None if d.high is None else self._int(variable.scope, d.high)
+        low, high = (0, 1) if d.type is Type.BOOL else (None, None)
+        if d.low is not None and d.high is not None:
+            low, high = self._int(variable.scope, d.low), self._int(variable.scope, d.high)
         if low is not None and high is not None and low > high:
             self.report.input(
                 "empty-range", f"variable {name} has no values: [{low}..{high}]", d.span
             )
-        return Variable(
-            name,
-            d.type,
-            low,
-            high,
-            self._initial(name, variable, low, high),
-            variable.module,
-            d.span,
-        )
+        initial = self._initial(name, variable, low, high)
+        return Variable(name, d.type, low, high, initial, variable.module, span=d.span)
 
     def _int(self, scope: Scope, expression: Expression) -> int | None:
         value = self._constant(scope, expression, Type.INT)
@@ -207,21 +197,15 @@ class _Builder:
     # -------------------------------------------------------------------------- modules and rewards
 
     def _module(self, number: int, instance: ModuleInstance, scope: Scope) -> BoundModule:
-        own = tuple(
-            i
-            for name, i in self.index.items()
-            if self.checked.declared[name].module == instance.name
-        )
-        return BoundModule(
-            instance.name,
-            own,
-            tuple(self._command(number, scope, c) for c in instance.base_module.commands),
-        )
+        declared = self.checked.declared
+        local = (i for name, i in self.index.items() if declared[name].module == instance.name)
+        commands = (self._command(number, scope, c) for c in instance.base_module.commands)
+        return BoundModule(instance.name, tuple(local), tuple(commands))
 
     def _command(self, module: int, scope: Scope, command: Command) -> BoundCommand:
         action = None if command.action is None else scope.renamed(command.action)
         updates = tuple(self._update(scope, u, command.span) for u in command.updates)
-        return BoundCommand(module, action, scope.expand(command.guard), updates, command.span)
+        return BoundCommand(module, action, scope.expand(command.guard), updates, span=command.span)
 
     def _update(self, scope: Scope, update: Update, span: Span) -> BoundUpdate:
         probability = _ONE if update.probability is None else scope.expand(update.probability)
@@ -229,20 +213,14 @@ class _Builder:
             (self.index[scope.renamed(a.variable)], scope.expand(a.expression))
             for a in update.assignments
         )
-        return BoundUpdate(
-            probability, tuple(assignments), update.span if update.span.source.text else span
-        )
+        place = update.span if update.span.source.text else span
+        return BoundUpdate(probability, tuple(assignments), span=place)
 
     def _rewards(self, structure: RewardStructure) -> BoundRewards:
         scope = self.checked.root
-        items = (
-            BoundReward(
-                i.action is False,
-                i.action or None,
-                scope.expand(i.guard),
-                scope.expand(i.value),
-                i.span,
-            )
-            for i in structure.items
-        )
+        items = []
+        for item in structure.items:
+            on_states, action = item.action is False, item.action or None
+            guard, value = scope.expand(item.guard), scope.expand(item.value)
+            items.append(BoundReward(on_states, action, guard, value, span=item.span))
         return BoundRewards(structure.name, tuple(items))

@@ -103,14 +103,6 @@ class BoundProperties:
             )
         )
 
-    def raise_faults(self) -> None:
-        """Raise all faults of all properties as one error, except missing constants."""
-        report = DiagnosticCollector()
-        for p in self.properties:
-            if p.fault is not None and not p.missing:
-                report.absorb(p.fault)
-        report.raise_all()
-
 
 def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str, ...], ...]:
     """The constants that must be given for each property.

@@ -54,13 +54,19 @@ class SymbolTable:
 
     def declare(self, kind: str, name: str, span: Span) -> bool:
         """Whether `name` is free for a constant, formula or variable; reports a duplicate name."""
-        old = "constant" if name in self.constants else "formula" if name in self.formulas else None
-        old = old or ("variable" if name in self.variables else None)
+        old = self.kind_of(name)
         if old is not None:
-            self.report.name(
-                "duplicate-name", f"{kind} {name}: there is a {old} of this name already", span
-            )
+            message = f"{kind} {name}: there is a {old} of this name already"
+            self.report.name("duplicate-name", message, span)
         return old is None
+
+    def kind_of(self, name: str) -> str | None:
+        """What a name stands for: "constant", "formula" or "variable"; None if it is free."""
+        if name in self.constants:
+            return "constant"
+        return (
+            "formula" if name in self.formulas else "variable" if name in self.variables else None
+        )
 
     def add(self, constants: tuple[Constant, ...], formulas: tuple[Formula, ...]) -> None:
         """Declare constants and formulas."""

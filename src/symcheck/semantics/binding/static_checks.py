@@ -5,7 +5,7 @@ They check names, types, and which modules and commands write which variables.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from symcheck.errors import NO_SPAN, NameFault, Span
@@ -58,22 +58,15 @@ class CheckedProgram:
 
     Attributes:
         root: the scope outside of modules.
-        module_instances: the modules after renaming.
-        scopes: the scope of each module.
+        modules: the modules after renaming, each with its scope.
         declared: the declared variables, in order.
     """
 
     program: Program
     table: SymbolTable
     root: Scope
-    module_instances: tuple[ModuleInstance, ...]
-    scopes: tuple[Scope, ...]
+    modules: Sequence[tuple[ModuleInstance, Scope]]
     declared: Mapping[str, DeclaredVariable]
-
-    @property
-    def modules(self) -> Iterator[tuple[ModuleInstance, Scope]]:
-        """The modules, each with its scope."""
-        return zip(self.module_instances, self.scopes, strict=True)
 
 
 def check_program(program: Program, table: SymbolTable) -> CheckedProgram:
@@ -83,34 +76,32 @@ def check_program(program: Program, table: SymbolTable) -> CheckedProgram:
         InputError: definitions are circular, so that expressions that use them cannot be checked.
     """
     table.add(program.constants, program.formulas)
+    root = Scope(table)
     instances = module_instances(program, table.report)
-    scopes = tuple(Scope(table, c.renaming) for c in instances)
+    modules = [(instance, Scope(table, instance.renaming)) for instance in instances]
     declared: dict[str, DeclaredVariable] = {}
-    for name, variable, span in _declared(program, Scope(table), instances, scopes):
+    for name, variable, span in _declared(program, root, modules):
         if table.declare("variable", name, span):
             table.variables[name] = variable.declaration.type
             declared[name] = variable
     table.check_cycles()
     if "cycle" in table.report.codes:
         table.report.raise_all()
-    checked = CheckedProgram(program, table, Scope(table), instances, scopes, declared)
+    checked = CheckedProgram(program, table, root, modules, declared)
     _check(checked)
     return checked
 
 
 def _declared(
-    program: Program, root: Scope, instances: Iterable[ModuleInstance], scopes: Iterable[Scope]
+    program: Program, root: Scope, modules: Iterable[tuple[ModuleInstance, Scope]]
 ) -> Iterator[tuple[str, DeclaredVariable, Span]]:
     for declaration in program.globals:
         yield declaration.name, DeclaredVariable(None, declaration, root), declaration.span
-    for instance, scope in zip(instances, scopes, strict=True):
+    for instance, scope in modules:
         for declaration in instance.base_module.variables:
+            variable = DeclaredVariable(instance.name, declaration, scope)
             span = instance.span if instance.renaming else declaration.span
-            yield (
-                scope.renamed(declaration.name),
-                DeclaredVariable(instance.name, declaration, scope),
-                span,
-            )
+            yield scope.renamed(declaration.name), variable, span
 
 
 def _check(checked: CheckedProgram) -> None:
@@ -266,20 +257,11 @@ def _check_assignment(
     name, report = scope.renamed(assignment.variable), checked.table.report
     actual = scope.typer().state(assignment.expression)
     if name not in checked.declared:
-        kind = (
-            "a constant"
-            if name in checked.table.constants
-            else "a formula"
-            if name in checked.table.formulas
-            else None
-        )
-        message = f"{name} is {kind}, not a variable" if kind else f"unknown variable {name}"
-        report.name(
-            "unknown-variable",
-            message,
-            assignment.span,
-            None if kind else suggest(name, checked.declared),
-        )
+        message, hint = f"unknown variable {name}", suggest(name, checked.declared)
+        kind = checked.table.kind_of(name)
+        if kind is not None:
+            message, hint = f"{name} is a {kind}, not a variable", None
+        report.name("unknown-variable", message, assignment.span, hint)
         return
     variable = checked.declared[name]
     check_assignable(
@@ -400,5 +382,5 @@ def _mentioned(part: Tree) -> tuple[str, ...]:
             return actions
         case Renaming(_, pairs):
             return tuple(old for old, _ in pairs)
-        case _:
+        case _:  # the other compositions and expressions mention none
             return ()

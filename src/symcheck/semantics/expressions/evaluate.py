@@ -28,8 +28,8 @@ from typing import assert_never
 
 from symcheck.errors import Diagnostic, InputError, ModelFault, NameFault, UnsupportedError
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
-from symcheck.semantics.expressions.literals import convert, format_value, to_float
-from symcheck.semantics.expressions.types import type_from_values
+from symcheck.semantics.expressions.literals import convert, format_value, to_float, type_of_value
+from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import (
     Binary,
@@ -131,7 +131,7 @@ def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact:
     if (
         isinstance(value, int)
         and not isinstance(value, bool)
-        and type_from_values(other, valuation) is Type.DOUBLE
+        and static_type(other, lambda name: type_of_value(valuation[name])) is Type.DOUBLE
     ):
         return convert(value, Type.DOUBLE, exact)
     return value
@@ -188,13 +188,13 @@ def is_int64(value: int | Fraction) -> bool:
 
 def _checked(value: Value, node: Node) -> Value:
     if isinstance(value, int) and not is_int64(value):
-        raise _fault(
-            node,
-            "int-overflow",
-            "an int beyond 64 bits",
-            "write one of the operands as a double, such as 2.0",
-        )
+        raise _overflow(node)
     return value
+
+
+def _overflow(node: Node) -> InputError:
+    hint = "write one of the operands as a double, such as 2.0"
+    return _fault(node, "int-overflow", "an int beyond 64 bits", hint)
 
 
 def _fault(node: Node, code: str, message: str, hint: str | None = None) -> InputError:
@@ -214,12 +214,7 @@ def _power(a: Value, b: Value, exact: bool, node: Node) -> Value:
                 f"make the base a double: {a}.0",
             )
         if abs(a) > 1 and b > 63:
-            raise _fault(
-                node,
-                "int-overflow",
-                "an int beyond 64 bits",
-                "write one of the operands as a double, such as 2.0",
-            )
+            raise _overflow(node)
         return _checked(a**b, node)
     a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
     if isinstance(a, Fraction) and isinstance(b, Fraction):

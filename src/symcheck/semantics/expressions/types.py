@@ -8,8 +8,6 @@ from typing import assert_never
 from symcheck.errors import Span
 from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
-from symcheck.semantics.expressions.literals import type_of_value
-from symcheck.semantics.model import Value
 from symcheck.syntax.ast import (
     AnyMeasure,
     Binary,
@@ -43,9 +41,9 @@ from symcheck.syntax.ast import (
     Unary,
     UnaryTemporal,
 )
-from symcheck.syntax.operators import Function, Signature, UnaryOperator
+from symcheck.syntax.operators import Function, Operator, Signature, UnaryOperator
 
-__all__ = ["NUMERIC_FILTERS", "Typer", "article", "rounding_hint", "type_from_values", "type_of"]
+__all__ = ["NUMERIC_FILTERS", "Typer", "article", "rounding_hint", "static_type", "type_of"]
 
 NUMERIC_FILTERS = frozenset({"min", "max", "sum", "avg", "range", "argmin", "argmax"})
 _FILTER_TYPES = {
@@ -92,15 +90,36 @@ def type_of(
     return actual
 
 
-def type_from_values(expression: Expression, valuation: Mapping[str, Value]) -> Type:
-    """The type of a well-typed expression without labels, with names typed by their values."""
+def static_type(expression: Expression, name: Callable[[str], Type]) -> Type:
+    """The type of a well-typed expression without labels, with the types of names."""
 
-    def name(node: Name) -> Type:
-        return type_of_value(valuation[node.name])
+    def common(*parts: Expression) -> Type:
+        types = [static_type(p, name) for p in parts]
+        return Type.DOUBLE if Type.DOUBLE in types else types[0]
 
-    actual = Typer(DiagnosticCollector(), name, None).state(expression)
-    assert actual is not None, "not a well-typed expression"
-    return actual
+    match expression:
+        case Literal(_, kind):
+            return kind
+        case Name(variable):
+            return name(variable)
+        case Unary(UnaryOperator.NOT, _):
+            return Type.BOOL
+        case Unary(_, operand):
+            return common(operand)
+        case Binary(operator) if operator.is_boolean:
+            return Type.BOOL
+        case Binary(Operator.DIVIDE) | Call(Function.LOG):
+            return Type.DOUBLE
+        case Binary(_, left, right) | Conditional(_, left, right):
+            return common(left, right)
+        case Call(Function.MIN | Function.MAX | Function.POW, arguments):
+            return common(*arguments)
+        case Call():
+            return Type.INT
+        case LabelReference() | StateOperator():
+            raise TypeError(f"not an arithmetic expression: {type(expression).__name__}")
+        case _:
+            assert_never(expression)
 
 
 class Typer:

@@ -177,6 +177,13 @@ class Locations:
             )
         return self._residuals[key]
 
+    def steps(self) -> Iterator[tuple[Location, Move, int, Effect]]:
+        """Each effect of each participant of each move, with its location."""
+        for location, moves in self.moves.items():
+            for move in moves:
+                for participant, effects in enumerate(move.effects):
+                    yield from ((location, move, participant, e) for e in effects)
+
     def _search(self) -> None:
         stack = list(self._initial())
         while stack:

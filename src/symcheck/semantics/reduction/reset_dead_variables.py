@@ -198,14 +198,9 @@ class _Resets:
         self.count: dict[str, int] = {}
         # The possible target locations of each update of each event, by source location.
         self.targets_of: dict[tuple[int, int, int], dict[Location, frozenset[Location]]] = {}
-        for location, moves in found.locations.moves.items():
-            for move in moves:
-                for participant, effects in enumerate(move.effects):
-                    for e in effects:
-                        key = move.event, participant, id(e.update)
-                        self.targets_of.setdefault(key, {})[location] = move.targets[participant][
-                            e.control
-                        ]
+        for location, move, participant, effect in found.locations.steps():
+            targets = self.targets_of.setdefault((move.event, participant, id(effect.update)), {})
+            targets[location] = move.targets[participant][effect.control]
 
     def run(self) -> Reduction:
         events = tuple(self._event(n, e) for n, e in enumerate(self.model.events))

@@ -20,22 +20,15 @@ from symcheck.semantics.model import BoundModel, BoundUpdate, Event
 from symcheck.semantics.reduction.control_locations import Location, Locations, simplified
 from symcheck.semantics.reduction.live_variables import is_safe, may_be_undefined
 from symcheck.syntax.ast import (
-    Binary,
+    BinaryTemporal,
     Bound,
-    Call,
-    Conditional,
-    Eventually,
     Expression,
-    Globally,
-    LabelReference,
     Literal,
     ModelType,
     Name,
-    Release,
+    Next,
     StateOperator,
-    Unary,
-    Until,
-    WeakUntil,
+    UnaryTemporal,
 )
 from symcheck.syntax.traversal import Tree, names, nodes, substitute
 
@@ -57,16 +50,12 @@ def counts_steps(formula: Expression) -> bool:
 
 def _may_count(node: Tree) -> bool:
     match node:
-        case Literal() | Name() | Unary() | Binary() | Conditional() | Call() | LabelReference():
-            return False
         case StateOperator():
             return node.counts_steps
-        case Eventually() | Globally() | Until() | WeakUntil() | Release():
-            return node.bound is not None
-        case Bound():
-            return False
-        case _:  # includes nodes that are not listed here
-            return True
+        case UnaryTemporal() | BinaryTemporal():
+            return isinstance(node, Next) or node.bound is not None
+        case _:  # bounds count steps, and so may rewards and nodes that are not known here
+            return not isinstance(node, Expression | Bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,8 +242,9 @@ class _StutterReducer:
             or targets[0] == location
         ):
             return None
-        own = {i: self.locations.residual(e, location) for i, e in effect.update.assignments}
-        return _DeterministicStep(targets[0], own)
+        assignments = effect.update.assignments
+        values = {i: self.locations.residual(e, location) for i, e in assignments}
+        return _DeterministicStep(targets[0], values)
 
     def _is_always_true(self, guard: Expression, location: Location) -> bool:
         residual = self.locations.residual(guard, location)
@@ -284,18 +274,11 @@ class _StutterReducer:
         )
 
     def _entering_updates(self) -> Iterator[_EnteringUpdate]:
-        found: dict[int, _EnteringUpdate] = {}
-        for location, moves in self.locations.moves.items():
-            for move in moves:
-                for participant, effects in enumerate(move.effects):
-                    for e in effects:
-                        entering = found.setdefault(
-                            id(e.update), _EnteringUpdate(e.update, len(move.effects) == 1, {})
-                        )
-                        if len(move.effects) != 1 and entering.alone:
-                            entering = found[id(e.update)] = replace(entering, alone=False)
-                        own = move.targets[participant][e.control]
-                        entering.targets[location] = (
-                            entering.targets.get(location, frozenset()) | own
-                        )
-        yield from found.values()
+        updates: dict[int, _EnteringUpdate] = {}
+        for location, move, participant, effect in self.locations.steps():
+            update, alone = effect.update, len(move.effects) == 1
+            entering = updates.get(id(update), _EnteringUpdate(update, alone, {}))
+            updates[id(update)] = replace(entering, alone=entering.alone and alone)
+            targets = entering.targets.get(location, frozenset())
+            entering.targets[location] = targets | move.targets[participant][effect.control]
+        yield from updates.values()

@@ -16,12 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.semantics.expressions.types import type_of
+from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.expressions.vectorised import Lanes, evaluate_columns
 from symcheck.semantics.model import BoundCommand
 from symcheck.symbolic.encoding.expressions import contains, leaf_bound, mesh, support
@@ -39,10 +39,7 @@ from symcheck.syntax.ast import (
     Call,
     Conditional,
     Expression,
-    LabelReference,
-    Literal,
     Name,
-    StateOperator,
     Type,
     Unary,
 )
@@ -173,11 +170,9 @@ class Translator:
             try:
                 found = self._boolean(expression)
             except TooLarge:
-                on_the_fly = OnTheFlyCondition(
-                    self.manager, self.encoding, self.support(expression), expression
-                )
-                self.on_the_fly["", expression] = on_the_fly
-                return on_the_fly.holds
+                condition = OnTheFlyCondition(*self._parts_of(expression))
+                self.on_the_fly["", expression] = condition
+                return condition.holds
             if not self.reads_on_the_fly(expression):
                 self._booleans[expression] = found
         return found
@@ -200,7 +195,7 @@ class Translator:
     def _comparison(
         self, expression: Expression, operator: Operator, left: Expression, right: Expression
     ) -> Bdd:
-        if self._is_boolean(left):
+        if self._type(left) is Type.BOOL:
             same = self.boolean(left).equivalent(self.boolean(right))
             return same if operator is Operator.EQ else ~same
         try:
@@ -209,32 +204,13 @@ class Translator:
             return self._bdd_table(expression)
         if not (self._is_exact(left, x) and self._is_exact(right, y)):
             return self._bdd_table(expression)
-        found, undefined = (
-            x.compare(operator.value, y),
-            self.undefined(left) | self.undefined(right),
-        )
-        return (
-            found | undefined if operator == "!=" else found - undefined
-        )  # a comparison with NaN is false, and != is true
+        holds = x.compare(operator.value, y)
+        undefined = self.undefined(left) | self.undefined(right)
+        # A comparison with NaN is false, and != is true.
+        return holds | undefined if operator is Operator.NE else holds - undefined
 
-    def _is_boolean(self, expression: Expression) -> bool:
-        match expression:
-            case Literal(_, kind):
-                return kind is Type.BOOL
-            case Name(name):
-                return self.encoding.by_name[name].is_bool
-            case Unary(sign, _):
-                return sign is UnaryOperator.NOT
-            case Binary(operator, _, _):
-                return operator.is_boolean
-            case Conditional(_, then, _):
-                return self._is_boolean(then)
-            case Call():
-                return False
-            case LabelReference() | StateOperator():
-                raise TypeError(f"not an arithmetic expression: {type(expression).__name__}")
-            case _:
-                assert_never(expression)
+    def _type(self, expression: Expression) -> Type:
+        return static_type(expression, self._types.__getitem__)
 
     def _bdd_table(self, expression: Expression) -> Bdd:
         variables, lanes = self._tabulate(expression)
@@ -267,11 +243,15 @@ class Translator:
         try:
             return self.number(expression)
         except TooLarge:
-            on_the_fly = OnTheFlyNumber(
-                self.manager, self.encoding, self.support(expression), expression
-            )
-            self.on_the_fly["", expression] = on_the_fly
-            return on_the_fly.value
+            number = OnTheFlyNumber(*self._parts_of(expression))
+            self.on_the_fly["", expression] = number
+            return number.value
+
+    def _parts_of(
+        self, expression: Expression
+    ) -> tuple[DiagramManager, Encoding, frozenset[str], Expression]:
+        """The arguments of an expression that is encoded on the fly."""
+        return self.manager, self.encoding, self.support(expression), expression
 
     def boolean_on(self, expression: Expression, states: Bdd) -> Bdd:
         """As `boolean`, but right on all of `states`: parts that are encoded on the fly are
@@ -347,7 +327,7 @@ class Translator:
     def _number(self, expression: Expression) -> Mtbdd:
         if self.width(expression) <= self.limits.table_bits:
             return self._mtbdd_table(expression)
-        if self._is_boolean(expression):
+        if self._type(expression) is Type.BOOL:
             return self.boolean(expression).to_mtbdd()
         match expression:
             case Unary(UnaryOperator.MINUS, operand):
@@ -392,7 +372,7 @@ class Translator:
         leaves = np.abs(number.leaves)
         return (
             not bool(np.any((leaves >= _LARGEST_EXACT_INT) & np.isfinite(leaves)))
-            or type_of(expression, self._types) is Type.DOUBLE
+            or self._type(expression) is Type.DOUBLE
         )
 
     def _mtbdd_table(self, expression: Expression) -> Mtbdd:
@@ -447,11 +427,9 @@ class Translator:
             try:
                 found = self._assignment(target, expression)
             except TooLarge:
-                on_the_fly = OnTheFlyAssignment(
-                    self.manager, self.encoding, self.support(expression), expression, target
-                )
-                self.on_the_fly[key] = on_the_fly
-                return EncodedAssignment(on_the_fly.relation, on_the_fly.in_range)
+                assignment = OnTheFlyAssignment(*self._parts_of(expression), target)
+                self.on_the_fly[key] = assignment
+                return EncodedAssignment(assignment.relation, assignment.in_range)
             if not self.reads_on_the_fly(expression):
                 self._assignments[key] = found
         return found
@@ -478,13 +456,9 @@ class Translator:
         variables, lanes = self._tabulate(expression)
         codes, valid = code_values(target, lanes)
         rows = _row_bits(variables)
-        relation = self.bits_equal(
-            target,
-            [
-                self.manager.bdd_table(rows, (codes >> e) & 1 == 1)
-                for e in range(target.width - 1, -1, -1)
-            ],
-        )
+        exponents = range(target.width - 1, -1, -1)
+        bits = [self.manager.bdd_table(rows, (codes >> e) & 1 == 1) for e in exponents]
+        relation = self.bits_equal(target, bits)
         if bool(valid.all()):
             return EncodedAssignment(relation, self.manager.true)
         in_range = self.manager.bdd_table(rows, valid)
@@ -502,9 +476,8 @@ class Translator:
             raise TooLarge(f"{target.name} holds ints of 2^53 or more ({expression.span})")
         next_value = self.manager.table(target.columns, target.column().astype(np.float64))
         relation = number.equal(next_value) & self.next_valid(target)
-        in_range = number.compare(">=", float(target.low)) & number.compare(
-            "<=", float(target.high)
-        )
+        least, most = float(target.low), float(target.high)
+        in_range = number.compare(">=", least) & number.compare("<=", most)
         in_range = in_range - self.faults(expression)
         return EncodedAssignment(relation & in_range, in_range)
 
@@ -522,9 +495,8 @@ class Translator:
         found = self._identities.get(indices)
         if found is None:
             found = self.manager.true
-            for v in reversed(
-                self.encoding.sorted(self.encoding.variables[i].name for i in indices)
-            ):
+            names = (self.encoding.variables[i].name for i in indices)
+            for v in reversed(self.encoding.sorted(names)):
                 found = found & self.unchanged(v)
             self._identities[indices] = found
         return found
@@ -535,13 +507,15 @@ class Translator:
 
     def next_valid(self, target: EncodedVariable) -> Bdd:
         """The set where the column bits of `target` are a valid code."""
-        codes = np.arange(1 << target.width)
-        return self.manager.bdd_table(target.columns, codes <= target.high - target.low)
+        return self._valid(target, target.columns)
 
     def valid(self, target: EncodedVariable) -> Bdd:
         """The set where the row bits of `target` are a valid code."""
+        return self._valid(target, target.rows)
+
+    def _valid(self, target: EncodedVariable, bits: Sequence[str]) -> Bdd:
         codes = np.arange(1 << target.width)
-        return self.manager.bdd_table(target.rows, codes <= target.high - target.low)
+        return self.manager.bdd_table(bits, codes <= target.high - target.low)
 
     def state(self, values: Mapping[str, int | bool]) -> Bdd:
         """The states with these values of some variables."""

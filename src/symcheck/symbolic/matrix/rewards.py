@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import fsum, inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from symcheck.semantics import interpreter
 from symcheck.semantics.model import BoundRewards
@@ -15,17 +15,19 @@ from symcheck.symbolic.model import EncodedCommand, LazySequence, StateSpace
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
 
+T = TypeVar("T")
+
 __all__ = ["chain_rewards", "class_rewards", "state_rewards"]
 
 
 def state_rewards(space: StateSpace) -> LazySequence[Mtbdd]:
     """The state rewards of each structure, 0 outside the reachable states."""
-    return LazySequence(
-        [
-            partial(_earned, space, structure, space.states, True, None)
-            for structure in space.symbolic.model.rewards
-        ]
-    )
+    return _lazily(space, lambda structure: _earned(space, structure, space.states, True, None))
+
+
+def _lazily(space: StateSpace, rewards: Callable[[BoundRewards], T]) -> LazySequence[T]:
+    """The rewards of each structure, computed on first access."""
+    return LazySequence([partial(rewards, r) for r in space.symbolic.model.rewards])
 
 
 def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> LazySequence[tuple[Mtbdd, ...]]:
@@ -35,12 +37,7 @@ def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> LazySequence[tupl
     Args:
         numbers: enabled joint commands per state, where a DTMC may have several.
     """
-    return LazySequence(
-        [
-            partial(_chain_reward, space, structure, numbers)
-            for structure in space.symbolic.model.rewards
-        ]
-    )
+    return _lazily(space, lambda structure: _chain_reward(space, structure, numbers))
 
 
 def _chain_reward(
@@ -63,18 +60,7 @@ def class_rewards(
     """Transition rewards of an MDP: per structure and choice class, the reward of a state's choice
     in that class.
     """
-    return LazySequence(
-        [
-            partial(_class_rewards, space, structure, classes)
-            for structure in space.symbolic.model.rewards
-        ]
-    )
-
-
-def _class_rewards(
-    space: StateSpace, structure: BoundRewards, classes: Sequence[Sequence[JointClass]]
-) -> tuple[Mtbdd, ...]:
-    return tuple(_class_reward(space, structure, choice_class) for choice_class in classes)
+    return _lazily(space, lambda s: tuple(_class_reward(space, s, c) for c in classes))
 
 
 def _class_reward(
