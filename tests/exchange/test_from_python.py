@@ -410,6 +410,22 @@ def test_unknown_labels_and_deadlocks():
     assert loose.check("P=? [ F=1 s=1 ]").value == 0.4
 
 
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "mtbdd"])
+def test_the_model_shows_itself(engine):
+    model = symcheck.from_function(
+        Robot(0, False), act, labels={"goal": lambda r: r.x == 3}, engine=engine
+    )
+    assert len(model.states) == 7
+    assert [s["x"] for s in model.states] == [r.x for r in model.objects]
+    assert model.where('"goal" | broken').count == 4
+    assert model.where('Pmax>=1 [ F "goal" ]').count == 1
+    assert model.labels["goal"].count == 1
+    assert model.matrix.shape == (10, 7)
+    assert model.matrix.sum() == 10
+    assert model.simulator(seed=1).step("go")["x"] in (0, 1)
+    assert model.to_networkx().number_of_nodes() == 7
+
+
 def test_diagrams_need_different_states(tmp_path):
     (tmp_path / "m.tra").write_text("2 2\n0 1 1\n1 0 1\n")
     (tmp_path / "m.sta").write_text("(x)\n0:(4)\n1:(4)\n")

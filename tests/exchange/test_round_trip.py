@@ -30,14 +30,18 @@ def exported(model, target):
 
 
 @settings(max_examples=80, deadline=None)
-@given(seed=st.integers(0, 10**9), kind=st.sampled_from(KINDS))
-def test_answers_survive_a_round_trip(seed, kind, tmp_path_factory):
+@given(
+    seed=st.integers(0, 10**9),
+    kind=st.sampled_from(KINDS),
+    engine=st.sampled_from(["explicit", "sparse", "hybrid", "mtbdd"]),
+)
+def test_answers_survive_a_round_trip(seed, kind, engine, tmp_path_factory):
     rng = Random(seed)
     generated = some_model(rng, kind)
     model = symcheck.loads(generated.text, engine="explicit")
     folder = tmp_path_factory.mktemp("trip")
     exported(model, folder / "m.all")
-    again = symcheck.load_explicit(str(folder / "m.all"), type=ModelType(kind))
+    again = symcheck.load_explicit(str(folder / "m.all"), type=ModelType(kind), engine=engine)
     assert again.engine.states == model.engine.states
     assert again.engine.transitions == model.engine.transitions
     assert again.engine.choices == model.engine.choices
