@@ -27,8 +27,6 @@ LARGE_COMPONENT_STATES = 20_000
 """Larger components try BiCGStab before elimination, because elimination fills in."""
 CHEAP_ENTRIES = 20_000_000
 """Entries that sweeps may visit before other methods are tried: some hundredths of a second."""
-SWEEPS_PER_SLICE = 32
-"""Sweeps of interval iteration between estimates of the rate of convergence."""
 EARLY_OPERATIONS_PER_ENTRY = 200
 """Operations per entry that elimination may need before any sweep; sweeps need as many."""
 EARLY_OPERATIONS_PER_ENTRY_LARGE = 20
@@ -101,20 +99,12 @@ TRUNCATION_SHIFTS = (20.0, 5.0)
 """Laplace shifts a of the two rounds of truncation: the first is quick, the second keeps less."""
 TRUNCATION_MAX_KEPT = 0.5
 """A truncation that keeps a larger share of the states is not used."""
-OCCUPATION_MIN_STEPS = 1000
-"""Steps before the bounds by occupation times are tried, which cost a few products each."""
 
 # State-space truncation (transient/state_space_truncation.py).
 TRUNCATION_SWEEPS = 20_000
 """Gauss-Seidel sweeps for the resolvent in the order of distance from the source."""
 COMPONENT_ORDER_SWEEPS = 600
 """Sweeps for the resolvent in the order of components."""
-GUESS_SWEEPS = 600
-"""Sweeps that give BiCGStab a guess for the resolvent."""
-GUESS_RANGE = 1e-150
-"""Least ratio of the smallest to the largest guess: guesses of rarer events are too rough."""
-SHIFT_REDUCTION = 0.8
-"""BiCGStab solves with this part of the shift; the rest is room for its residual."""
 
 # Rational Krylov subspaces (transient/rational_krylov.py).
 KRYLOV_STEPS, KRYLOV_ENTRIES = 2e3, 5e9

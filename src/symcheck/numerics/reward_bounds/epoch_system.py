@@ -247,8 +247,6 @@ class _Representatives:
         else:
             active = unknown & ~inside
             rows = np.flatnonzero(active[owner])
-        place, copies = _follow_deterministic_rows(problem, source, place, active, rows)
-        rows = rows[~copies]
         members = np.flatnonzero(active)
         members = members[np.argsort(place[members], kind="stable")]
         state, sizes = np.unique(place[members], return_counts=True)
@@ -264,38 +262,6 @@ class _Representatives:
             rows,
             number[owner[rows]],
         )
-
-
-def _follow_deterministic_rows(
-    problem: RewardBoundedReachability,
-    source: graph.Incidence,
-    place: Int64s,
-    active: Bools,
-    rows: Int64s,
-) -> tuple[Int64s, Bools]:
-    """Replace representatives with a single deterministic row without reward by their successors.
-
-    Returns:
-        The representative of each state, and which rows are no longer needed (bool[len(rows)]).
-    """
-    m, owner = problem.matrix, source.owner_of_rows
-    if not m.entries:
-        return place, np.zeros(len(rows), np.bool_)
-    of = place[owner[rows]]
-    alone = np.bincount(of, minlength=len(place))[of] == 1
-    copies = (
-        alone & (m.lengths[rows] == 1) & (problem.rewards[rows] == 0) & (problem.exit[rows] <= 0.0)
-    )
-    target = m.indices[np.minimum(m.indptr[rows], m.entries - 1)]
-    copies &= active[target]
-    copies &= place[target] != of
-    follow = np.arange(len(place))
-    follow[of[copies]] = place[target[copies]]
-    while True:
-        further = follow[follow]
-        if np.array_equal(further, follow):
-            return follow[place], copies
-        follow = further
 
 
 def _edge_components(source: Int64s, target: Int64s, n: int) -> graph.Components:

@@ -76,8 +76,6 @@ def solve_epochs(
         values, _ = _unbounded(copies, settings)
         values = values[:: copies.matrix.states // n]
         return EpochValues(values, values, reach + 1, 0, 0)
-    if problem.upper is not None and problem.lower == 0:
-        return _upper_only(problem, problem.upper, slots, settings, observer)
     if slots * n * 16 > tuning.EPOCH_BYTES:
         raise MemoryLimitError(
             f"rewards of up to {slots - 1} steps of the budget over {n:,} states need more "
@@ -100,41 +98,6 @@ def solve_epochs(
             epoch_system(problem, problem.left), np.ones(n, np.bool_), last + 1, problem.lower
         )
     return run.found(x[last % slots])
-
-
-def _upper_only(
-    problem: RewardBoundedReachability,
-    upper: int,
-    slots: int,
-    settings: Settings,
-    observer: Observer | None,
-) -> EpochValues:
-    """Solve with an upper bound only: a ring buffer holds a value per equation, not per state."""
-    system = epoch_system(problem, problem.left & ~problem.right)
-    count = len(system.state)
-    if slots * (count + 2) * 16 > tuning.EPOCH_BYTES:
-        raise MemoryLimitError(
-            f"rewards of up to {slots - 1} steps of the budget over {count:,} states need more "
-            "than 4 GB of memory"
-        )
-    position = np.full(problem.matrix.states, count + 1, np.int32)  # value 0
-    position[problem.right] = count
-    position[system.members] = np.repeat(
-        np.arange(count, dtype=np.int32), np.diff(system.member_ptr)
-    )
-    identity = np.arange(count + 1, dtype=np.int64)
-    compact = replace(
-        system,
-        idx=position[system.idx],
-        state=identity[:-1].astype(np.int32),
-        members=identity[:-1].astype(np.int32),
-        member_ptr=identity,
-    )
-    x = np.zeros((slots, count + 2, 2))
-    x[:, count, :] = 1.0
-    run = _EpochRun(problem, settings, observer, x)
-    last = run.phase(compact, np.zeros(0, np.bool_), 0, upper + 1)
-    return run.found(x[last % slots][position])
 
 
 class _EpochRun:

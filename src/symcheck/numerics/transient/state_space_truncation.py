@@ -15,13 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symcheck.kernels.chains import ssor_eisenstat
 from symcheck.kernels.graph import components
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.component_bounds import ComponentSolver
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import graph, tuning
-from symcheck.numerics.linear.preconditioned_bicgstab import relative_solution
 
 __all__ = ["Truncation", "truncate"]
 
@@ -31,13 +29,11 @@ class Truncation:
     """The states kept, and the error at each state of interest.
 
     kept: int64, ascending. loss: the value lost by removing all other states, at most.
-    occupation: bounds on the expected time spent in each kept state, from any state of interest.
     values: bounds on the value of each kept state at any time; Q V <= (a/T) V holds.
     """
 
     kept: Int64s
     loss: float
-    occupation: Floats
     values: Floats
 
 
@@ -89,7 +85,7 @@ def truncate(
     keep[interest] = True
     crossing = keep[owner] & ~keep[rates.indices]
     loss = float(np.sum(flow[crossing] * value[rates.indices[crossing]])) * (1.0 + 1e-9)
-    return Truncation(np.flatnonzero(keep).astype(np.int64), loss, occupation[keep], value[keep])
+    return Truncation(np.flatnonzero(keep).astype(np.int64), loss, value[keep])
 
 
 def _resolvent(
@@ -115,48 +111,14 @@ def _resolvent(
     nearest = components.breadth_first_order(back[0], back[1], (right > 0.0).view(np.uint8))
     del back
     trials = [(nearest, tuning.TRUNCATION_SWEEPS)]
-    matrix = SparseMatrix(*arrays, rates.columns)
     if not transposed:
-        trials.insert(0, (graph.sccs(matrix).order, tuning.COMPONENT_ORDER_SWEEPS))
+        trials.insert(0, (graph.sccs(rates).order, tuning.COMPONENT_ORDER_SWEEPS))
     for order, sweeps in trials:
         block = system.block(order, np.zeros((rates.states, 2)))
-        done, _, _ = block.optimistic_value_iteration(1.0, True, min(sweeps, tuning.GUESS_SWEEPS))
-        if not done:
-            guess = np.empty(rates.states)
-            guess[order] = np.asarray(block.x)[: block.n, 0]
-            known = _supersolution(matrix, exit_rates, laplace_shift / time, right, guess)
-            if known is not None:
-                return known * math.exp(laplace_shift) * (1.0 + 1e-9)
-            done = (
-                sweeps > tuning.GUESS_SWEEPS
-                and block.optimistic_value_iteration(1.0, True, sweeps)[0]
-            )
-        if done:
+        if block.optimistic_value_iteration(1.0, True, sweeps)[0]:
             break
     else:
         return None
     out = np.empty(rates.states)
     out[order] = block.x[:, 1]
     return out * math.exp(laplace_shift) * (1.0 + 1e-9)
-
-
-def _supersolution(
-    matrix: SparseMatrix, exit_rates: Floats, rest: float, right: Floats, guess: Floats
-) -> Floats | None:
-    """A proved upper bound on the solution of (rest + exit rate) x = right + R x, or None.
-
-    BiCGStab solves the equations with a smaller rest, which leaves room for its residual. The bound
-    is within a factor of about SHIFT_REDUCTION. guess: as in `relative_solution`.
-    """
-    if not guess.min(initial=np.inf) > tuning.GUESS_RANGE * guess.max(initial=0.0):
-        return None
-    diagonal = exit_rates + tuning.SHIFT_REDUCTION * rest - ssor_eisenstat.diagonal(*matrix.arrays)
-    # The room suffices for this residual if the guess is at most ten times too large.
-    goal = 0.1 * (1.0 - tuning.SHIFT_REDUCTION) * rest / float(np.max(exit_rates) + rest)
-    found = relative_solution(matrix, 1.0 / diagonal, right, guess, goal)
-    if found is None:
-        return None
-    longest = matrix.longest
-    rounding_error = (longest + 8) * tuning.UNIT_ROUNDOFF
-    out = (matrix.multiply(found) + right) / (exit_rates + rest) * (1.0 + rounding_error)
-    return found if bool(np.all(out <= found)) else None

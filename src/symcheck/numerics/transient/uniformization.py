@@ -30,7 +30,6 @@ from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.rational_krylov import excess, importance, krylov_values
 from symcheck.numerics.transient.state_space_truncation import truncate
 from symcheck.numerics.transient.uniformized_chain import (
-    OccupationBounds,
     UniformizedChain,
     uniformize,
 )
@@ -286,7 +285,6 @@ def _sum_series(
     observer: Observer | None,
     mass: bool = False,
     budget: float = math.inf,
-    occupation: OccupationBounds | None = None,
     tail: float = 1e-300,
     growth: float = 1.0,
 ) -> Transient | None:
@@ -295,7 +293,6 @@ def _sum_series(
     source: the weights are P(N > k), else P(N = k).
     mass: start is a distribution, whose sum does not grow; else values, whose maximum does not.
     budget: None is returned if more entries would be visited.
-    occupation: bounds that may end the sum early at the states of interest.
     tail: weights below this part of the largest are omitted and counted as an error.
     growth: bound on the growth of the maximum in the steps that count; if it exceeds 1, no values
       are treated as negligible.
@@ -349,27 +346,6 @@ def _sum_series(
                     len(weights),
                     f", then a steady ratio of {0.5 * (low + high):.12g} per step",
                 )
-        if occupation is not None and interest is not None and k >= tuning.OCCUPATION_MIN_STEPS:
-            rest = weights.tail_sum(k)
-            level = occupation.level(y, interest, chain.q, rest), ", then a level rate"
-            ratio, off = occupation.settled(y, z, chain, rest)
-            estimate = weights.powers(k, ratio) * y[interest]
-            steady = (
-                (estimate - off, estimate + off),
-                f", then a steady ratio of {ratio:.12g} at the states of interest",
-            )
-            for known, note in (level, steady):
-                shortcut = below.copy(), above.copy()
-                shortcut[0][interest] = np.maximum(
-                    below[interest], below[interest] + known[0] * (1.0 - error)
-                )
-                shortcut[1][interest] = (
-                    total[interest] * (1.0 + error)
-                    + known[1] * (1.0 + error)
-                    + window.missing * most
-                )
-                if _close_enough(at_interest(shortcut[0]), at_interest(shortcut[1]), settings):
-                    return _result(*shortcut, k, len(weights), note)
         if k * chain.entries > budget:
             return None
         check_interval = min(max(tuning.CHECK_INTERVAL, k // 20), len(weights) - k)
@@ -434,7 +410,6 @@ def _on_truncated_space(
             settings,
             at,
             observer,
-            occupation=OccupationBounds.of(chain, cut.occupation),
         )
     assert found is not None
     lower, upper = (

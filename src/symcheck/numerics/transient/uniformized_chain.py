@@ -1,4 +1,4 @@
-"""The uniformised chain of a CTMC, and bounds on the remaining terms of a transient sum."""
+"""The uniformised chain of a CTMC."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from symcheck.kernels.chains import uniformization
 from symcheck.kernels.rows import sparse
-from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import SweepOperator
 
-__all__ = ["OccupationBounds", "UniformizedChain", "uniformize"]
+__all__ = ["UniformizedChain", "uniformize"]
 
 
 @dataclass(eq=False)
@@ -71,61 +71,6 @@ class UniformizedChain:
             float(greatest.max(initial=0.0)),
             float(y.max(initial=0.0)),
         )
-
-
-@dataclass(frozen=True, eq=False)
-class OccupationBounds:
-    """Bounds on the remaining terms of a transient sum from occupation times.
-
-    time: bounds on the expected time spent in each state, from the start to the horizon,
-    float64[n]. leak: the probability that P loses on the way.
-
-    The difference of y from a level c is weighted with the occupation times. If
-    y = c + above - below, the rest of the sum, with weights that fall from at most 1, lies between
-    c * rest * (1 - q time·leak) - q time·below and c * rest + q time·above at the start.
-    """
-
-    time: Floats
-    leak: float
-
-    @staticmethod
-    def of(chain: UniformizedChain, time: Floats) -> OccupationBounds:
-        """The bounds for a chain that loses little probability."""
-        assert chain.matrix is not None
-        stays = chain.matrix.row_sums() + chain.diagonal
-        return OccupationBounds(
-            time,
-            chain.q * float(time @ np.maximum(1.0 - stays, 0.0)) * (1.0 + 1e-9)
-            + len(time) * tuning.UNIT_ROUNDOFF,
-        )
-
-    def level(self, y: Floats, interest: Int64s, q: float, rest: float) -> tuple[Floats, Floats]:
-        """Bounds on the rest of the sum at each state of interest, from its own level."""
-        pairs = [self._around_level(y, float(c), q, rest) for c in y[interest]]
-        return np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
-
-    def settled(
-        self, y: Floats, before: Floats, chain: UniformizedChain, rest: float
-    ) -> tuple[float, float]:
-        """A ratio r, and a bound on the error of the rest as the sum of weight_j * r^j * y.
-
-        Let y = P before = r before + d with r <= 1. Then P^j y = r^j y + sum over i < j of
-        r^(j-1-i) P^(i+1) d. Summed with the weights, the second part is at most rest * q time·|d|:
-        the tail sums of a Poisson distribution are log-concave, so the rest after m >= 1 more
-        steps is at most rest * P(N > m).
-        """
-        ahead, behind = float(self.time @ y), float(self.time @ before)
-        ratio = min(1.0, ahead / behind) if behind > 0.0 else 1.0
-        rounding = (chain.longest + 8) * tuning.UNIT_ROUNDOFF * (ahead + behind)
-        return ratio, rest * chain.q * (
-            float(self.time @ np.abs(y - ratio * before)) + rounding
-        ) * (1 + 1e-9)
-
-    def _around_level(self, y: Floats, c: float, q: float, rest: float) -> tuple[float, float]:
-        """Bounds on the rest of the sum by the distance of y from a level c."""
-        room = q * (1 + 1e-9)
-        low = c * rest * (1.0 - self.leak) - room * float(self.time @ np.maximum(c - y, 0.0))
-        return max(0.0, low), c * rest + room * float(self.time @ np.maximum(y - c, 0.0))
 
 
 def uniformize(

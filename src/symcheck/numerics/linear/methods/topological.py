@@ -3,16 +3,14 @@
 Each component is solved by the cheapest means that prove the requested accuracy. A single state
 takes one pass over its rows. A component without choices is eliminated without subtraction if that
 costs no more than some sweeps, or solved by BiCGStab. Other components are solved by extrapolated
-sweeps or swept from both sides (interval iteration for probabilities, optimistic value iteration
-for rewards), and where this converges slowly by a longer elimination or by policy iteration.
+sweeps or by optimistic value iteration, and where this converges slowly by a longer elimination.
 
-Sources: Dai, Mausam, Weld & Goldsmith (2011) for the order; Baier, Klein, Leuschner, Parker &
-Wunderlich (2017) for interval iteration within it.
+Sources: Dai, Mausam, Weld & Goldsmith (2011) for the order; Hartmanns & Kaminski (2020) for
+optimistic value iteration.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,17 +28,12 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, 
 from symcheck.numerics.linear.subsystem import (
     Bounds,
     LocalSystem,
-    policy_iteration,
     solve_direct,
     solve_krylov,
 )
 from symcheck.numerics.settings import Settings
 
 __all__ = ["METHOD", "solve", "solve_masked"]
-
-
-class _TooSlow(Exception):
-    """A chain is not solved by quick means."""
 
 
 _COUNTERS = ("single", "eliminated", "swept", "sweeps", "largest_eliminated", "largest_swept")
@@ -51,7 +44,7 @@ class TopologicalRun:
     """The state of a solution.
 
     known_exactly: whether the constants are. values: lower and upper values, float64[states, 2].
-    quick: whether slow means raise _TooSlow. counters: those of the kernel (see `_COUNTERS`).
+    counters: those of the kernel (see `_COUNTERS`).
     methods: the largest component that each method solved. unfinished: components without the
     requested accuracy.
     """
@@ -63,7 +56,6 @@ class TopologicalRun:
     strategy: Int64s
     settings: Settings
     observer: Observer | None
-    quick: bool = False
     counters: Int64s = field(default_factory=lambda: np.zeros(len(_COUNTERS), dtype=np.int64))
     methods: dict[str, int] = field(default_factory=dict)
     unfinished: int = 0
@@ -109,9 +101,7 @@ def solve_masked(
     return _solve_components(run, graph.Incidence(m), problem.unknown, problem.n)
 
 
-def _solve_rows(
-    problem: LinearProblem, settings: Settings, observer: Observer | None, quick: bool = False
-) -> Solution:
+def _solve_rows(problem: LinearProblem, settings: Settings, observer: Observer | None) -> Solution:
     """Solve a problem with non-negative constants, whose end components are collapsed."""
     m = problem.rows
     system = ComponentSolver(
@@ -126,7 +116,7 @@ def _solve_rows(
     strategy = np.full(problem.n if problem.mode else 0, -1, dtype=np.int64)
     values = np.zeros((problem.n, 2))
     run = TopologicalRun(
-        system, problem.probability, known_exactly, values, strategy, settings, observer, quick
+        system, problem.probability, known_exactly, values, strategy, settings, observer
     )
     return _solve_components(run, graph.Incidence(m), None, problem.n)
 
@@ -184,13 +174,10 @@ def _solve_large_scc(run: TopologicalRun, states: Int32s, goal: float) -> None:
     block = run.system.block(states, run.values)
     if not block.has_exit:
         _solve_closed(block)
-    elif not _try_cheap_methods(run, block, goal):
-        if run.quick:
-            raise _TooSlow
-        if not _try_iterative_methods(run, block, goal):
-            relaxed = block.mode != 0 and _relax_tolerance(run, block, goal)
-            done = not relaxed and _sweep(run, block, goal, give_up=False)[0]
-            run.unfinished += not done
+    elif not (_try_cheap_methods(run, block, goal) or _try_iterative_methods(run, block, goal)):
+        relaxed = block.mode != 0 and _relax_tolerance(run, block, goal)
+        done = not relaxed and _sweep(run, block, goal, give_up=False)
+        run.unfinished += not done
     run.system.store(block, run.values, run.strategy)
 
 
@@ -209,15 +196,14 @@ def _try_cheap_methods(run: TopologicalRun, block: Block, goal: float) -> bool:
 
 
 def _try_iterative_methods(run: TopologicalRun, block: Block, goal: float) -> bool:
-    """Extrapolated sweeps, plain sweeps while they converge, a long elimination, and policies."""
+    """Extrapolated sweeps, plain sweeps while they converge, and a long elimination."""
     if _extrapolate(run, block, goal):
         return True
-    done, sweeps_left = _sweep(run, block, goal, give_up=True)
-    if done or block.n > tuning.ELIMINATION_STATES:
-        return done
-    expected = max(10 * tuning.CHEAP_ENTRIES, 0.5 * sweeps_left * block.entries)
-    limit = int(min(tuning.ELIMINATION_OPERATIONS, expected))
-    return _eliminate(run, block, goal, limit) or _iterate_policies(run, block, goal)
+    if _sweep(run, block, goal, give_up=True):
+        return True
+    return block.n <= tuning.ELIMINATION_STATES and _eliminate(
+        run, block, goal, tuning.ELIMINATION_OPERATIONS
+    )
 
 
 def _extrapolate(run: TopologicalRun, block: Block, goal: float) -> bool:
@@ -234,73 +220,27 @@ def _relax_tolerance(run: TopologicalRun, block: Block, goal: float) -> bool:
     return any(_extrapolate(run, block, goal * factor) for factor in tuning.RELAXED_TOLERANCES)
 
 
-def _sweep(run: TopologicalRun, block: Block, goal: float, *, give_up: bool) -> tuple[bool, float]:
-    """Interval iteration or optimistic value iteration.
+def _sweep(run: TopologicalRun, block: Block, goal: float, *, give_up: bool) -> bool:
+    """Optimistic value iteration; whether the goal was reached.
 
     give_up: stop if convergence looks expensive.
-
-    Returns:
-        Whether the goal was reached, and the expected number of remaining sweeps.
     """
-    sweep, name = (
-        (_interval_iteration, "interval iteration")
-        if run.probability
-        else (_optimistic_iteration, "optimistic value iteration")
-    )
-    done, sweeps_left = sweep(run, block, goal, give_up)
-    if done:
-        run.note(name, block.n)
-    return done, sweeps_left
-
-
-def _interval_iteration(
-    run: TopologicalRun, block: Block, goal: float, give_up: bool
-) -> tuple[bool, float]:
-    """Interval iteration, in slices that show the rate of convergence."""
-    used, slow_slices, last_width, sweeps_left = 0, 0, 1.0, math.inf
-    size = tuning.SWEEPS_PER_SLICE
-    while used < run.settings.max_iterations:
-        done, sweeps, width = block.interval_iteration(goal, run.settings.relative, size)
-        used += sweeps
-        run.iterations += sweeps
-        if run.observer is not None:
-            run.observer(Progress("interval iteration", run.iterations, width, block.n))
-        if done:
-            return True, 0.0
-        if used > size:
-            sweeps_left = math.inf
-            if width < last_width:
-                sweeps_left = sweeps * math.log(goal / width) / math.log(width / last_width)
-            expensive = sweeps_left * block.entries > tuning.CHEAP_ENTRIES
-            slow_slices = slow_slices + 1 if expensive else 0
-            enough = used * block.entries > tuning.CHEAP_ENTRIES // 20
-            if (give_up and enough and slow_slices >= 3) or (
-                width >= last_width and used > 100 * size
-            ):
-                break
-        last_width = width
-    return False, sweeps_left
-
-
-def _optimistic_iteration(
-    run: TopologicalRun, block: Block, goal: float, give_up: bool
-) -> tuple[bool, float]:
-    """Optimistic value iteration."""
     budget = run.settings.max_iterations
     if give_up:
         # A large block fills in when it is eliminated, so more sweeps are worth their time.
         large = block.n >= tuning.LARGE_COMPONENT_STATES
         entries = 100 * tuning.CHEAP_ENTRIES if large else tuning.CHEAP_ENTRIES
         budget = min(budget, max(200, entries // (block.entries + block.n + 1)))
-    done, sweeps, width = block.optimistic_value_iteration(
-        goal, run.settings.relative, budget, give_up
-    )
+    relative = run.settings.relative
+    done, sweeps, width = block.optimistic_value_iteration(goal, relative, budget, give_up)
     run.iterations += sweeps
     if run.observer is not None:
         run.observer(Progress("optimistic value iteration", run.iterations, width, block.n))
-    if not done:
-        block.x[:, 1] = np.inf
-    return done, math.inf
+    if done:
+        run.note("optimistic value iteration", block.n)
+    else:
+        block.x[:, 1] = 1.0 if run.probability else np.inf
+    return done
 
 
 def _eliminate(run: TopologicalRun, block: Block, goal: float, limit: int) -> bool:
@@ -320,24 +260,6 @@ def _try_krylov(run: TopologicalRun, block: Block, goal: float) -> bool:
         return False
     run.iterations += bounds.iterations
     return _accept(run, block, goal, bounds, "BiCGStab")
-
-
-def _iterate_policies(run: TopologicalRun, block: Block, goal: float) -> bool:
-    """Policy iteration of a block with choices, if the chains of policies are solved quickly."""
-    if block.mode == 0:
-        return False
-    try:
-        bounds = policy_iteration(LocalSystem.of(block), goal, _solve_quickly)
-    except _TooSlow:
-        return False
-    return bounds is not None and _accept(run, block, goal, bounds, "policy iteration")
-
-
-def _solve_quickly(problem: LinearProblem, settings: Settings) -> Solution:
-    """Solve the chain of a policy; raises _TooSlow if quick means do not suffice."""
-    if problem.signed:
-        return _signed(problem, settings, None)
-    return _solve_rows(problem, settings, None, quick=True)
 
 
 def _accept(run: TopologicalRun, block: Block, goal: float, bounds: Bounds, name: str) -> bool:
