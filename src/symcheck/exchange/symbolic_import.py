@@ -65,13 +65,14 @@ def symbolic_engine(
         for exponent in range(v.width - 1, -1, -1)
     ]
     bits = np.array(columns, np.uint8).reshape(-1, n).T
-    if len(np.unique(bits, axis=0)) < n:
+    order = np.lexsort([np.zeros(n), *bits.T[::-1]])
+    ordered = bits[order]
+    if (ordered[1:] == ordered[:-1]).all(axis=1).any():
         raise UnsupportedError(
             "two states have the same values of the variables, and diagrams cannot tell them "
             "apart: use the explicit engine"
         )
-    order = np.lexsort([np.zeros(n), *bits.T[::-1]])
-    states = manager.bdd_from_rows(encoding.rows, bits[order])
+    states = manager.bdd_from_rows(encoding.rows, ordered)
     odd = Odd(manager, states, encoding.rows)
 
     def subset(members: Bools) -> Bdd:
