@@ -636,8 +636,9 @@ def load(
 
     Example:
         >>> import symcheck
-        >>> symcheck.load("models/die/die.pm", engine="sparse").check("P=? [ F d=6 ]")  # doctest:
-        +SKIP
+        >>> model = symcheck.load("models/die/die.pm", engine="sparse")
+        >>> print(f"{model.check('P=? [ F d=6 ]'):.6f}")
+        0.166667
     """
     if not isinstance(cast(object, path), str | PathLike) or "endmodule" in str(path):
         raise UsageError(

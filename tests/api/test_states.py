@@ -130,6 +130,8 @@ def test_values_of_states(model):
     frame = values.to_frame()
     assert (list(frame), frame.index.name) == (["x", "b", "value"], "state")
     assert frame.value.astype(float).tolist() == expected
+    with pytest.raises(TypeError, match="different models"):
+        values[symcheck.loads(WALK, "p=1/2").where("x=1")]
     exact = model.options.exact
     assert type(values[1]) is (Fraction if exact else float)
 
@@ -244,6 +246,11 @@ def test_tables_of_a_notebook():
         assert tags.cells
     assert "p=(1&lt;2?0.5:0)" in model.with_constants({"p": "(1<2?0.5:0)"})._repr_html_()
     assert str(model.states).splitlines()[-1] == "4 of 4 states"
+    assert str(model.check("x").values).splitlines()[:2] == [
+        "state  x  b      value",
+        "0      0  false  0",
+    ]
+    assert str(model.transitions).splitlines()[1] == "0               0       0.5"
 
 
 def test_sets_of_huge_models_are_not_listed():

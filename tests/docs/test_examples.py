@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import doctest
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
 MODULES = (
+    "symcheck.api",
     "symcheck.dd.cudd.extension",
     "symcheck.dd.manager",
+    "symcheck.engines.states",
+    "symcheck.engines.transition_table",
     "symcheck.exchange.from_function",
     "symcheck.exchange.from_matrix",
     "symcheck.explicit.build",
@@ -20,7 +24,8 @@ MODULES = (
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_examples_run(name: str) -> None:
+def test_examples_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(Path(__file__).parents[2])
     module = import_module(name)
     examples = [t for t in doctest.DocTestFinder(exclude_empty=True).find(module) if t.examples]
     assert examples

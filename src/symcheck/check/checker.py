@@ -163,7 +163,7 @@ def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
     """A result on the quotient, lifted to the states of the model."""
     initial, satisfied = engine.initial, None
     if result.values is not None:
-        lifted = StateValues(engine, smaller.lift(result.values.values))
+        lifted = StateValues(engine, smaller.lift(result.values.of_engine))
         result = replace(result, values=lifted)
     if result.satisfying is not None:
         satisfied = smaller.lift_set(result.satisfying.members)

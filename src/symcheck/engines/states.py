@@ -148,6 +148,8 @@ class States(Tabular, Collection[State]):
     states are listed only when they are asked for: `count` and set operations enumerate nothing.
 
     Example:
+        >>> import symcheck
+        >>> model = symcheck.load("models/die/die.pm")
         >>> done = model.where("s=7")
         >>> len(done), done[0]["d"], done <= model.states
         (6, 1, True)
@@ -228,7 +230,7 @@ class States(Tabular, Collection[State]):
     def _with(self, members: StateSet) -> States:
         return States(self.engine, members)
 
-    def _of(self, other: object) -> StateSet:
+    def members_of(self, other: object) -> StateSet:
         """The members of another set of the same model. Raises TypeError."""
         if not isinstance(other, States):
             raise TypeError(f"a set of states is expected, such as model.where(…), not {other!r}")
@@ -237,19 +239,19 @@ class States(Tabular, Collection[State]):
         return other.members
 
     def __and__(self, other: States) -> States:
-        return self._with(self.members & self._of(other))
+        return self._with(self.members & self.members_of(other))
 
     def __or__(self, other: States) -> States:
-        return self._with(self.members | self._of(other))
+        return self._with(self.members | self.members_of(other))
 
     def __sub__(self, other: States) -> States:
-        return self._with(self.members - self._of(other))
+        return self._with(self.members - self.members_of(other))
 
     def __invert__(self) -> States:
         return self._with(~self.members)
 
     def __le__(self, other: States) -> bool:
-        return self.members <= self._of(other)
+        return self.members <= self.members_of(other)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, States):
@@ -319,7 +321,7 @@ class StateVector(Tabular):
     def __getitem__(self, key: StateKey) -> float | Fraction: ...
     def __getitem__(self, key: slice | States | StateKey) -> float | Fraction | Numbers:
         if isinstance(key, States):
-            return self.midpoints(key.members)
+            return self.midpoints(_all(self.engine).members_of(key))
         if isinstance(key, slice):
             return self.array[key]
         if isinstance(key, State) and key.engine is self.engine and _few(self.engine):
@@ -368,25 +370,26 @@ def _plain(values: Numbers) -> float | Fraction:
 class StateValues(StateVector):
     """The values of a numeric property in all states.
 
-    Bounds are proved everywhere; they are as close as `epsilon` asks for in the states that the
-    result reads, and in all states with the option `everywhere`.
+    Bounds are proved, unless the result is an estimate. They are as close as `epsilon` asks for in
+    the states that the result reads, and in all states with the option `everywhere`.
 
     Attributes:
         engine: of the states.
-        values: the values in the form of the engine.
+        of_engine: the values in the form of the engine.
 
     Example:
-        >>> values = model.check("P=? [ F d=6 ]").values
-        >>> values[0], values[{"s": 7, "d": 6}], max(values)
-        (0.16666666666666666, 1.0, 1.0)
+        >>> import symcheck
+        >>> values = symcheck.load("models/die/die.pm").check("P=? [ F d=6 ]").values
+        >>> round(values[0], 6), values[{"s": 7, "d": 6}], max(values)
+        (0.166667, 1.0, 1.0)
     """
 
     engine: Engine
-    values: Values = field(repr=False)
+    of_engine: Values = field(repr=False)
 
     def at(self, states: StateSet) -> tuple[Numbers, Numbers]:
         """Lower and upper bounds over a set of the engine, in index order."""
-        return self.values.at(states)
+        return self.of_engine.at(states)
 
     @property
     def lower(self) -> Numbers:
@@ -408,4 +411,4 @@ class StateValues(StateVector):
         states = _all(self.engine)
         rows = ((s.number, s.valuation, self[s]) for s in states[:SHOWN_ROWS])
         names = variable_names(self.engine.model)
-        return state_table(names, rows, "value", f"{states.count:,} states")
+        return state_table(names, rows, (self._noun,), f"{states.count:,} states")

@@ -41,7 +41,11 @@ class TransitionTable(Tabular):
     """The transitions, ordered by source and choice; they are listed when they are asked for.
 
     Example:
-        >>> for source, action, target, probability in model.transitions: ...
+        >>> import symcheck
+        >>> model = symcheck.load("models/die/die.pm")
+        >>> source, action, target, probability = next(iter(model.transitions))
+        >>> source, target, probability
+        ((s=0, d=0), (s=1, d=0), 0.5)
     """
 
     engine: Engine = field(repr=False)
