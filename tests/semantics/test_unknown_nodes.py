@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from kernels.columns import run_masked
-from symcheck.check.state_formulas import is_plain
+from symcheck.check.context import Context
+from symcheck.check.reward_queries import reward_values
+from symcheck.check.state_formulas import is_plain, numbers, satisfying
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.compile import compile_expression
+from symcheck.options import Options
 from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.simplify import simplify
@@ -21,12 +24,16 @@ from symcheck.semantics.path_normal_form import StateFormula, normal_form
 from symcheck.semantics.reduction.live_variables import may_be_undefined
 from symcheck.semantics.reduction.reset_dead_variables import _reads_rewards
 from symcheck.semantics.reduction.stutter_reduction import counts_steps
+from symcheck.semantics.rewards import Steps
+from symcheck.simulate.monitors import reward_monitor
 from symcheck.syntax.ast import (
     Binary,
     Expression,
     Literal,
     Name,
+    Node,
     ProbabilityOperator,
+    RewardOperator,
     StateOperator,
     Type,
 )
@@ -56,7 +63,13 @@ def operator(token: str, signature: Signature, truth: str | None = None) -> Oper
     return made
 
 
+@dataclass(frozen=True, slots=True)
+class DummyQuery(Node):
+    """A reward query of which no code knows."""
+
+
 DUMMY = Dummy(Literal(True, Type.BOOL))
+CONTEXT = Context(None, Options())
 X = Name("x")
 
 
@@ -68,11 +81,27 @@ X = Name("x")
         lambda node: evaluate_columns(node, {}),
         lambda node: compile_expression(node, VARIABLES),
         lambda node: Typer(DiagnosticCollector(), lambda _: None, lambda _: None).state(node),
+        lambda node: satisfying(CONTEXT, node, None),
+        lambda node: numbers(CONTEXT, node, None),
     ],
 )
 def test_an_unknown_state_operator_is_named(ask) -> None:
     with pytest.raises((AssertionError, TypeError, UnsupportedError), match="Dummy"):
         ask(DUMMY)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda node: reward_monitor(node, None),
+        lambda node: reward_values(
+            CONTEXT, RewardOperator(None, None, None, node), Steps(), None, None
+        ),
+    ],
+)
+def test_an_unknown_reward_query_is_named(ask) -> None:
+    with pytest.raises(AssertionError, match="DummyQuery"):
+        ask(DummyQuery())
 
 
 def test_an_unknown_state_operator_is_taken_for_the_worst() -> None:

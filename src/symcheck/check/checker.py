@@ -305,11 +305,7 @@ def _range_over(initial: StateSet) -> str:
 
 def _satisfied(count: int, initial: int) -> str:
     """In how many of the initial states a formula holds."""
-    match initial:
-        case 1:
-            return (
-                "satisfied in the initial state" if count else "not satisfied in the initial state"
-            )
-        case _:
-            share = "all" if count == initial else count or "none"
-            return f"satisfied in {share} of {initial} initial states"
+    if initial == 1:
+        return "satisfied in the initial state" if count else "not satisfied in the initial state"
+    share = "all" if count == initial else count or "none"
+    return f"satisfied in {share} of {initial} initial states"

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from math import inf, isinf, isnan, nan
+from typing import assert_never
 
 from symcheck.check.result import Number, Result, show_value
 from symcheck.errors import SymcheckError, UnsupportedError
@@ -163,8 +164,10 @@ def _compare(expected: str, result: Result, constants: Mapping[str, Value], exac
                 _compare_number(_number(part, constants), end, tolerance)
         case list():
             _compare_points(text, value, constants)
-        case _:
+        case int() | float() | Fraction():
             _compare_number(_number(text, constants), value, tolerance)
+        case _:
+            assert_never(value)
 
 
 def _compare_number(expected: Number, value: Number, tolerance: float) -> None:

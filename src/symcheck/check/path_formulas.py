@@ -21,7 +21,18 @@ from symcheck.semantics.path_normal_form import (
     state_formulas,
 )
 from symcheck.semantics.time_bounds import RewardWindow, Window
-from symcheck.syntax.ast import Binary, Expression, PathFormula, Unary
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    LabelReference,
+    Literal,
+    Name,
+    PathFormula,
+    StateOperator,
+    Unary,
+)
 from symcheck.syntax.operators import UnaryOperator, connect
 
 __all__ = [
@@ -149,8 +160,19 @@ def _once(states_of: StatesOf) -> StatesOf:
                     known[formula] = ~find(operand)
                 case Binary(operator, left, right) if operator.is_logical and _is_added(formula):
                     known[formula] = connect(operator, find(left), find(right))
-                case _:
+                case (
+                    Literal()
+                    | Name()
+                    | Unary()
+                    | Binary()
+                    | Conditional()
+                    | Call()
+                    | LabelReference()
+                    | StateOperator()
+                ):
                     known[formula] = states_of(formula)
+                case _:
+                    assert_never(formula)
         return known[formula]
 
     return find

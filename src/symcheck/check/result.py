@@ -169,8 +169,10 @@ class Result:
                 raise self._wrong_type("a number")
             case tuple():
                 low, high = self.value
-            case _:
+            case int() | float() | Fraction():
                 low = high = self.value
+            case _:
+                assert_never(self.value)
         match self.accuracy:
             case Exact():
                 return low, high
@@ -247,5 +249,7 @@ def show_value(value: Answer) -> str:
             return f"[{format_value(value[0])},{format_value(value[1])}]"
         case list():
             return "[" + ", ".join(f"({format_value(x)},{format_value(y)})" for x, y in value) + "]"
-        case _:
+        case bool() | int() | float() | Fraction():
             return format_value(value)
+        case _:
+            assert_never(value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import assert_never
+
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import long_run_measures, timed_measures
 from symcheck.check.measures.reachability import reach_reward
@@ -13,13 +15,23 @@ from symcheck.errors import UnsupportedError
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import bound_value, window
 from symcheck.syntax.ast import (
+    Binary,
+    BinaryTemporal,
+    Call,
+    Conditional,
     CumulativeReward,
     Eventually,
     InstantaneousReward,
+    LabelReference,
+    Literal,
+    Name,
     PathFormula,
     RewardOperator,
+    StateOperator,
     SteadyStateReward,
     TotalReward,
+    Unary,
+    UnaryTemporal,
 )
 
 __all__ = ["expected_time", "reward_of", "reward_values"]
@@ -56,8 +68,21 @@ def reward_values(
             )
         case SteadyStateReward():
             return long_run_measures(context).steady_reward(context, reward, direction)
-        case _:
+        case (
+            Literal()
+            | Name()
+            | Unary()
+            | Binary()
+            | Conditional()
+            | Call()
+            | LabelReference()
+            | StateOperator()
+            | UnaryTemporal()
+            | BinaryTemporal()
+        ):
             return _until_shown(context, reward, query, states_of, direction)
+        case _:
+            assert_never(query)
 
 
 def expected_time(

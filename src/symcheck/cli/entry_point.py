@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from typing import NoReturn
+from typing import NoReturn, assert_never
 
 from symcheck import __version__
 from symcheck.cli.arguments import parse_arguments
@@ -132,7 +132,9 @@ def _fail(error: SymcheckError, status: int) -> int:
     return status
 
 
-def _as_resource_error(error: BaseException, signals: StopSignals) -> ResourceError:
+def _as_resource_error(
+    error: ResourceError | MemoryError | KeyboardInterrupt, signals: StopSignals
+) -> ResourceError:
     match error:
         case Interrupted():
             return Interrupted(f"{error}{signals.advice}")
@@ -140,8 +142,10 @@ def _as_resource_error(error: BaseException, signals: StopSignals) -> ResourceEr
             return error
         case MemoryError():
             return out_of_memory()
-        case _:
+        case KeyboardInterrupt():
             return Interrupted(f"interrupted by {signals.name}{signals.advice}")
+        case _:
+            assert_never(error)
 
 
 def _stopped(state: RunState | None, error: ResourceError, signals: StopSignals) -> int:

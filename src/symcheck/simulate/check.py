@@ -11,6 +11,7 @@ import operator
 from collections.abc import Mapping
 from math import isinf
 from time import perf_counter
+from typing import assert_never
 
 import numpy as np
 
@@ -24,12 +25,20 @@ from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.sampling import Sampler
 from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
 from symcheck.syntax.ast import (
+    Binary,
     Bound,
+    Call,
+    Conditional,
     ExpectedTime,
     Expression,
+    LabelReference,
+    Literal,
     ModelType,
+    Name,
     ProbabilityOperator,
     RewardOperator,
+    StateOperator,
+    Unary,
 )
 
 __all__ = ["check_by_sampling"]
@@ -120,12 +129,23 @@ def _read_operator(
             return reward_monitor(query, model), operator_reward(formula, model), bound
         case ExpectedTime(_, bound, path):
             return reward_monitor(path, model), Time(), bound
-        case _:
+        case (
+            Literal()
+            | Name()
+            | Unary()
+            | Binary()
+            | Conditional()
+            | Call()
+            | LabelReference()
+            | StateOperator()
+        ):
             raise UnsupportedError(
                 f"-sim supports a single P, R or T operator, and this is a "
                 f"{type(formula).__name__}; "
                 "without -sim it is checked numerically"
             )
+        case _:
+            assert_never(formula)
 
 
 def _estimate_by_interval(

@@ -5,6 +5,7 @@ states.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import assert_never
 
 import numpy as np
 
@@ -15,8 +16,12 @@ from symcheck.matrices.rows import Bools
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Binary,
+    Call,
+    Conditional,
     Expression,
     LabelReference,
+    Literal,
+    Name,
     StateOperator,
     Unary,
 )
@@ -68,8 +73,10 @@ def compile_predicate(
                 compile_predicate(left, model, layout, labels),
                 compile_predicate(right, model, layout, labels),
             )
-        case _:
+        case Literal() | Name() | Unary() | Binary() | Conditional() | Call() | StateOperator():
             return _compile_expression(formula, model, layout)
+        case _:
+            assert_never(formula)
 
 
 def _compile_expression(

@@ -155,5 +155,7 @@ def witness(context: Context, path: Path) -> Sequence[Mapping[str, int | bool]] 
             return context.engine.graph.witness(left, right)
         case UntilPath(left, right, window, True) if window.trivial:
             return context.engine.graph.witness(~right, ~(left | right))
-        case _:
+        case UntilPath() | StatePath() | NextPath() | TemporalPath() | RewardPath():
             return None
+        case _:
+            assert_never(path)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 from symcheck.automata.automaton import Automaton
 from symcheck.automata.formula import Kind, LtlFormula
@@ -68,8 +69,12 @@ def _literal_states(context: Context, alphabet: _Alphabet, formula: LtlFormula) 
         case Kind.POSITIVE | Kind.NEGATIVE if alphabet.letters == alphabet.columns:
             states = alphabet.sets[formula.atom]
             return states if formula.kind is Kind.POSITIVE else ~states
-        case _:
+        case Kind.POSITIVE | Kind.NEGATIVE | Kind.FALSE | Kind.AND | Kind.OR:
             return None
+        case Kind.NEXT | Kind.UNTIL | Kind.RELEASE:
+            return None
+        case _:
+            assert_never(formula.kind)
 
 
 def linear_product(

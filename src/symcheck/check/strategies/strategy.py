@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import assert_never
 
 import numpy as np
 
@@ -107,10 +108,12 @@ def _probability(
             raise UnsupportedError(
                 "strategies are not supported for reward bounds and state formulas"
             )
-        case _:
+        case UntilPath() | NextPath() | TemporalPath():
             return _with_memory(
                 context, temporal(formula.path, states_of, context.engine.model), direction
             )
+        case _:
+            assert_never(path)
     return builder.strategy(direction)
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Protocol
+from typing import Literal as Choice
+from typing import Protocol, assert_never
 
 from symcheck.dd.manager import Bdd
 from symcheck.direction import Direction
@@ -29,7 +30,7 @@ from symcheck.semantics.rewards import Reward
 
 __all__ = ["Owner", "SymbolicGraph"]
 
-Question = tuple[str, Bdd, Bdd, Direction | None]
+Question = tuple[Choice["possible", "prob0", "prob1"], Bdd, Bdd, Direction | None]
 """'possible' (E [left U right]), 'prob0' or 'prob1'; left, right, and the direction."""
 
 OnDiagrams = Callable[[], Bdd]
@@ -121,8 +122,10 @@ class SymbolicGraph:
                 return ~reduced.prob0(Direction.MAX)
             case "prob0":
                 return reduced.prob0(question[3])
-            case _:
+            case "prob1":
                 return reduced.prob1(question[3])
+            case _:
+                assert_never(question[0])
 
     @cached_property
     def _reduces(self) -> bool:
@@ -163,7 +166,9 @@ class SymbolicGraph:
             self._answers[question] = found
         return self._answers[question]
 
-    def _certain(self, kind: str, left: Bdd, right: Bdd, direction: Direction | None) -> Bdd:
+    def _certain(
+        self, kind: Choice["prob0", "prob1"], left: Bdd, right: Bdd, direction: Direction | None
+    ) -> Bdd:
         find = self._prob0 if kind == "prob0" else self._prob1
         return self._on_diagrams(
             (kind, left, right, direction), partial(find, left, right, direction), None
