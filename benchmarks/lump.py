@@ -81,7 +81,7 @@ def ours(
 ) -> dict[str, Any]:
     from symcheck.check.bisimulation.on_quotient import quotient
     from symcheck.check.context import Context
-    from symcheck.engines.symbolic.hybrid import HybridEngine
+    from symcheck.engines.symbolic.forms import HybridEngine
     from symcheck.engines.symbolic.materialized import materialize
     from symcheck.options import Options
     from symcheck.semantics.binding.bind import bind, bind_properties

@@ -17,7 +17,7 @@ from time import perf_counter
 import numpy as np
 
 from symcheck.engines.explicit.engine import SparseOperator
-from symcheck.engines.symbolic.hybrid import HybridEngine
+from symcheck.engines.symbolic.forms import HybridEngine
 from symcheck.matrices.blocks import flatten
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.options import Options

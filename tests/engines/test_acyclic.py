@@ -10,7 +10,7 @@ import pytest
 from symcheck.engines import tuning
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.acyclic import solve_acyclic
-from symcheck.engines.symbolic.sparse import SparseEngine
+from symcheck.engines.symbolic.forms import SparseEngine
 from symcheck.explicit.build import Exploration
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem

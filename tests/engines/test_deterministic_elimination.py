@@ -23,7 +23,7 @@ from symcheck.engines.symbolic.deterministic_elimination import (
     deterministic_states,
     eliminate,
 )
-from symcheck.engines.symbolic.sparse import SparseEngine
+from symcheck.engines.symbolic.forms import SparseEngine
 from symcheck.explicit.build import explore
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.settings import Accuracy

@@ -10,8 +10,8 @@ import pytest
 
 from symcheck.engines import selection, tuning
 from symcheck.engines.registry import build
+from symcheck.engines.symbolic.forms import SparseEngine
 from symcheck.engines.symbolic.materialized import MaterializedEngine, materialize
-from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.errors import MemoryLimitError, TimeLimitError
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind

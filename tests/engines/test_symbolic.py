@@ -10,9 +10,8 @@ import pytest
 from engines.twins import ENGINES, MODELS, Pair, explicit, fresh, pairs, pairs_of, symbolic
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.symbolic.engine import SymbolicEngine
-from symcheck.engines.symbolic.mtbdd import DiagramOperator, MtbddEngine
+from symcheck.engines.symbolic.forms import DiagramOperator, MtbddEngine, SparseEngine
 from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues
-from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind

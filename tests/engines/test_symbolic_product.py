@@ -10,7 +10,7 @@ import pytest
 from engines.twins import MODELS, Pair, explicit, pairs, symbolic
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.engine import SymbolicEngine
-from symcheck.engines.symbolic.hybrid import HybridEngine
+from symcheck.engines.symbolic.forms import HybridEngine
 from symcheck.semantics.rewards import Structure
 
 

@@ -13,10 +13,8 @@ import numpy as np
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.engine import SymbolicEngine
-from symcheck.engines.symbolic.hybrid import HybridEngine
-from symcheck.engines.symbolic.mtbdd import MtbddEngine
+from symcheck.engines.symbolic.forms import HybridEngine, MtbddEngine, SparseEngine
 from symcheck.engines.symbolic.sets import SymbolicSet
-from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.build import explore
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind

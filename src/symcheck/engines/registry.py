@@ -45,13 +45,13 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
 
 
 def _sparse(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
-    from symcheck.engines.symbolic.sparse import SparseEngine
+    from symcheck.engines.symbolic.forms import SparseEngine
 
     return _compressed(SparseEngine, model, options, observer)
 
 
 def _hybrid(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
-    from symcheck.engines.symbolic.hybrid import HybridEngine
+    from symcheck.engines.symbolic.forms import HybridEngine
 
     return _compressed(HybridEngine, model, options, observer)
 
@@ -72,7 +72,7 @@ def _compressed(
 
 
 def _mtbdd(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
-    from symcheck.engines.symbolic.mtbdd import MtbddEngine
+    from symcheck.engines.symbolic.forms import MtbddEngine
 
     return _compressed(MtbddEngine, model, options, observer)
 

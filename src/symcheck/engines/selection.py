@@ -271,9 +271,8 @@ def _explore_symbolically(model: BoundModel, options: Options, lookups: int | No
 def _symbolic_engine(
     space: StateSpace, options: Options, observer: Observer | None, reason: str
 ) -> Engine:
-    from symcheck.engines.symbolic.hybrid import HybridEngine
+    from symcheck.engines.symbolic.forms import HybridEngine, SparseEngine
     from symcheck.engines.symbolic.materialized import materialize
-    from symcheck.engines.symbolic.sparse import SparseEngine
     from symcheck.symbolic.matrix.transitions import transitions
 
     if observer is not None:

@@ -11,9 +11,7 @@ from symcheck.dd.manager import DiagramManager
 from symcheck.dd.odd import Odd
 from symcheck.engines.base import Engine, erased
 from symcheck.engines.symbolic.engine import SymbolicEngine
-from symcheck.engines.symbolic.hybrid import HybridEngine
-from symcheck.engines.symbolic.mtbdd import MtbddEngine
-from symcheck.engines.symbolic.sparse import SparseEngine
+from symcheck.engines.symbolic.forms import HybridEngine, MtbddEngine, SparseEngine
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.explored import ExploredModel
 from symcheck.matrices.numbers import Numbers

@@ -104,7 +104,7 @@ def _frames(
     from symcheck.engines.symbolic.sets import SymbolicSet
 
     seen: list[tuple[str, Bdd]] = []
-    graph = SymbolicGraph(engine, lambda what, states: seen.append((what, states)))
+    graph = SymbolicGraph(engine, observer=lambda what, states: seen.append((what, states)))
     match question:
         case "prob0":
             result = graph.prob0(left, right, direction)

@@ -40,6 +40,6 @@ def transitions_of(source: GivenModel | Transitions) -> Transitions:
 
 def symbolic_engine(source: GivenModel | SymbolicEngine) -> SymbolicEngine:
     """An engine with diagrams."""
-    from symcheck.engines.symbolic.mtbdd import MtbddEngine
+    from symcheck.engines.symbolic.forms import MtbddEngine
 
     return MtbddEngine.of(transitions_of(source)) if isinstance(source, GivenModel) else source

@@ -24,6 +24,13 @@ class ArraySet:
 
     members: Bools = field(repr=False)
 
+    @classmethod
+    def of(cls, states: int, indices: Int32s | Int64s | int) -> ArraySet:
+        """The set of some states (by index) of a model with so many states."""
+        members = np.zeros(states, bool)
+        members[indices] = True
+        return cls(members)
+
     @cached_property
     def count(self) -> int:
         """Number of states in the set."""

@@ -18,9 +18,9 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.engines import tuning
 from symcheck.engines.base import Automaton, Number, require_expression
-from symcheck.engines.capabilities import HasActions, HasExploredModel
+from symcheck.engines.capabilities import Capable, HasActions, HasExploredModel, HasMatrix
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
-from symcheck.engines.explicit.base import Enumerated, Numeric
+from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.full_matrix import FullMatrix
 from symcheck.engines.explicit.graph import ExplicitGraph
 from symcheck.engines.explicit.rational_values import RationalValues
@@ -40,7 +40,7 @@ __all__ = ["ExplicitEngine", "ExplicitSystem"]
 
 
 @dataclass(frozen=True)
-class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
+class ExplicitEngine(Capable, HasMatrix, HasExploredModel, HasActions):
     """An explored model as an engine."""
 
     explored: ExploredModel
@@ -62,15 +62,56 @@ class ExplicitEngine(Enumerated, HasExploredModel, HasActions):
         """One-step probabilities (rates), deadlocks fixed."""
         return self.explored.matrix
 
+    @property
+    def states(self) -> int:
+        """Number of reachable states."""
+        return self.matrix.states
+
+    @property
+    def transitions(self) -> int:
+        """Number of stored transitions."""
+        return self.matrix.entries
+
+    @property
+    def choices(self) -> int:
+        """Number of choices (states, where there is no nondeterminism)."""
+        return self.matrix.rows
+
+    @cached_property
+    def all(self) -> ArraySet:
+        """Every reachable state."""
+        return ArraySet(np.ones(self.states, bool))
+
+    @cached_property
+    def none(self) -> ArraySet:
+        """The empty set."""
+        return ArraySet(np.zeros(self.states, bool))
+
+    def from_bools(self, members: Bools) -> ArraySet:
+        """The states at which the array (in index order) is True."""
+        return ArraySet(np.asarray(members, dtype=bool))
+
+    def to_bools(self, states: ArraySet) -> Bools:
+        """Membership of each state, in index order."""
+        return states.members
+
+    def numbers(self, states: ArraySet, limit: int | None = None, start: int = 0) -> Int64s:
+        """The index of each state of a set."""
+        return np.flatnonzero(states.members)[start:][:limit]
+
+    def first(self, states: ArraySet) -> ArraySet:
+        """The singleton of the state with the lowest index."""
+        return ArraySet.of(self.states, int(np.argmax(states.members)))
+
     @cached_property
     def initial(self) -> ArraySet:
         """The initial states."""
-        return self._of(self.explored.initial)
+        return ArraySet.of(self.states, self.explored.initial)
 
     @cached_property
     def deadlocks(self) -> ArraySet:
         """States that had no transition before they were given a self-loop."""
-        return self._of(self.explored.deadlocks)
+        return ArraySet.of(self.states, self.explored.deadlocks)
 
     @cached_property
     def graph(self) -> ExplicitGraph:

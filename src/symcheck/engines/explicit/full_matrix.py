@@ -11,10 +11,10 @@ from typing import Protocol
 from symcheck.engines import tuning
 from symcheck.engines.base import SolvedValues
 from symcheck.engines.explicit.array_values import ArraySet
-from symcheck.engines.explicit.base import Numeric
+from symcheck.engines.explicit.base import ExplicitOwner, Numeric
 from symcheck.engines.linear_system import ExpectedReward, Query, per_row, solved_values
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools, SparseMatrix
+from symcheck.matrices.rows import Bools
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
@@ -23,13 +23,8 @@ from symcheck.semantics.rewards import Reward
 __all__ = ["FullMatrix"]
 
 
-class Owner(Protocol):
+class Owner(ExplicitOwner, Protocol):
     """The engine that the full matrix is read from."""
-
-    @property
-    def matrix(self) -> SparseMatrix:
-        """One-step probabilities (rates) of all states."""
-        ...
 
     def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards [states] and transition rewards per row [rows]."""

@@ -5,52 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.engines.explicit.array_values import ArraySet
-from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, spans
+from symcheck.engines.explicit.base import ExplicitOwner
+from symcheck.matrices.rows import Bools, spans
 from symcheck.numerics import graph
-from symcheck.semantics.model import BoundModel
 
-__all__ = ["ExplicitGraph", "Owner"]
-
-
-class Owner(Protocol):
-    """The engine that graph questions are asked about."""
-
-    @property
-    def matrix(self) -> SparseMatrix:
-        """One-step probabilities (rates)."""
-        ...
-
-    @property
-    def states(self) -> int:
-        """Number of reachable states."""
-        ...
-
-    @property
-    def initial(self) -> ArraySet:
-        """The initial states."""
-        ...
-
-    @property
-    def model(self) -> BoundModel:
-        """The bound model."""
-        ...
-
-    def valuations(self, states: ArraySet) -> Iterator[tuple[bool | int, ...]]:
-        """The states' variable values, in index order."""
-        ...
+__all__ = ["ExplicitGraph"]
 
 
 @dataclass(frozen=True)
 class ExplicitGraph:
     """See `symcheck.engines.base.Graph`."""
 
-    engine: Owner = field(repr=False)
+    engine: ExplicitOwner = field(repr=False)
 
     @cached_property
     def _edges(self) -> graph.Incidence:
@@ -111,7 +82,7 @@ class ExplicitGraph:
     def bsccs(self) -> Iterator[ArraySet]:
         """Bottom strongly connected components."""
         for states in graph.bsccs(self._edges):
-            yield self._of(states)
+            yield ArraySet.of(self.engine.states, states)
 
     def end_components(self, within: ArraySet) -> Iterator[ArraySet]:
         """Maximal end components of the states `within`."""
@@ -119,7 +90,7 @@ class ExplicitGraph:
         order = np.argsort(parts.of, kind="stable").astype(np.int32)
         start = np.searchsorted(parts.of[order], np.arange(parts.count + 1))
         for c in range(parts.count):
-            yield self._of(order[start[c] : start[c + 1]])
+            yield ArraySet.of(self.engine.states, order[start[c] : start[c + 1]])
 
     def accepting_end_components(
         self, pairs: Sequence[tuple[ArraySet, Sequence[ArraySet]]]
@@ -140,10 +111,7 @@ class ExplicitGraph:
         if path is None:
             return None
         names = [v.name for v in self.engine.model.variables]
-        states = [next(iter(self.engine.valuations(self._of(np.array([s]))))) for s in path]
+        states = [
+            next(iter(self.engine.valuations(ArraySet.of(self.engine.states, s)))) for s in path
+        ]
         return [dict(zip(names, state, strict=True)) for state in states]
-
-    def _of(self, states: Int32s | Int64s) -> ArraySet:
-        members = np.zeros(self.engine.states, bool)
-        members[states] = True
-        return ArraySet(members)

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from symcheck.engines import tuning
 from symcheck.engines.explicit.array_values import ArraySet
-from symcheck.engines.explicit.base import Numeric
-from symcheck.engines.explicit.graph import Owner
+from symcheck.engines.explicit.base import ExplicitOwner, Numeric
 from symcheck.errors import MemoryLimitError
 from symcheck.explicit.explored import ExploredModel, States
 from symcheck.kernels.graph import product as kernel
@@ -29,17 +28,12 @@ if TYPE_CHECKING:
 __all__ = ["Base", "ExplicitProduct", "ProductModel", "pair_matrix", "product", "reachable_pairs"]
 
 
-class Base(Owner, Protocol):
+class Base(ExplicitOwner, Protocol):
     """The engine that a product is built from."""
 
     @property
     def explored(self) -> ExploredModel:
         """The explored model."""
-        ...
-
-    @property
-    def deadlocks(self) -> ArraySet:
-        """States that had no transition before they were given a self-loop."""
         ...
 
 

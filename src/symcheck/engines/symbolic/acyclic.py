@@ -7,14 +7,13 @@ egl with N=10, L=2, the values of 66 million states are a diagram of some 30 000
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
 from symcheck.dd.manager import Bdd, Mtbdd
-from symcheck.dd.odd import Odd
 from symcheck.engines import tuning
 from symcheck.engines.base import SolvedValues
 from symcheck.engines.linear_system import ExpectedReward, Query, Reachability
@@ -24,20 +23,15 @@ from symcheck.engines.symbolic.sets import (
     RestrictableValues,
     SymbolicSet,
     SymbolicValues,
-    array_piece,
-    constant_piece,
     constants_on,
+    function_pieces,
     merged,
 )
-from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["Acyclic", "AcyclicSolution", "solve_acyclic"]
-
-TINY = 1e-300
-"""Absolute margin of upper bounds, for values so small that a relative margin underflows."""
 
 
 @dataclass(frozen=True)
@@ -183,29 +177,5 @@ def _pieces(
     pieces = list(constants_on(states - domain, known))
     covered = states & domain
     if covered:
-        pieces.extend(_function_pieces(d, function.times_bdd(covered), covered, error))
+        pieces.extend(function_pieces(d, function.times_bdd(covered), covered, error))
     return merged(d, pieces)
-
-
-def _function_pieces(d: Diagrams, function: Mtbdd, states: Bdd, error: float) -> Iterator[Piece]:
-    """Constants if there are few values (or too many states), else an array."""
-    leaves = function.leaves
-    if (
-        len(leaves) > tuning.FEW_LEAVES
-        and d.manager.count(states, d.row_cube) <= tuning.MANY_STATES
-    ):
-        odd = Odd(d.manager, states, d.rows)
-        values = odd.to_vector(function)
-        yield array_piece(states, odd, values * (1.0 - error), _above(values, error), False)
-        return
-    for leaf in leaves.tolist():
-        covered = function.equal(leaf) & states
-        if covered:
-            yield constant_piece(
-                covered, leaf * (1.0 - error), float(_above(np.array(leaf), error))
-            )
-
-
-def _above(values: Floats, error: float) -> Floats:
-    """Upper bounds of values with a relative error."""
-    return np.where(values > 0.0, values * (1.0 + error) + TINY, 0.0)

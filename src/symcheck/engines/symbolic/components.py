@@ -8,41 +8,29 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from symcheck.dd.manager import Bdd
 from symcheck.dd.odd import Odd
 from symcheck.engines import tuning
+from symcheck.engines.base import SystemOf
 from symcheck.engines.symbolic.diagrams import Diagrams, TransitionPart
-from symcheck.engines.symbolic.sets import SymbolicSet
+from symcheck.engines.symbolic.sets import SymbolicOwner, SymbolicSet, SymbolicValues
 from symcheck.engines.symbolic.steps import Steps
-from symcheck.engines.symbolic.system import Owner as SystemOwner
-from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics import graph
 
-__all__ = ["Components", "Owner"]
+__all__ = ["Components"]
 
-
-class Owner(SystemOwner, Protocol):
-    """The engine whose components are computed."""
-
-    def lowest(self, states: Bdd) -> Bdd:
-        """The state of the lowest number of a set that is not empty, as a set."""
-        ...
-
-    def system(self, states: SymbolicSet) -> SymbolicSystem:
-        """The equations over some states."""
-        ...
+System = SystemOf[SymbolicSet, SymbolicValues]
 
 
 @dataclass(frozen=True, eq=False)
 class Components:
     """Strong components and end components of a model."""
 
-    engine: Owner = field(repr=False)
+    engine: SymbolicOwner = field(repr=False)
     steps: Steps = field(repr=False)
 
     @property
@@ -80,7 +68,7 @@ class Components:
         for _ in range(tuning.BSCC_PIVOTS):
             if not left:
                 return
-            pivot = self.engine.lowest(inside)
+            pivot = self.engine.first(self._set(inside)).bdd
             ahead = self.steps.reachable(pivot)
             back = self.steps.backward(pivot, ahead)
             if ahead == back:
@@ -100,7 +88,7 @@ class Components:
         for states in graph.bsccs(part.matrix):
             yield self._numbered(part.states.odd, states)
 
-    def _part(self, states: Bdd) -> SymbolicSystem:
+    def _part(self, states: Bdd) -> System:
         return self.engine.system(self._set(states))
 
     def _singletons(self, states: Bdd) -> Iterator[SymbolicSet]:
@@ -125,7 +113,7 @@ class Components:
 
     def _end_components(
         self, within: Bdd
-    ) -> tuple[SymbolicSystem, graph.EndComponents] | tuple[None, graph.EndComponents]:
+    ) -> tuple[System, graph.EndComponents] | tuple[None, graph.EndComponents]:
         """End components by enumeration of the states that can stay in `within` for ever."""
         stay = within
         while True:

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Protocol
 from weakref import ref
 
 import numpy as np
@@ -30,6 +29,7 @@ from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
     Piece,
     RestrictableValues,
+    SymbolicOwner,
     SymbolicSet,
     SymbolicValues,
     constant_piece,
@@ -45,7 +45,6 @@ from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import Settings
-from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
@@ -404,32 +403,11 @@ class _ReducedUnknowns:
         return _lifted(self.successors, self.known, self.unknown, lower, upper, exact)
 
 
-class Owner(Protocol):
-    """The engine whose systems are reduced."""
-
-    @property
-    def diagrams(self) -> Diagrams:
-        """The matrices."""
-        ...
-
-    @property
-    def model(self) -> BoundModel:
-        """The bound model."""
-        ...
-
-    @property
-    def rows_limit(self) -> int | None:
-        """Entries up to which the rows of a system are written out to solve equations on them;
-        None: always.
-        """
-        ...
-
-
 @dataclass(eq=False)
 class DeterministicElimination:
     """The preprocessing step, and the reduced system that was made last."""
 
-    engine: Owner = field(repr=False)
+    engine: SymbolicOwner = field(repr=False)
     _last: ref[ReducedSystem] | None = field(default=None, repr=False)
 
     @cached_property

@@ -1,6 +1,4 @@
-"""The symbolic engines: one set of diagrams, three forms of the matrix (see sparse.py, hybrid.py
-and mtbdd.py).
-"""
+"""The symbolic engines: one set of diagrams, three forms of the matrix (see forms.py)."""
 
 from __future__ import annotations
 
@@ -114,7 +112,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     @cached_property
     def graph(self) -> SymbolicGraph:
         """Questions that need no numbers."""
-        return SymbolicGraph(self)
+        return SymbolicGraph(self, self.elimination)
 
     def _set(self, bdd: Bdd) -> SymbolicSet:
         return SymbolicSet(self.diagrams, bdd)
@@ -155,17 +153,13 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         """Membership of each state, in index order."""
         return self.diagrams.odd.to_mask(states.bdd)
 
-    def lowest(self, states: Bdd) -> Bdd:
-        """The state of the lowest number of a set that is not empty, as a set."""
-        manager, rows = self.diagrams.manager, self.diagrams.rows
-        bits = manager.pick(states, rows)
-        if bits is None:
-            raise ValueError("the set of states is empty")
-        return manager.bdd_from_rows(rows, bits.reshape(1, -1))
-
     def first(self, states: SymbolicSet) -> SymbolicSet:
         """The singleton of the state with the lowest index."""
-        return self._set(self.lowest(states.bdd))
+        manager, rows = self.diagrams.manager, self.diagrams.rows
+        bits = manager.pick(states.bdd, rows)
+        if bits is None:
+            raise ValueError("the set of states is empty")
+        return self._set(manager.bdd_from_rows(rows, bits.reshape(1, -1)))
 
     @cached_property
     def _last(self) -> dict[tuple[Bdd, Direction | None], SymbolicSystem]:
@@ -197,10 +191,6 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     def preprocessing(self) -> Sequence[Preprocessing[SymbolicSet, SymbolicValues]]:
         """Steps that may shorten equations, in the order in which they are tried."""
         return self.elimination, AcyclicSolution(self.diagrams)
-
-    def has_end_components(self, states: SymbolicSet) -> bool:
-        """Whether some end component lies within the states (MDP)."""
-        return next(self.graph.end_components(states), None) is not None
 
     def finite_reward(
         self, reward: Reward, target: SymbolicSet, direction: Direction | None

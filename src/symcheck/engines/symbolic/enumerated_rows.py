@@ -17,8 +17,8 @@ from symcheck.engines import tuning
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.diagrams import Diagrams
+from symcheck.engines.symbolic.forms import SparseEngine
 from symcheck.engines.symbolic.materialized import MaterializedEngine, stored_states
-from symcheck.engines.symbolic.sparse import SparseEngine
 from symcheck.explicit.model import ExplicitModel
 from symcheck.options import Options
 from symcheck.symbolic.checks import check_model

@@ -10,25 +10,24 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Literal as Choice
-from typing import Protocol, assert_never
+from typing import assert_never
 
 from symcheck.dd.manager import Bdd
 from symcheck.direction import Direction
 from symcheck.engines import tuning
 from symcheck.engines.symbolic.components import Components
-from symcheck.engines.symbolic.components import Owner as ComponentsOwner
 from symcheck.engines.symbolic.deterministic_elimination import (
     DeterministicElimination,
     ReducedSystem,
 )
 from symcheck.engines.symbolic.diagrams import Diagrams
-from symcheck.engines.symbolic.sets import SymbolicSet
+from symcheck.engines.symbolic.sets import SymbolicOwner, SymbolicSet
 from symcheck.engines.symbolic.steps import Steps, TooSlowError, look_ups
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
 
-__all__ = ["Owner", "SymbolicGraph"]
+__all__ = ["SymbolicGraph"]
 
 Question = tuple[Choice["possible", "prob0", "prob1"], Bdd, Bdd, Direction | None]
 """'possible' (E [left U right]), 'prob0' or 'prob1'; left, right, and the direction."""
@@ -37,40 +36,14 @@ OnDiagrams = Callable[[], Bdd]
 """An answer by fixpoints on diagrams."""
 
 
-class Owner(ComponentsOwner, Protocol):
-    """The engine that graph questions are asked about."""
-
-    @property
-    def transitions(self) -> int:
-        """Number of transitions."""
-        ...
-
-    @property
-    def all(self) -> SymbolicSet:
-        """Every reachable state."""
-        ...
-
-    def to_bools(self, states: SymbolicSet) -> Bools:
-        """Membership of each state, in index order."""
-        ...
-
-    @property
-    def elimination(self) -> DeterministicElimination:
-        """Deterministic-state elimination on this model."""
-        ...
-
-    def valuations(self, states: SymbolicSet) -> Iterator[tuple[bool | int, ...]]:
-        """The states' variable values, in index order."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class SymbolicGraph:
     """See `symcheck.engines.base.Graph`. `observer` is told of each set on the way to a fixpoint,
     and what it is.
     """
 
-    engine: Owner = field(repr=False)
+    engine: SymbolicOwner = field(repr=False)
+    elimination: DeterministicElimination | None = field(default=None, repr=False)
     observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
 
     @property
@@ -105,7 +78,8 @@ class SymbolicGraph:
         reward: Reward | None = None,
     ) -> SymbolicSet:
         """An answer on diagrams within the budget, or else on all rows or a reduced system."""
-        reduced = self._reduced_last(question)
+        reducing = self._reducing
+        reduced = None if reducing is None else reducing.last(question[1], question[2])
         if reduced is None and "_rows" not in vars(self):
             try:
                 return self._set(self._on_diagrams(question, on_diagrams, self._budget))
@@ -128,28 +102,25 @@ class SymbolicGraph:
                 assert_never(question[0])
 
     @cached_property
-    def _reduces(self) -> bool:
-        return self.observer is None and self.engine.elimination.possible
-
-    def _reduced_last(self, question: Question) -> ReducedSystem | None:
-        """The last reduced system, if it belongs to this question."""
-        return self.engine.elimination.last(question[1], question[2]) if self._reduces else None
+    def _reducing(self) -> DeterministicElimination | None:
+        """The elimination of deterministic states, if it is possible."""
+        step = self.elimination
+        return step if self.observer is None and step is not None and step.possible else None
 
     def _reduced(self, question: Question, reward: Reward | None) -> ReducedSystem | None:
         """The reduced system of the question, with a reward if it is given and possible."""
-        if not self._reduces:
+        if self._reducing is None:
             return None
         _, left, right, _ = question
-        find = self.engine.elimination.reduced
-        found = None if reward is None else find(left, right, reward)
-        return found or find(left, right)
+        find = self._reducing.reduced
+        return (None if reward is None else find(left, right, reward)) or find(left, right)
 
     @property
     def _budget(self) -> int | None:
         """The budget of look-ups on diagrams; None if there is no alternative."""
         if self._affordable:
             return tuning.GRAPH_LOOKUPS
-        if self._reduces:
+        if self._reducing is not None:
             return tuning.GRAPH_LOOKUPS + int(tuning.GRAPH_LOOKUPS_PER_STATE * self._d.count)
         return None
 
@@ -318,6 +289,9 @@ class SymbolicGraph:
 
     # paths
 
+    def _first(self, states: Bdd) -> Bdd:
+        return self.engine.first(self._set(states)).bdd
+
     def witness(
         self, left: SymbolicSet, right: SymbolicSet
     ) -> Sequence[Mapping[str, int | bool]] | None:
@@ -333,9 +307,9 @@ class SymbolicGraph:
                 return None
             seen = seen | following
             layers.append(following)
-        path = [self.engine.lowest(layers[-1] & right.bdd)]
+        path = [self._first(layers[-1] & right.bdd)]
         for layer in layers[-2::-1]:
-            path.append(self.engine.lowest(self._steps.before(path[-1]) & layer & left.bdd))
+            path.append(self._first(self._steps.before(path[-1]) & layer & left.bdd))
         names = [v.name for v in self.engine.model.variables]
         return [
             dict(zip(names, next(iter(self.engine.valuations(self._set(s)))), strict=True))

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from symcheck.dd.odd import Odd
-from symcheck.engines.base import EngineOf
 from symcheck.engines.symbolic.diagrams import Diagrams, TransitionPart
-from symcheck.engines.symbolic.graph import SymbolicGraph
-from symcheck.engines.symbolic.sets import Piece, SymbolicSet, SymbolicValues, merged
+from symcheck.engines.symbolic.sets import Piece, SymbolicOwner, SymbolicSet, SymbolicValues, merged
+from symcheck.engines.symbolic.steps import Steps
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager
@@ -21,18 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["Base", "SymbolicProduct", "product"]
 
 
-class Base(EngineOf[SymbolicSet, SymbolicValues], Protocol):
+class Base(SymbolicOwner, Protocol):
     """The engine that a product is built from."""
-
-    @property
-    def diagrams(self) -> Diagrams:
-        """The matrices."""
-        ...
-
-    @property
-    def graph(self) -> SymbolicGraph:
-        """Questions that need no numbers."""
-        ...
 
     def over(self, diagrams: Diagrams) -> Base:
         """The same kind of engine over other diagrams."""
@@ -138,7 +127,7 @@ def product(base: Base, letters: Sequence[SymbolicSet], automaton: Automaton) ->
     draft = replace(
         d, rows=rows, columns=columns, steps=steps, loops=d.manager.false, states=d.states & entry
     )
-    states = base.over(draft).graph.reachable(draft.states)
+    states = Steps(draft).reachable(draft.states)
     diagrams = replace(
         draft,
         states=states,

@@ -11,13 +11,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.engines import tuning
-from symcheck.engines.base import Number
+from symcheck.engines.base import EngineOf, Number
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.matrices.rows import Bools, Floats
@@ -26,14 +28,20 @@ __all__ = [
     "LazyValues",
     "Piece",
     "RestrictableValues",
+    "SymbolicOwner",
     "SymbolicSet",
     "SymbolicValues",
     "array_piece",
     "constant_piece",
     "constants_on",
+    "function_pieces",
     "merged",
     "values_of",
 ]
+
+
+TINY = 1e-300
+"""Absolute margin of upper bounds, for values so small that a relative margin underflows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,13 +200,17 @@ class SymbolicValues:
 
     def minimum(self, states: SymbolicSet) -> tuple[float, float]:
         """Bounds of the least value over the set."""
-        found = [(v.lower.min(), v.upper.min()) for _, v in self._parts(states)]
-        return float(np.min([low for low, _ in found])), float(np.min([high for _, high in found]))
+        return self._extreme(states, np.min)
 
     def maximum(self, states: SymbolicSet) -> tuple[float, float]:
         """Bounds of the largest value over the set."""
-        found = [(v.lower.max(), v.upper.max()) for _, v in self._parts(states)]
-        return float(np.max([low for low, _ in found])), float(np.max([high for _, high in found]))
+        return self._extreme(states, np.max)
+
+    def _extreme(
+        self, states: SymbolicSet, extreme: Callable[[ArrayLike], np.float64]
+    ) -> tuple[float, float]:
+        bounds = [(extreme(v.lower), extreme(v.upper)) for _, v in self._parts(states)]
+        return float(extreme([low for low, _ in bounds])), float(extreme([b for _, b in bounds]))
 
     def total(self, states: SymbolicSet) -> tuple[float, float]:
         """Bounds of the sum over the set."""
@@ -279,6 +291,22 @@ class SymbolicValues:
         return Piece(states, values, odd if len(values.lower) == odd.count else None)
 
 
+class SymbolicOwner(EngineOf[SymbolicSet, SymbolicValues], Protocol):
+    """An engine on diagrams, as its parts see it."""
+
+    @property
+    def diagrams(self) -> Diagrams:
+        """States and matrices."""
+        ...
+
+    @property
+    def rows_limit(self) -> int | None:
+        """Entries up to which the rows of a system are written out to solve equations on them;
+        None: always.
+        """
+        ...
+
+
 class LazyValues(SymbolicValues):
     """Values whose pieces are made on first use: often one state only is needed."""
 
@@ -350,17 +378,37 @@ def array_piece(
 
 def values_of(diagrams: Diagrams, function: Mtbdd, undefined: Bdd | None = None) -> SymbolicValues:
     """A function of the row bits on the reachable states, taken as exact; NaN on `undefined`."""
-    states = diagrams.states if undefined is None else diagrams.states - undefined
-    pieces = []
-    if undefined is not None and undefined & diagrams.states:
-        pieces.append(constant_piece(undefined & diagrams.states, float("nan")))
-    leaves = function.leaves
-    if states and len(leaves) > tuning.FEW_LEAVES and diagrams.count <= tuning.MANY_STATES:
-        odd = Odd(diagrams.manager, states, diagrams.rows)
-        pieces.append(array_piece(states, odd, odd.to_vector(function), None, False))
-    else:
-        for leaf in leaves.tolist():
-            here = function.equal(leaf) & states
-            if here:
-                pieces.append(constant_piece(here, leaf))
+    states, pieces = diagrams.states, []
+    if undefined is not None and undefined & states:
+        pieces.append(constant_piece(undefined & states, float("nan")))
+        states = states - undefined
+    pieces.extend(function_pieces(diagrams, function, states))
     return SymbolicValues(diagrams, tuple(pieces))
+
+
+def function_pieces(
+    d: Diagrams, function: Mtbdd, states: Bdd, error: float = 0.0
+) -> Iterator[Piece]:
+    """A function of the row bits on some states, with a relative error.
+
+    These are constants if there are few values (or too many states), else an array.
+    """
+    leaves = function.leaves
+    many = len(leaves) > tuning.FEW_LEAVES
+    if many and states and d.manager.count(states, d.row_cube) <= tuning.MANY_STATES:
+        odd = Odd(d.manager, states, d.rows)
+        values = odd.to_vector(function)
+        yield array_piece(states, odd, *_enclosed(values, error), False)
+        return
+    for leaf in leaves:
+        here = function.equal(float(leaf)) & states
+        if here:
+            low, high = _enclosed(leaf, error)
+            yield constant_piece(here, float(low), None if high is None else float(high))
+
+
+def _enclosed(values: Floats, error: float) -> tuple[Floats, Floats | None]:
+    """Lower and upper bounds of values with a relative error; None without an error."""
+    if error == 0.0:
+        return values, None
+    return values * (1.0 - error), np.where(values > 0.0, values * (1.0 + error) + TINY, 0.0)

@@ -21,6 +21,7 @@ from symcheck.engines.linear_system import (
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
     Piece,
+    SymbolicOwner,
     SymbolicSet,
     SymbolicValues,
     array_piece,
@@ -31,39 +32,17 @@ from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.linear.problem import SweepOperator
-from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["Owner", "SymbolicSystem"]
+__all__ = ["SymbolicSystem"]
 
 
-class Owner(Protocol):
+class Owner(SymbolicOwner, Protocol):
     """The engine of a system."""
-
-    @property
-    def diagrams(self) -> Diagrams:
-        """The matrices."""
-        ...
-
-    @property
-    def model(self) -> BoundModel:
-        """The bound model."""
-        ...
-
-    @property
-    def rows_limit(self) -> int | None:
-        """Entries up to which the rows of a system are written out to solve equations on them;
-        None: always.
-        """
-        ...
 
     def operator(self, system: SymbolicSystem) -> SparseMatrix | DivisibleOperator:
         """The matrix of a system in the engine's form."""
-        ...
-
-    def has_end_components(self, states: SymbolicSet) -> bool:
-        """Whether some end component lies within the states (MDP)."""
         ...
 
     @property
@@ -174,7 +153,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
     @property
     def has_end_components(self) -> bool:
         """Whether some end component lies within the states (MDP)."""
-        return self.engine.has_end_components(self.states)
+        return next(self.engine.graph.end_components(self.states), None) is not None
 
     @property
     def preprocessing(self) -> Sequence[Preprocessing[SymbolicSet, SymbolicValues]]:
