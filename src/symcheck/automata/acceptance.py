@@ -34,19 +34,14 @@ class _TooDeepError(Exception):
 
 def simplify_acceptance(automaton: Automaton) -> Automaton:
     """An automaton of the same language, with Büchi or co-Büchi acceptance if possible."""
-    if (
-        len(automaton.pairs) == 1
-        and len(automaton.pairs[0].visits) + bool(automaton.pairs[0].avoid.any()) <= 1
-    ):
-        return automaton
     table, pairs = automaton.table, automaton.pairs
-    if not pairs:
+    if len(pairs) < 2 and all(len(p.visits) + bool(p.avoid.any()) <= 1 for p in pairs):
         return automaton
     try:
-        found = _as_buchi(automaton, table, pairs) or _as_co_buchi(automaton, table, pairs)
+        simpler = _as_buchi(automaton, table, pairs) or _as_co_buchi(automaton, table, pairs)
     except _TooDeepError:
         return automaton
-    return automaton if found is None else reduced(found)
+    return automaton if simpler is None else reduced(simpler)
 
 
 def degeneralize(automaton: Automaton) -> Automaton:
@@ -109,7 +104,7 @@ def _edges_on_rejecting_cycles(
     """
     of, looping = strong_components(table, edges)
     inside = edges & (of[:, None] == of[table])
-    found = np.zeros(table.shape, bool)
+    result = np.zeros(table.shape, bool)
     for component in np.flatnonzero(looping):
         here = inside & (of == component)[:, None]
         accepted = next(
@@ -121,11 +116,11 @@ def _edges_on_rejecting_cycles(
             None,
         )
         if accepted is None:
-            found |= here
+            result |= here
             continue
         # A smaller cycle is rejected by this pair only if it misses one of its sets.
         if depth == 0:
             raise _TooDeepError
         for visit in accepted.visits:
-            found |= _edges_on_rejecting_cycles(table, here & ~visit, pairs, depth - 1)
-    return found
+            result |= _edges_on_rejecting_cycles(table, here & ~visit, pairs, depth - 1)
+    return result

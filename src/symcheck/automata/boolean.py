@@ -6,6 +6,7 @@ A function is an int: 0 is false, 1 is true. Variables are ints, here the number
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 __all__ = ["FALSE", "TRUE", "BooleanFunctions"]
 
@@ -19,8 +20,8 @@ class BooleanFunctions:
     def __init__(self) -> None:
         self._nodes: list[tuple[int, int, int]] = [(-1, 0, 0), (-1, 1, 1)]
         self._unique: dict[tuple[int, int, int], int] = {}
-        self._cache: dict[tuple[int, int, int], int] = {}
-        self._supports: dict[int, frozenset[int]] = {FALSE: frozenset(), TRUE: frozenset()}
+        self._supports: list[frozenset[int]] = [frozenset(), frozenset()]
+        self.ite = cache(self._ite)
 
     def __len__(self) -> int:
         return len(self._nodes)
@@ -32,16 +33,14 @@ class BooleanFunctions:
     def _make(self, variable: int, low: int, high: int) -> int:
         if low == high:
             return low
-        key = (variable, low, high)
-        found = self._unique.get(key)
-        if found is None:
-            found = len(self._nodes)
-            self._nodes.append(key)
-            self._unique[key] = found
-            self._supports[found] = self._supports[low] | self._supports[high] | {variable}
-        return found
+        node = (variable, low, high)
+        if node not in self._unique:
+            self._unique[node] = len(self._nodes)
+            self._nodes.append(node)
+            self._supports.append(self._supports[low] | self._supports[high] | {variable})
+        return self._unique[node]
 
-    def ite(self, f: int, g: int, h: int) -> int:
+    def _ite(self, f: int, g: int, h: int) -> int:
         """If f then g else h. Variables with higher numbers are closer to the root."""
         if f == TRUE or g == h:
             return g
@@ -49,14 +48,9 @@ class BooleanFunctions:
             return h
         if g == TRUE and h == FALSE:
             return f
-        key = (f, g, h)
-        found = self._cache.get(key)
-        if found is None:
-            top = max(self._nodes[f][0], self._nodes[g][0], self._nodes[h][0])
-            low, high = zip(*(self._children(x, top) for x in key), strict=True)
-            found = self._make(top, self.ite(*low), self.ite(*high))
-            self._cache[key] = found
-        return found
+        top = max(self._nodes[x][0] for x in (f, g, h))
+        low, high = zip(*(self._children(x, top) for x in (f, g, h)), strict=True)
+        return self._make(top, self.ite(*low), self.ite(*high))
 
     def _children(self, f: int, variable: int) -> tuple[int, int]:
         node = self._nodes[f]
@@ -78,27 +72,18 @@ class BooleanFunctions:
         """The variables that f depends on."""
         return self._supports[f]
 
-    def substitute(
-        self, f: int, by: Callable[[int], int], memo: dict[int, int] | None = None
-    ) -> int:
-        """The function f with every variable v replaced by the function `by(v)`.
+    def substitute(self, f: int, by: Callable[[int], int]) -> int:
+        """The function f with every variable v replaced by the function `by(v)`."""
 
-        memo: results to reuse; it may be shared by calls with the same `by`.
-        """
-        memo = {} if memo is None else memo
-        if f <= TRUE:
-            return f
-        found = memo.get(f)
-        if found is None:
-            variable, low, high = self._nodes[f]
-            found = self.ite(
-                by(variable), self.substitute(high, by, memo), self.substitute(low, by, memo)
-            )
-            memo[f] = found
-        return found
+        @cache
+        def substituted(g: int) -> int:
+            if g <= TRUE:
+                return g
+            variable, low, high = self._nodes[g]
+            return self.ite(by(variable), substituted(high), substituted(low))
+
+        return substituted(f)
 
     def cofactor(self, f: int, variable: int, value: bool) -> int:
         """The cofactor of f: the variable is replaced by a constant."""
-        return self.substitute(
-            f, lambda v: (TRUE if value else FALSE) if v == variable else self.variable(v)
-        )
+        return self.substitute(f, lambda v: int(value) if v == variable else self.variable(v))

@@ -7,7 +7,9 @@ Source: Esparza, Křetínský & Sickert, "A unified translation of linear tempor
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache, reduce
 from itertools import permutations
+from operator import or_
 from typing import assert_never
 
 from symcheck.automata.boolean import FALSE, TRUE, BooleanFunctions
@@ -32,10 +34,10 @@ class Derivatives:
         self.factory = factory
         self.booleans = BooleanFunctions()
         self._formula: dict[int, LtlFormula] = {}
-        self._formula_derivatives: dict[tuple[int, int], int] = {}
-        self._derivatives: dict[tuple[int, int], int] = {}
-        self._simplified: dict[int, int] = {}
-        self._implied: dict[frozenset[int], int] = {}
+        self._derivative = cache(self._compute_derivative)
+        self._derivative_of_temporal = cache(self._compute_derivative_of_formula)
+        self.simplify = cache(self._drop_redundant)
+        self._implications = cache(self._compute_implications)
 
     def encode(self, f: LtlFormula) -> int:
         """The formula as a Boolean combination of literals and temporal formulas."""
@@ -58,16 +60,10 @@ class Derivatives:
                 assert_never(f.kind)
 
     def _all(self, parts: Iterable[int]) -> int:
-        result = TRUE
-        for part in parts:
-            result = self.booleans.conjunction(result, part)
-        return result
+        return reduce(self.booleans.conjunction, parts, TRUE)
 
     def _any(self, parts: Iterable[int]) -> int:
-        result = FALSE
-        for part in parts:
-            result = self.booleans.disjunction(result, part)
-        return result
+        return reduce(self.booleans.disjunction, parts, FALSE)
 
     def formulas_of(self, state: int) -> list[LtlFormula]:
         """The formulas that a combination depends on, in order of their numbers."""
@@ -75,35 +71,25 @@ class Derivatives:
 
     def atoms(self, state: int) -> int:
         """The atoms (as bits) that the derivatives of a combination depend on."""
-        bits = 0
-        for f in self.formulas_of(state):
-            bits |= f.now
-        return bits
+        return reduce(or_, (f.now for f in self.formulas_of(state)), 0)
 
     def derivative(self, state: int, letter: int) -> int:
         """The derivative af(state, letter).
 
         A word w satisfies it if and only if `letter` followed by w satisfies `state`.
         """
-        key = (state, letter & self.atoms(state))
-        found = self._derivatives.get(key)
-        if found is None:
-            raw = self.booleans.substitute(
-                state, lambda n: self._derivative_of_formula(self._formula[n], letter)
-            )
-            found = self.simplify(raw)
-            self._derivatives[key] = found
-        return found
+        return self._derivative(state, letter & self.atoms(state))
+
+    def _compute_derivative(self, state: int, letter: int) -> int:
+        def derivative(number: int) -> int:
+            return self._derivative_of_formula(self._formula[number], letter)
+
+        return self.simplify(self.booleans.substitute(state, derivative))
 
     def _derivative_of_formula(self, f: LtlFormula, letter: int) -> int:
-        key = (f.number, letter & f.now)
-        found = self._formula_derivatives.get(key)
-        if found is None:
-            found = self._compute_derivative(f, letter)
-            self._formula_derivatives[key] = found
-        return found
+        return self._derivative_of_temporal(f, letter & f.now)
 
-    def _compute_derivative(self, f: LtlFormula, letter: int) -> int:
+    def _compute_derivative_of_formula(self, f: LtlFormula, letter: int) -> int:
         table = self.booleans
         match f.kind:
             case Kind.TRUE | Kind.FALSE:
@@ -134,14 +120,6 @@ class Derivatives:
         make = self.factory.until if f.kind is Kind.UNTIL else self.factory.release
         return make(left, right, f.bound - 1)
 
-    def simplify(self, state: int) -> int:
-        """An equivalent combination without redundant formulas (see `_drop_redundant`)."""
-        found = self._simplified.get(state)
-        if found is None:
-            found = self._drop_redundant(state)
-            self._simplified[state] = found
-        return found
-
     def _drop_redundant(self, state: int) -> int:
         """Drop formulas while the combination stays equivalent under the implications."""
         table, support = self.booleans, self.booleans.support(state)
@@ -161,16 +139,14 @@ class Derivatives:
                     break
         return state
 
-    def _implications(self, support: frozenset[int]) -> int:
+    def _compute_implications(self, support: frozenset[int]) -> int:
         """The implications between some formulas, as a combination of them."""
-        if support not in self._implied:
-            formulas = [self._formula[n] for n in sorted(support)]
-            self._implied[support] = self._all(
-                self.booleans.ite(self.encode(f), self.encode(g), TRUE)
-                for f, g in permutations(formulas, 2)
-                if self.factory.implies(f, g)
-            )
-        return self._implied[support]
+        formulas = [self._formula[n] for n in sorted(support)]
+        return self._all(
+            self.booleans.ite(self.encode(f), self.encode(g), TRUE)
+            for f, g in permutations(formulas, 2)
+            if self.factory.implies(f, g)
+        )
 
     def substitute(self, state: int, by: dict[int, LtlFormula]) -> int:
         """The combination with some formulas (given by number) replaced by others."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import assert_never
 
 __all__ = ["Kind", "LtlFormula"]
 
@@ -90,19 +91,16 @@ class LtlFormula:
                 return f"X {self.parts[0]}"
             case Kind.AND | Kind.OR:
                 return "(" + f" {self.kind.value} ".join(map(str, self.parts)) + ")"
-            case _:
+            case Kind.UNTIL | Kind.RELEASE:
                 bound = "" if self.bound is None else f"<={self.bound}"
                 left, right = self.parts
-                names: dict[tuple[Kind, Kind], str] = {
-                    (Kind.UNTIL, Kind.TRUE): "F",
-                    (Kind.RELEASE, Kind.FALSE): "G",
-                }
-                short = names.get((self.kind, left.kind))
-                return (
-                    f"({left} {self.kind.value}{bound} {right})"
-                    if short is None
-                    else f"{short}{bound} {right}"
-                )
+                if self.kind is Kind.UNTIL and left.kind is Kind.TRUE:
+                    return f"F{bound} {right}"
+                if self.kind is Kind.RELEASE and left.kind is Kind.FALSE:
+                    return f"G{bound} {right}"
+                return f"({left} {self.kind.value}{bound} {right})"
+            case _:
+                assert_never(self.kind)
 
     def subformulas(self) -> list[LtlFormula]:
         """The subformulas, operands first and itself last; iterative, as formulas may be deep."""

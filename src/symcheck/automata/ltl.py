@@ -7,6 +7,7 @@ Sources of the rules: Etessami & Holzmann (CONCUR 2000), Somenzi & Bloem (CAV 20
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import assert_never
 
 from symcheck.automata.formula import Kind, LtlFormula
 
@@ -63,8 +64,7 @@ class LtlFactory:
         bound: int | None = None,
     ) -> LtlFormula:
         key = (kind, tuple(p.number for p in parts), atom, bound)
-        found = self._known.get(key)
-        if found is None:
+        if key not in self._known:
             now = 1 << atom if atom >= 0 else 0
             for part in parts if kind is not Kind.NEXT else ():
                 now |= part.now
@@ -72,11 +72,10 @@ class LtlFactory:
             co_safe = fixpoint is not Kind.RELEASE and all(p.co_safe for p in parts)
             safe = fixpoint is not Kind.UNTIL and all(p.safe for p in parts)
             eventual, universal = _persistence(kind, parts, bound)
-            found = LtlFormula(
+            self._known[key] = LtlFormula(
                 len(self._known), kind, parts, atom, bound, now, co_safe, safe, eventual, universal
             )
-            self._known[key] = found
-        return found
+        return self._known[key]
 
     def literal(self, atom: int, positive: bool = True) -> LtlFormula:
         """An atom or its negation."""
@@ -98,8 +97,10 @@ class LtlFactory:
                 return self._combine(_DUAL[f.kind], parts)
             case Kind.NEXT:
                 return self.next(parts[0])
-            case _:
+            case Kind.UNTIL | Kind.RELEASE | Kind.POSITIVE | Kind.NEGATIVE | Kind.TRUE | Kind.FALSE:
                 return self._node(_DUAL[f.kind], parts, atom=f.atom, bound=f.bound)
+            case _:
+                assert_never(f.kind)
 
     # -------------------------------------------------------------------------------------- and, or
 

@@ -100,8 +100,8 @@ def accepting_edges(delta: Int32s, pair: RabinPair) -> Bools:
         met = np.zeros(len(looping), dtype=bool)
         met[of[(visit & inside).any(axis=1)]] = True
         good &= met
-    found: Bools = inside & good[of][:, None]
-    return found
+    result: Bools = inside & good[of][:, None]
+    return result
 
 
 def _on_accepted_cycles(delta: Int32s, pairs: tuple[RabinPair, ...]) -> Bools:

@@ -160,24 +160,24 @@ def _whole(factory: LtlFactory, formula: LtlFormula, letters: Sequence[int]) -> 
 def _explore(
     start: S, letters: int, successors: Callable[[S], list[tuple[S, frozenset[int]]]]
 ) -> _Explored[S]:
-    found = _Explored([start])
+    result = _Explored([start])
     number = {start: 0}
-    for state in found.states:  # the list grows on the way
+    for state in result.states:  # the list grows on the way
         delta, marks = [], []
         for target, mark in successors(state):
             if target not in number:
                 number[target] = len(number)
-                found.states.append(target)
+                result.states.append(target)
             delta.append(number[target])
             marks.append(mark)
-        found.delta.append(delta)
-        found.marks.append(marks)
+        result.delta.append(delta)
+        result.marks.append(marks)
         if len(number) * letters > _MAX_EDGES:
             raise UnsupportedError(
                 f"the automaton of this LTL formula has more than {len(number):,} states\n"
                 "  hint: simplify the formula or use an external translator (-ltl2datool)"
             )
-    return found
+    return result
 
 
 def _component(derivatives: Derivatives, states: list[int]) -> Component:

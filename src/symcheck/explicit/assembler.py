@@ -111,8 +111,8 @@ class Assembler:
         That is an earlier register, or a constant, where the value is known.
         """
         key = (int(op), a, b)
-        if (found := self._known.get(key)) is not None:
-            return found
+        if (result := self._known.get(key)) is not None:
+            return result
         folded = self._fold(op, a, b) if is_constant(a) and (is_constant(b) or b == _NONE) else None
         if folded is None:
             folded = self.temporary()

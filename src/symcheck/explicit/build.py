@@ -265,17 +265,17 @@ class Exploration:
             raise ModelFault(state_faults.deadlocks(examples, len(deadlocks)))
 
     def _matrix(self, order: Int32s, rank: Int32s) -> tuple[SparseMatrix, Int32s, list[Floats]]:
-        n, found = len(order), self._explorer.rows
+        n, result = len(order), self._explorer.rows
         groups = np.empty(n + 1, np.int64) if self.model.type is ModelType.MDP else None
         indptr, indices, data = (
-            np.empty(found.closed + 1, np.int64),
-            np.empty(found.entries, np.int32),
-            np.empty(found.entries),
+            np.empty(result.closed + 1, np.int64),
+            np.empty(result.entries, np.int32),
+            np.empty(result.entries),
         )
-        actions = np.empty(found.closed, np.int32)
+        actions = np.empty(result.closed, np.int32)
         having = [any(not i.on_states for i in r.items) for r in self.model.rewards]
-        rewards = [np.empty(found.closed) if h else np.zeros(found.closed) for h in having]
-        found.build(
+        rewards = [np.empty(result.closed) if h else np.zeros(result.closed) for h in having]
+        result.build(
             order,
             rank,
             indptr,
@@ -288,7 +288,7 @@ class Exploration:
         return SparseMatrix(indptr, indices, data, n, groups), actions, rewards
 
     def _state_rewards(self, states: StateTable) -> list[Floats]:
-        found = []
+        result = []
         for structure in self.model.rewards:
             items = [i for i in structure.items if i.on_states]
             values = (
@@ -298,8 +298,8 @@ class Exploration:
             )
             if not np.isfinite(values).all():
                 self._reward_fault(states, int(np.flatnonzero(~np.isfinite(values))[0]))
-            found.append(values)
-        return found
+            result.append(values)
+        return result
 
     def _reward_fault(self, states: StateTable, state: int) -> NoReturn:
         from symcheck.semantics.interpreter import state_rewards

@@ -245,12 +245,12 @@ class CodeGenerator:
     def _conditional(self, expression: Conditional) -> Value:
         then, otherwise = self.type_of(expression.then), self.type_of(expression.otherwise)
         kind = Type.DOUBLE if Type.DOUBLE in (then, otherwise) else then
-        if (found := self.assembler.recall(expression)) is None:
-            found = self._branch(
+        if (result := self.assembler.recall(expression)) is None:
+            result = self._branch(
                 expression.condition, expression.then, expression.otherwise, kind is Type.DOUBLE
             )
-            self.assembler.remember(expression, found)
-        return found, kind
+            self.assembler.remember(expression, result)
+        return result, kind
 
     # ---------------------------------------------------------------------------------------- jumps
 

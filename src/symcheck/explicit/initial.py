@@ -36,8 +36,8 @@ def initial_rows(model: BoundModel, layout: StateLayout) -> Rows:
     if model.initial is None:
         values = [np.array([int(cast("bool | int", v.initial))], np.int64) for v in model.variables]
         return layout.pack(values)
-    found = _Enumeration(model, model.initial).blocks()
-    blocks = [layout.pack([c[v.name] for v in model.variables]) for c in found]
+    result = _Enumeration(model, model.initial).blocks()
+    blocks = [layout.pack([c[v.name] for v in model.variables]) for c in result]
     if not blocks:
         raise ModelFault(no_initial_state(model.initial.span))
     rows = np.concatenate(blocks)

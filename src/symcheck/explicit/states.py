@@ -154,9 +154,9 @@ class StateTable:
         """Indices of packed states in this sorted table, int32[m]; -1 for a state that is not in
         it.
         """
-        found = np.empty(len(rows), np.int32)
-        find_rows(self.rows, np.ascontiguousarray(rows), found)
-        return found
+        result = np.empty(len(rows), np.int32)
+        find_rows(self.rows, np.ascontiguousarray(rows), result)
+        return result
 
     def index(self, values: Sequence[bool | int]) -> int:
         """Index of the state with these values in this sorted table. Raises KeyError if it is not
@@ -167,7 +167,7 @@ class StateTable:
         ):
             if not 0 <= int(value) - int(low) <= int(span):
                 raise KeyError(f"{variable.name}={value}")
-        found = int(self.find(self.layout.pack([np.array([int(v)], np.int64) for v in values]))[0])
-        if found < 0:
+        result = int(self.find(self.layout.pack([np.array([int(v)], np.int64) for v in values]))[0])
+        if result < 0:
             raise KeyError(tuple(values))
-        return found
+        return result

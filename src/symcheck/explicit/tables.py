@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from math import inf
@@ -102,15 +102,12 @@ def tables(
     return _Builder(model, layout).build(_KINDS[kind], check_sums)
 
 
-@dataclass
-class _Events:
-    """The arrays that describe events."""
-
-    action: list[int] = field(default_factory=list)
-    parts: list[int] = field(default_factory=lambda: [0])
-    commands: list[int] = field(default_factory=lambda: [0])
-    command_list: list[int] = field(default_factory=list)
-    forests: list[int] = field(default_factory=list)
+_STARTS = ("command_updates", "update_assignments", "event_parts", "part_commands")
+_REGISTERS = ("update_probability", "assignment_register")
+_LISTS = (
+    *("command_guard", "command_code", "update_code", "assignment_variable"),
+    *("event_action", "part_list", "part_forest", *_REGISTERS),
+)
 
 
 class _Builder:
@@ -131,24 +128,21 @@ class _Builder:
             for c in p
         }
         self.numbers: dict[int, int] = {}  # id of a command -> its number
-        self.guard: list[int] = []
-        self.code: list[int] = []
-        self.updates: list[int] = [0]
-        self.probability: list[Register] = []
-        self.update_code: list[int] = []
-        self.assignments: list[int] = [0]
+        # The int32 arrays of the tables, by name.
+        self.lists: dict[str, list[int]] = {name: [] for name in _LISTS} | {
+            name: [0] for name in _STARTS
+        }
         self.keep: list[list[int]] = []
         self.preset: list[list[int]] = []
-        self.register: list[Register] = []
-        self.variable: list[int] = []
 
     def build(self, kind: int, check_sums: bool) -> Tables:
         forest = Forest(self.layout.lows.tolist())
-        events, root = self.events(forest)
+        root = self.events(forest)
         action_rewards, rewards, structures = self.rewards()
         self.assembler.halt()
         program, slots = self.assembler.finish()
         place = self.assembler.place_of
+        lists = self.lists | {name: list(map(place, self.lists[name])) for name in _REGISTERS}
         sizes = [
             [sum(len(c.updates) for c in p) for p in e.participants] for e in self.model.events
         ]
@@ -162,21 +156,9 @@ class _Builder:
             ranges=self.layout.ranges,
             program=program,
             slots=slots,
-            command_guard=_ints(self.guard),
-            command_code=_ints(self.code),
-            command_updates=_ints(self.updates),
-            update_probability=_ints([place(r) for r in self.probability]),
-            update_code=_ints(self.update_code),
-            update_assignments=_ints(self.assignments),
             update_keep=np.array(self.keep, np.uint64).reshape(-1, self.layout.words),
             update_preset=np.array(self.preset, np.uint64).reshape(-1, self.layout.words),
-            assignment_register=_ints([place(r) for r in self.register]),
-            assignment_variable=_ints(self.variable),
-            event_action=_ints(events.action),
-            event_parts=_ints(events.parts),
-            part_commands=_ints(events.commands),
-            part_list=_ints(events.command_list),
-            part_forest=_ints(events.forests),
+            **{name: _ints(values) for name, values in lists.items()},
             forest=forest.array(),
             root=root,
             action_rewards=_ints(action_rewards),
@@ -191,16 +173,16 @@ class _Builder:
 
     # --------------------------------------------------------------------------------------- events
 
-    def events(self, forest: Forest) -> tuple[_Events, int]:
-        """The arrays of the events, and the root of the forest over the events."""
-        found = _Events()
+    def events(self, forest: Forest) -> int:
+        """Fill the lists of the events; returns the root of the forest over the events."""
+        lists = self.lists
         actions = {a: i for i, a in enumerate(self.model.actions)}
         known: dict[int, Masks] = {}
         many = len(self.model.events) >= tuning.MIN_FOREST_ITEMS
         event_masks: list[Masks] = []
         for event in self.model.events:
-            found.action.append(-1 if event.action is None else actions[event.action])
-            found.parts.append(found.parts[-1] + len(event.participants))
+            lists["event_action"].append(-1 if event.action is None else actions[event.action])
+            lists["event_parts"].append(lists["event_parts"][-1] + len(event.participants))
             part_masks = [
                 [
                     self.masks(c, known) if many or len(p) >= tuning.MIN_FOREST_ITEMS else {}
@@ -210,17 +192,13 @@ class _Builder:
             ]
             for commands, of_commands in zip(event.participants, part_masks, strict=True):
                 numbers = [self.command(c) for c in commands]
-                found.command_list.extend(numbers)
-                found.commands.append(len(found.command_list))
-                found.forests.append(
-                    forest.add(numbers, of_commands) if self._worth_a_forest(numbers) else -1
-                )
+                lists["part_list"].extend(numbers)
+                lists["part_commands"].append(len(lists["part_list"]))
+                is_unique = len(set(numbers)) == len(numbers)
+                worth = is_unique and len(numbers) >= tuning.MIN_FOREST_ITEMS
+                lists["part_forest"].append(forest.add(numbers, of_commands) if worth else -1)
             event_masks.append(all_of([any_of(m) for m in part_masks]))
-        return found, forest.add(range(len(self.model.events)), event_masks)
-
-    @staticmethod
-    def _worth_a_forest(numbers: Sequence[int]) -> bool:
-        return len(numbers) >= tuning.MIN_FOREST_ITEMS and len(set(numbers)) == len(numbers)
+        return forest.add(range(len(self.model.events)), event_masks)
 
     def masks(self, command: BoundCommand, known: dict[int, Masks]) -> Masks:
         if id(command) not in known:
@@ -232,13 +210,13 @@ class _Builder:
     def command(self, command: BoundCommand) -> int:
         """The number of a command; its code is written on the first call."""
         if id(command) not in self.numbers:
-            self.numbers[id(command)] = len(self.guard)
-            self.guard.append(self.assembler.position)
+            self.numbers[id(command)] = len(self.lists["command_guard"])
+            self.lists["command_guard"].append(self.assembler.position)
             if id(command) in self.synchronised:
                 self.assembler.forget()
                 self.guarded(command.guard)
                 self.assembler.halt()
-            self.code.append(self.assembler.position)
+            self.lists["command_code"].append(self.assembler.position)
             self.assembler.forget()
             self.guarded(command.guard)
             self.effects(command.updates)
@@ -267,7 +245,7 @@ class _Builder:
         if not at_once:
             assembler.halt()
         for update, probability in zip(updates, probabilities, strict=True):
-            self.probability.append(probability)
+            self.lists["update_probability"].append(probability)
             start = assembler.position
             if at_once:
                 self.assign(update.assignments)
@@ -277,10 +255,10 @@ class _Builder:
             written = assembler.position > start
             if written and not at_once:
                 assembler.halt()
-            self.update_code.append(start if written and not at_once else -1)
+            self.lists["update_code"].append(start if written and not at_once else -1)
         if at_once:
             assembler.halt()
-        self.updates.append(len(self.probability))
+        self.lists["command_updates"].append(len(self.lists["update_probability"]))
 
     def assign(self, assignments: Assignments) -> None:
         """Code for the new values of one update."""
@@ -291,14 +269,15 @@ class _Builder:
             _, word, shift, bits = self.layout.fields[v].tolist()
             keep[word] &= ~(((1 << bits) - 1) << shift)
             register, _ = self.generator.value(expression)
-            if is_constant(register) and 0 <= self.assembler.bits(register) - int(
-                self.layout.lows[v]
-            ) <= int(self.layout.ranges[v]):
-                preset[word] |= (self.assembler.bits(register) - int(self.layout.lows[v])) << shift
+            code = -1
+            if is_constant(register):
+                code = self.assembler.bits(register) - int(self.layout.lows[v])
+            if 0 <= code <= int(self.layout.ranges[v]):
+                preset[word] |= code << shift
             else:
-                self.register.append(register)
-                self.variable.append(v)
-        self.assignments.append(len(self.register))
+                self.lists["assignment_register"].append(register)
+                self.lists["assignment_variable"].append(v)
+        self.lists["update_assignments"].append(len(self.lists["assignment_register"]))
         self.keep.append(keep)
         self.preset.append(preset)
 
@@ -309,7 +288,7 @@ class _Builder:
         numbered.
         """
         having = [r for r in self.model.rewards if any(not i.on_states for i in r.items)]
-        starts, found = [0], []
+        starts, result = [0], []
         for action in (None, *self.model.actions):
             for number, structure in enumerate(having):
                 items = [i for i in structure.items if not i.on_states and i.action == action]
@@ -318,9 +297,9 @@ class _Builder:
                     self.assembler.forget()
                     register = self.generator.real(total_reward(items))
                     self.assembler.halt()
-                    found.append((number, start, register))
-            starts.append(len(found))
-        return starts, found, len(having)
+                    result.append((number, start, register))
+            starts.append(len(result))
+        return starts, result, len(having)
 
 
 def total_reward(items: Sequence[BoundReward]) -> Expression:

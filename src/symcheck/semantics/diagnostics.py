@@ -66,8 +66,8 @@ class DiagnosticCollector:
         if not self._diagnostics:
             return None
         kinds = set(self._diagnostics.values())
-        found = sorted(self._diagnostics, key=lambda d: (d.span.source.name, d.span.start))
-        return (_CLASSES[kinds.pop()] if len(kinds) == 1 else InputError)(*found)
+        result = sorted(self._diagnostics, key=lambda d: (d.span.source.name, d.span.start))
+        return (_CLASSES[kinds.pop()] if len(kinds) == 1 else InputError)(*result)
 
     def raise_all(self) -> None:
         """Raise all diagnostics as one error, if there are any."""

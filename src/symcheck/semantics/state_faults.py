@@ -135,11 +135,11 @@ def no_initial_state(span: Span = NO_SPAN) -> Diagnostic:
 
 def at_state(fault: InputError, state: str) -> ModelFault:
     """An evaluation fault with the state at which it occurs."""
-    found = (
+    result = (
         Diagnostic(f"{d.message}, for example in state {state}", d.span, d.code, d.hint, d.severity)
         for d in fault.diagnostics
     )
-    return ModelFault(*found)
+    return ModelFault(*result)
 
 
 def _what(kind: ModelType) -> str:

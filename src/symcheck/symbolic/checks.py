@@ -37,25 +37,25 @@ def check_initial(symbolic: SymbolicModel) -> None:
 
 def check_model(space: StateSpace, options: Options) -> None:
     """Raise ModelFault if a reachable state breaks a rule, with an example of each fault."""
-    found: dict[Diagnostic, None] = {}
+    result: dict[Diagnostic, None] = {}
     seen = space.symbolic.manager.false
     for states in _violations(space, options):
         # The interpreter reports the first fault of a state, so states without an earlier violation
         # are preferred.
-        found.update(dict.fromkeys(_explain(space, states - seen or states, options)))
+        result.update(dict.fromkeys(_explain(space, states - seen or states, options)))
         seen = seen | states
     if space.deadlocks and not options.fix_deadlocks:
         some = [
             state_faults.describe_state(space.symbolic.model.variables, s)
             for s in space.valuations(space.deadlocks, 3)
         ]
-        found[
+        result[
             state_faults.deadlocks(
                 some, space.symbolic.manager.count(space.deadlocks, space.symbolic.encoding.rows)
             )
         ] = None
-    if found:
-        raise ModelFault(*found)
+    if result:
+        raise ModelFault(*result)
 
 
 def _explain(space: StateSpace, states: Bdd, options: Options) -> tuple[Diagnostic, ...]:

@@ -229,9 +229,9 @@ class PropertiesFile(Node):
 
 def _counted(**parts: tuple[Node, ...]) -> str:
     """The number of nodes of each kind, and their names: `constants N p (2), modules m (1)`."""
-    found = []
+    result = []
     for kind, nodes in parts.items():
         names = [name for name in (getattr(n, "name", None) for n in nodes) if name]
         shown = " ".join([*names[:4], *(["…"] if len(names) > 4 else [])])
-        found.append(f"{kind} {shown} ({len(nodes)})" if shown else f"{len(nodes)} {kind}")
-    return ", ".join(found)
+        result.append(f"{kind} {shown} ({len(nodes)})" if shown else f"{len(nodes)} {kind}")
+    return ", ".join(result)

@@ -150,7 +150,7 @@ def _collector_paused() -> Iterator[None]:
 
 def _parse(name: str, start: str, source: Source) -> Any:
     """The value of the start symbol of a grammar."""
-    found: list[Diagnostic] = []
+    result: list[Diagnostic] = []
     with _ONE_AT_A_TIME, _collector_paused():
         language = load(name)
         builder = language.builder
@@ -159,13 +159,13 @@ def _parse(name: str, start: str, source: Source) -> Any:
             value = language.parser.parse(source.text, start=start)
             if start == "state":
                 builder.measure(value)
-            found += builder.diagnostics.values()
+            result += builder.diagnostics.values()
         except UnexpectedInput:
-            found += _faults(name, start, source)
+            result += _faults(name, start, source)
         deepest = builder.deepest
         builder.begin(NO_SPAN.source)
-    if found:
-        raise SyntaxFault(*_first_of_each_line(sorted(found, key=lambda d: d.span.start)))
+    if result:
+        raise SyntaxFault(*_first_of_each_line(sorted(result, key=lambda d: d.span.start)))
     if deepest > _EASY_NESTING:
         # Later stages follow expressions by recursion, of which Python allows 1000 calls at first.
         needed = 1000 + _FRAMES_PER_LEVEL * deepest
@@ -180,7 +180,7 @@ def _faults(name: str, start: str, source: Source) -> list[Diagnostic]:
 
     language = load_interactive(name)
     language.builder.begin(source)
-    found = [
+    result = [
         diagnose(fault, source, language) for fault in find_faults(language, start, source.text)
     ]
-    return [*found, *language.builder.diagnostics.values()]
+    return [*result, *language.builder.diagnostics.values()]

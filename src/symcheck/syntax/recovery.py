@@ -117,11 +117,11 @@ class _Words:
 
     def statement(self) -> tuple[Token, ...]:
         """The next words up to a semicolon. They stay ahead."""
-        found: list[Token] = []
-        while self.peek() and not (found and found[-1].type == _SEMICOLON):
-            found.append(self.next())
-        self._ahead.extendleft(reversed(found))
-        return tuple(found)
+        result: list[Token] = []
+        while self.peek() and not (result and result[-1].type == _SEMICOLON):
+            result.append(self.next())
+        self._ahead.extendleft(reversed(result))
+        return tuple(result)
 
 
 class _Recovery:

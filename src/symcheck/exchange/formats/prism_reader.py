@@ -121,13 +121,13 @@ def read_model(
     Raises:
         SyntaxFault: a file is faulty; the error points at the place.
     """
-    found = _read_transitions(files.transitions, kind, check_sums)
-    n = found.matrix.states
+    result = _read_transitions(files.transitions, kind, check_sums)
+    n = result.matrix.states
     columns = _read_states(files.states, n) if files.states else [("x", Type.INT, np.arange(n))]
     labels = _read_labels(files.labels, n) if files.labels else {}
-    rewards = [_read_rewards(pair, found) for pair in files.rewards]
+    rewards = [_read_rewards(pair, result) for pair in files.rewards]
     return ExplicitData(
-        found.type, columns, found.matrix, found.actions, found.row_actions, labels, rewards
+        result.type, columns, result.matrix, result.actions, result.row_actions, labels, rewards
     )
 
 
@@ -237,12 +237,12 @@ def _read_actions(
     number = {"": -1} | {name: i for i, name in enumerate(names)}
     codes = np.array([number[t] for t in texts], np.int32)[order]
     first = np.searchsorted(row, np.arange(rows))
-    found: Int32s = codes[first]
-    for i in np.flatnonzero(codes != found[row])[:1].tolist():
+    result: Int32s = codes[first]
+    for i in np.flatnonzero(codes != result[row])[:1].tolist():
         file.fault(
             int(order[i]) + 1, "the transitions of one choice have different actions", "action"
         )
-    return names, found
+    return names, result
 
 
 def _told_type(file: Columns) -> ModelType | None:
@@ -276,11 +276,11 @@ def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
         )
     values: list[list[str]] = [[""] * len(names) for _ in range(n)]
     for i, words in enumerate(file.rows[1:], 1):
-        found = re.fullmatch(r"(\d+):\(([^()]*)\)", "".join(words))
-        own = [x for x in found[2].split(",") if x] if found else []
-        if found is None or len(own) != len(names):
+        result = re.fullmatch(r"(\d+):\(([^()]*)\)", "".join(words))
+        own = [x for x in result[2].split(",") if x] if result else []
+        if result is None or len(own) != len(names):
             file.fault(i, f"a state is written as number:({','.join(names)})", "fields")
-        number = int(found[1])
+        number = int(result[1])
         if number >= n:
             file.fault(i, f"state {number} does not exist: there are {n}, numbered from 0", "index")
         if names and values[number][0]:
@@ -372,24 +372,24 @@ def _read_labels(path: Path, n: int) -> dict[str, Bools]:
 
 def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) -> ExplicitRewards:
     m = model.matrix
-    found = ExplicitRewards(None, np.zeros(m.states), np.zeros(m.rows))
+    result = ExplicitRewards(None, np.zeros(m.states), np.zeros(m.rows))
     if pair[0] is not None:
         file = read_columns(pair[0])
         size = file.header((2,), "the numbers of states and of rewards")
         _same_size(file, size[:1], (m.states,))
         file.expect(size[1], "rewards")
         file.widths((2,), "a state and a reward")
-        found.states[file.integers(0, m.states, "state")] = file.reals(1)
-        found = found._replace(name=_reward_name(file))
+        result.states[file.integers(0, m.states, "state")] = file.reals(1)
+        result = result._replace(name=_reward_name(file))
     if pair[1] is not None:
         file = read_columns(pair[1])
         entries = _transition_rewards(file, model)
-        found = found._replace(
-            name=found.name or _reward_name(file),
+        result = result._replace(
+            name=result.name or _reward_name(file),
             rows=row_rewards(model.type, m, entries),
             entries=entries,
         )
-    return found
+    return result
 
 
 def _reward_name(file: Columns) -> str | None:
@@ -434,6 +434,6 @@ def _transition_rewards(file: Columns, model: _Transitions) -> Floats:
     place = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
     for i in np.flatnonzero(keys[place] != wanted)[:1].tolist():
         file.fault(i + 1, "there is no such transition", "index")
-    found = np.zeros(m.entries)
-    found[place] = rewards
-    return found
+    result = np.zeros(m.entries)
+    result[place] = rewards
+    return result

@@ -71,8 +71,8 @@ def transitions_file(
     )
 
     def action(start: int, stop: int) -> list[str]:
-        found: list[str] = names[of[start:stop]].tolist()
-        return found
+        result: list[str] = names[of[start:stop]].tolist()
+        return result
 
     source, choice = model.state_of_row[of], model.choice_of_row[of]
     yield from lines(

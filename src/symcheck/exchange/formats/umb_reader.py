@@ -154,10 +154,10 @@ def _actions(raw: Any, matrix: SparseMatrix, kind: ModelType) -> tuple[tuple[str
 
 def _annotations(raw: Any, group: str) -> Mapping[str, Mapping[str, Any]]:
     """The annotations of a group, by alias where they have one and by name otherwise."""
-    found = (raw.annotations or {}).get(group, {})
+    result = (raw.annotations or {}).get(group, {})
     told = (raw.index.annotations or {}).get(group, {})
     return {
-        getattr(told.get(name), "alias", None) or name: values for name, values in found.items()
+        getattr(told.get(name), "alias", None) or name: values for name, values in result.items()
     }
 
 

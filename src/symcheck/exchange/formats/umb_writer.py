@@ -83,8 +83,8 @@ def _numbers(values: NDArray[Any]) -> tuple[Any, list[Any]]:
     import umbi.datatypes
     from umbi.binary import SizedType
 
-    kind, found = umbi.datatypes.promote_scalars(values.tolist())
-    return SizedType.for_type(kind), found
+    kind, result = umbi.datatypes.promote_scalars(values.tolist())
+    return SizedType.for_type(kind), result
 
 
 def _annotate(model: ExplicitExport, made: Any) -> None:
@@ -94,14 +94,14 @@ def _annotate(model: ExplicitExport, made: Any) -> None:
     from umbi.umb.index import AnnotationDescription
 
     described: dict[str, dict[str, Any]] = {"aps": {}, "rewards": {}}
-    found: dict[str, dict[str, dict[str, Any]]] = {"aps": {}, "rewards": {}}
+    result: dict[str, dict[str, dict[str, Any]]] = {"aps": {}, "rewards": {}}
     for name, members in model.labels.items():
         if name != "init":
             kind = SizedType.for_type(PrimitiveType.BOOL)
             described["aps"][name] = AnnotationDescription(
                 alias=name, applies_to=["states"], type=kind
             )
-            found["aps"][name] = {"states": members.tolist()}
+            result["aps"][name] = {"states": members.tolist()}
     for i, structure in enumerate(model.rewards):
         name = structure.name or f"reward{i + 1}"
         place, transitions = _transition_rewards(model, i)
@@ -109,9 +109,9 @@ def _annotate(model: ExplicitExport, made: Any) -> None:
         described["rewards"][name] = AnnotationDescription(
             alias=name, applies_to=["states", place], type=kind
         )
-        found["rewards"][name] = {"states": numbers[: model.n], place: numbers[model.n :]}
+        result["rewards"][name] = {"states": numbers[: model.n], place: numbers[model.n :]}
     made.index.annotations = {group: names for group, names in described.items() if names}
-    made.annotations = {group: names for group, names in found.items() if names}
+    made.annotations = {group: names for group, names in result.items() if names}
 
 
 def _transition_rewards(model: ExplicitExport, number: int) -> tuple[str, NDArray[Any]]:

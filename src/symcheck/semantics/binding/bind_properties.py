@@ -217,10 +217,10 @@ def _bind_expression(
         return known.get(node.name, node) if isinstance(node, LabelReference) else node
 
     scope, whole = Scope(table), transform(expression, inline)
-    found = scope.typer().state(whole)
+    result = scope.typer().state(whole)
     report.raise_all()
-    assert found is not None
-    return scope.expand(whole), found
+    assert result is not None
+    return scope.expand(whole), result
 
 
 def _table(model: BoundModel, report: DiagnosticCollector) -> SymbolTable:
@@ -287,13 +287,13 @@ class _Properties:
 
     def _labels(self) -> dict[str, Expression]:
         """The labels whose constants are all known."""
-        found: dict[str, Expression] = {}
+        result: dict[str, Expression] = {}
         for label in self.file.labels:
             try:
-                found[label.name] = self.scope.expand(self.texts.label(label.expression))
+                result[label.name] = self.scope.expand(self.texts.label(label.expression))
             except InputError:
                 continue
-        return found
+        return result
 
     def _property(self, number: int, constants: Mapping[str, Value]) -> BoundProperty:
         text = self.file.properties[number]
@@ -301,11 +301,11 @@ class _Properties:
         missing = tuple(
             n for n in needed if n not in self.table.given and n not in self.model.constants
         )
-        found: Type | None = None
+        result: Type | None = None
         formula: Expression | None = None
         fault: InputError | None = None
         try:
-            whole, found = self._typed(text.formula)
+            whole, result = self._typed(text.formula)
             if missing:
                 raise NameFault(*(undefined(self.table.constants[n]) for n in missing))
             for label in self.texts.used_labels(whole):
@@ -316,7 +316,7 @@ class _Properties:
             fault = error
             formula = None
         return BoundProperty(
-            text.name, found, constants, needed, missing, fault, text.comments, text.span, formula
+            text.name, result, constants, needed, missing, fault, text.comments, text.span, formula
         )
 
     def _typed(self, formula: Expression) -> tuple[Expression, Type]:
@@ -325,10 +325,10 @@ class _Properties:
         # A new scope reports a fault in a formula for every property that uses it.
         typer = Scope(self.table).typer(self._label_type)
         whole = self.texts.inlined(formula)
-        found = typer.state(whole)
+        result = typer.state(whole)
         self.table.report.raise_all()
-        assert found is not None
-        return whole, found
+        assert result is not None
+        return whole, result
 
     def _label_type(self, node: LabelReference) -> Type | None:
         if self.texts.is_label(node.name):

@@ -32,8 +32,8 @@ def module_instances(program: Program, report: DiagnosticCollector) -> tuple[Mod
         if module.name in named:
             report.name("duplicate-module", f"there is a module {module.name} already", module.span)
         named.setdefault(module.name, module)
-    found = (_instance(m, named, report) for m in named.values())
-    return tuple(c for c in found if c is not None)
+    result = (_instance(m, named, report) for m in named.values())
+    return tuple(c for c in result if c is not None)
 
 
 def _instance(

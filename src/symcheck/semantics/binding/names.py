@@ -117,18 +117,18 @@ class SymbolTable:
 
     def constants_used_by(self, expression: Expression) -> set[str]:
         """The constants that an expression depends on, directly or through definitions."""
-        found: set[str] = set()
+        result: set[str] = set()
         waiting = [expression]
         while waiting:
             for node in names_in(waiting.pop()):
-                if node.name not in found and (
+                if node.name not in result and (
                     node.name in self.constants or node.name in self.formulas
                 ):
-                    found.add(node.name)
+                    result.add(node.name)
                     definition = self.definition(node.name)
                     if definition is not None:
                         waiting.append(definition)
-        return found & self.constants.keys()
+        return result & self.constants.keys()
 
     # --------------------------------------------------------------------------------------- values
 
@@ -195,8 +195,8 @@ class SymbolTable:
             expression = read_value(given, f"value of {constant.name}")
             bare = self._without_variables(expression)
             given = evaluate(bare, {}, exact=self.exact)
-            found = type_of(bare, {})
-            given = convert(given, found, self.exact)
+            result = type_of(bare, {})
+            given = convert(given, result, self.exact)
         elif isinstance(given, float) and self.exact and given - given == 0:
             given = Fraction(repr(given))  # the decimal that the user sees
         try:

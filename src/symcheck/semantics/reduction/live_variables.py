@@ -114,8 +114,8 @@ class _Analysis:
         return Liveness(self.locations, live)
 
     def _reads(self, expression: Expression, location: Location) -> frozenset[int]:
-        found = names(self.locations.residual(expression, location))
-        return frozenset(self.index[n] for n in found if n in self.index)
+        result = names(self.locations.residual(expression, location))
+        return frozenset(self.index[n] for n in result if n in self.index)
 
     def _reads_at(self, location: Location, moves: tuple[Move, ...]) -> frozenset[int]:
         """The variables that are read at a location, independently of its successors."""

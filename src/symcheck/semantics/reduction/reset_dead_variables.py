@@ -69,16 +69,16 @@ def observe(
     Args:
         labels: labels of the properties file.
     """
-    found: list[Expression] = []
+    result: list[Expression] = []
     formulas = tuple(formulas)
     rewards, steps = False, not formulas or any(map(counts_steps, formulas))
     for formula in formulas:
         expressions = tuple(_seen(formula, {**model.labels, **labels}))
         if any(e is None for e in expressions):
             return Observations(tuple(Name(v.name) for v in model.variables), True)
-        found += [e for e in expressions if e is not None]
+        result += [e for e in expressions if e is not None]
         rewards = rewards or any(map(_reads_rewards, nodes(formula)))
-    return Observations(tuple(dict.fromkeys(found)), rewards, steps)
+    return Observations(tuple(dict.fromkeys(result)), rewards, steps)
 
 
 def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Expression | None]:
@@ -178,8 +178,8 @@ def reduce(model: BoundModel, observed: Observations) -> Reduction:
         if eliminated:
             model = stutter_reduction.model
             locations = Locations(model, control_variables(model))
-    found = liveness(model, observed.expressions, rewards=observed.rewards, locations=locations)
-    resets = _Resets(model, found).run()
+    result = liveness(model, observed.expressions, rewards=observed.rewards, locations=locations)
+    resets = _Resets(model, result).run()
     return replace(
         resets,
         model=replace(resets.model, derivation=partial(_reduced, observed=observed)),

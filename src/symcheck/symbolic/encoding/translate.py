@@ -104,10 +104,10 @@ class Translator:
 
     def support(self, expression: Expression) -> frozenset[str]:
         """Names of the variables in `expression`."""
-        found = self._supports.get(expression)
-        if found is None:
-            found = self._supports[expression] = support(expression)
-        return found
+        result = self._supports.get(expression)
+        if result is None:
+            result = self._supports[expression] = support(expression)
+        return result
 
     def width(self, expression: Expression) -> int:
         """Number of row bits that `expression` reads."""
@@ -165,17 +165,17 @@ class Translator:
         known = self.on_the_fly.get(("", expression))
         if isinstance(known, OnTheFlyCondition):
             return known.holds
-        found = self._booleans.get(expression)
-        if found is None:
+        result = self._booleans.get(expression)
+        if result is None:
             try:
-                found = self._boolean(expression)
+                result = self._boolean(expression)
             except TooLarge:
                 condition = OnTheFlyCondition(*self._parts_of(expression))
                 self.on_the_fly["", expression] = condition
                 return condition.holds
             if not self.reads_on_the_fly(expression):
-                self._booleans[expression] = found
-        return found
+                self._booleans[expression] = result
+        return result
 
     def _boolean(self, expression: Expression) -> Bdd:
         if self.width(expression) <= self.limits.table_bits:
@@ -257,10 +257,10 @@ class Translator:
         """As `boolean`, but right on all of `states`: parts that are encoded on the fly are
         extended to them.
         """
-        found = self.boolean(expression)
+        result = self.boolean(expression)
         if self.on_the_fly and sum(part.extend(states) for part in self._conditions_in(expression)):
-            found = self.boolean(expression)
-        return found
+            result = self.boolean(expression)
+        return result
 
     def number_on(self, expression: Expression, states: Bdd) -> Mtbdd:
         """As `number`, but 0 outside of `states`, and right on them also where it is encoded on the
@@ -304,12 +304,12 @@ class Translator:
             return self.manager.false
         match expression:
             case Binary(operator, left, right) if operator.is_logical:
-                found = self.faults(right)
+                result = self.faults(right)
                 if operator.decided(True) is not None:
-                    found = found - self.boolean(left)
+                    result = result - self.boolean(left)
                 if operator.decided(False) is not None:
-                    found = found & self.boolean(left)
-                return self.faults(left) | found
+                    result = result & self.boolean(left)
+                return self.faults(left) | result
             case Conditional(condition, then, otherwise):
                 chosen = self.boolean(condition)
                 return self.faults(condition) | chosen.ite(
@@ -422,17 +422,17 @@ class Translator:
         known = self.on_the_fly.get(key)
         if isinstance(known, OnTheFlyAssignment):
             return EncodedAssignment(known.relation, known.in_range)
-        found = self._assignments.get(key)
-        if found is None:
+        result = self._assignments.get(key)
+        if result is None:
             try:
-                found = self._assignment(target, expression)
+                result = self._assignment(target, expression)
             except TooLarge:
                 assignment = OnTheFlyAssignment(*self._parts_of(expression), target)
                 self.on_the_fly[key] = assignment
                 return EncodedAssignment(assignment.relation, assignment.in_range)
             if not self.reads_on_the_fly(expression):
-                self._assignments[key] = found
-        return found
+                self._assignments[key] = result
+        return result
 
     def _assignment(self, target: EncodedVariable, expression: Expression) -> EncodedAssignment:
         if isinstance(expression, Name) and expression.name == target.name:
@@ -492,14 +492,14 @@ class Translator:
 
     def identity(self, indices: tuple[int, ...]) -> Bdd:
         """The relation that keeps the variables with these indices."""
-        found = self._identities.get(indices)
-        if found is None:
-            found = self.manager.true
+        result = self._identities.get(indices)
+        if result is None:
+            result = self.manager.true
             names = (self.encoding.variables[i].name for i in indices)
             for v in reversed(self.encoding.sorted(names)):
-                found = found & self.unchanged(v)
-            self._identities[indices] = found
-        return found
+                result = result & self.unchanged(v)
+            self._identities[indices] = result
+        return result
 
     def unchanged(self, target: EncodedVariable) -> Bdd:
         """The relation `target' = target`."""

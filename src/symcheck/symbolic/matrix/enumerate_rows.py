@@ -194,9 +194,9 @@ class _RowEnumerator:
                 weights.append(weight[positive])
         if not rows:
             return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
-        found = np.concatenate(columns)
-        assert (found >= 0).all(), "a transition leaves the reachable states"
-        return np.concatenate(rows), found, np.concatenate(weights)
+        result = np.concatenate(columns)
+        assert (result >= 0).all(), "a transition leaves the reachable states"
+        return np.concatenate(rows), result, np.concatenate(weights)
 
     def _share(self, enabled: list[NDArray[np.bool_]], n: int) -> Floats:
         """The probability of each enabled joint command: in a DTMC they are equally likely, else it

@@ -116,12 +116,12 @@ def _occurrences(model: BoundModel) -> list[NDArray[np.int64]]:
 
 
 def _variables(event: Event, index: dict[str, int]) -> set[int]:
-    found: set[int] = set()
+    result: set[int] = set()
     for command in (c for commands in event.participants for c in commands):
         read = support(command.guard).union(*(support(u.probability) for u in command.updates))
         for update in command.updates:
             for assigned, expression in update.assignments:
-                found.add(assigned)
+                result.add(assigned)
                 read |= support(expression)
-        found |= {index[name] for name in read}
-    return found
+        result |= {index[name] for name in read}
+    return result

@@ -125,7 +125,7 @@ def sift(model: BoundModel, options: Options, limits: SiftLimits | None = None) 
     started, limits = perf_counter(), limits or SiftLimits()
     declared = tuple(v.name for v in model.variables)
     order: Sequence[str] | None = None
-    found: SiftedOrder | None = None
+    result: SiftedOrder | None = None
     for part in limits.part_nodes:
         left = (
             None
@@ -150,12 +150,12 @@ def sift(model: BoundModel, options: Options, limits: SiftLimits | None = None) 
             order = variable_order(model, (FORCE,))
             continue
         order = tuple(dict.fromkeys((*sample.order(), *declared)))
-        found = SiftedOrder(
+        result = SiftedOrder(
             order, before, sample.nodes, sample.whole, None, perf_counter() - started
         )
         if sample.whole:
             break
-    return found or SiftedOrder(declared, 0, 0, False, _NOTHING_SIFTED, perf_counter() - started)
+    return result or SiftedOrder(declared, 0, 0, False, _NOTHING_SIFTED, perf_counter() - started)
 
 
 def _sample(
