@@ -7,12 +7,15 @@ or staying in `left` and outside `right` until the end of the window.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import timed_measures
 from symcheck.check.measures.reachability import until
 from symcheck.check.path_formulas import UntilPath
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
+from symcheck.semantics.time_bounds import Window
 
 __all__ = ["complement_until"]
 
@@ -26,7 +29,7 @@ def complement_until(
 
     Args:
         context: the engine, the options and the log.
-        path: the until formula whose complement is measured.
+        path: the negated until formula.
         direction: minimise or maximise the probability of the complement; None for a chain.
         certain: the states where that probability is 1 without a window.
 
@@ -42,11 +45,9 @@ def complement_until(
         )
 
     def unbounded(inner: Context) -> Values:
-        return complement_until(inner, UntilPath(left, right), direction, certain)
+        return complement_until(inner, replace(path, window=Window()), direction, certain)
 
-    return timed_measures(context).bounded_complement(
-        context, left, right, path.window, direction, unbounded
-    )
+    return timed_measures(context).bounded_until(context, path, direction, unbounded)
 
 
 def _least(context: Context, left: StateSet, right: StateSet) -> Values:

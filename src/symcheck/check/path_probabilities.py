@@ -82,7 +82,9 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
         case NextPath(target, window):
             return timed_measures(context).next_probability(context, target, window, direction)
         case UntilPath(left, right, window) if not window.trivial:
-            return timed_measures(context).bounded_until(context, left, right, window, direction)
+            return timed_measures(context).bounded_until(
+                context, path, direction, lambda c: until(c, left, right, direction)
+            )
         case UntilPath(left, right) if context.options.fairness and direction is Direction.MIN:
             return _fair_minimum(context, left, right)
         case UntilPath(left, right):

@@ -134,10 +134,7 @@ WEIGHT_ELIMINATION_OPERATIONS = 1500
 IMPORTANCE_RESIDUAL = 1e-8
 """Residual of the weights, relative to a guess."""
 VECTOR_RESIDUAL = 1e-12
-"""Relative residual of the first vectors of the subspace."""
-MAX_RESIDUAL_RELAXATION = 1e3
-"""Factor by which the residual of later vectors may be larger, as their coefficients are smaller
-(inexact Krylov methods: van den Eshof & Hochbruck 2006)."""
+"""Relative residual of the vectors of the subspace."""
 IMPORTANCE_SHIFT = 1.0
 """Laplace shift a of the weights: values at different times differ by at most a factor exp(a)."""
 MAX_VALUE_RANGE = 300.0

@@ -16,6 +16,7 @@ from fractions import Fraction
 from typing import Protocol
 
 from symcheck.check.context import Context
+from symcheck.check.path_formulas import UntilPath
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.semantics.rewards import Reward
@@ -36,24 +37,11 @@ class TimedMeasures(Protocol):
     def bounded_until(
         self,
         context: Context,
-        left: StateSet,
-        right: StateSet,
-        window: Window,
-        direction: Direction | None,
-    ) -> Values:
-        """Probability of `left U right` with the time of `right` in the window."""
-        ...
-
-    def bounded_complement(
-        self,
-        context: Context,
-        left: StateSet,
-        right: StateSet,
-        window: Window,
+        path: UntilPath,
         direction: Direction | None,
         unbounded: Callable[[Context], Values],
     ) -> Values:
-        """Probability of the complement of `left U right` within the window.
+        """Probability that the path formula, whose window is not trivial, holds.
 
         `unbounded` computes that probability without a window.
         """

@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.reachability import until
+from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
@@ -24,7 +24,6 @@ from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
 __all__ = [
-    "bounded_complement",
     "bounded_until",
     "cumulative_reward",
     "instantaneous_reward",
@@ -62,56 +61,26 @@ def next_probability(
 
 
 def bounded_until(
-    context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
+    context: Context,
+    path: UntilPath,
+    direction: Direction | None,
+    unbounded: Callable[[Context], Values],
 ) -> Values:
-    """Probability of `left U[a,b] right`.
+    """Probability of `left U[a,b] right`, or of its complement if the path is negative.
 
-    Runs stay in `left` up to time a and satisfy `left U<=b-a right` from then on (without a bound
-    if there is no b).
+    Runs stay in `left` up to time a and satisfy `left U<=b-a right` from then on; `unbounded`
+    computes the probability of the latter if there is no b. For the complement, runs that leave
+    `left` before time a count.
     """
-    lower, upper = window.times()
+    lower, upper = path.window.times()
     if lower == 0:
-        return (
-            until(context, left, right, direction)
-            if upper is None
-            else _within(context, left, right, upper)
-        )
+        return unbounded(context) if upper is None else _within(context, path, upper)
     # The values at time a are needed at all states that may be reached by then; the two
     # computations share the error.
     context = context.with_epsilon(context.options.epsilon / 3)
     everywhere = replace(context, relevant_states=None)
-    later = (
-        until(everywhere, left, right, direction)
-        if upper is None
-        else _within(everywhere, left, right, upper - lower)
-    )
-    return _delayed(context, left, later, lower)
-
-
-def bounded_complement(
-    context: Context,
-    left: StateSet,
-    right: StateSet,
-    window: Window,
-    direction: Direction | None,
-    unbounded: Callable[[Context], Values],
-) -> Values:
-    """Probability of `!(left U[a,b] right)`.
-
-    A run leaves `left` before time a, or satisfies `!(left U<=b-a right)` from then on; `unbounded`
-    computes the probability of the latter if there is no b.
-    """
-    lower, upper = window.times()
-    if lower == 0 and upper is not None:
-        return _complement_within(context, left, right, upper)
-    context = context.with_epsilon(context.options.epsilon / 3)
-    everywhere = replace(context, relevant_states=None)
-    later = (
-        unbounded(everywhere)
-        if upper is None
-        else _complement_within(everywhere, left, right, upper - lower)
-    )
-    return later if lower == 0 else _delayed(context, left, later, lower, 1.0)
+    later = unbounded(everywhere) if upper is None else _within(everywhere, path, upper - lower)
+    return _delayed(context, path.left, later, lower, float(path.negative))
 
 
 def prob_greater_zero(
@@ -160,37 +129,22 @@ def _refuse_rationals(context: Context) -> None:
         )
 
 
-def _within(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
-    """Probability of `left U<=t right`."""
+def _within(context: Context, path: UntilPath, time: float) -> Values:
+    """Probability of `left U<=t right`, or of its complement."""
     engine = context.engine
+    possible = engine.graph.exists_until(path.left, path.right)
+    goal = ~possible if path.negative else path.right
     if time == 0:
-        return engine.indicator(right)
-    system = engine.system((left - right) & engine.graph.exists_until(left, right))
-    lower, upper = _transient_bounds(
-        context, system, time, reward_rate=system.one_step_probability(right)
-    )
-    return system.lift(lower, np.minimum(upper, 1.0), [(right, 1.0)])
-
-
-def _complement_within(context: Context, left: StateSet, right: StateSet, time: float) -> Values:
-    """Probability of `!(left U<=t right)`."""
-    engine = context.engine
-    if time == 0:
-        return engine.indicator(~right)
-    possible = engine.graph.exists_until(left, right)
-    system = engine.system((left - right) & possible)
-    lower, upper = _transient_bounds(
-        context,
-        system,
-        time,
-        terminal=np.ones(system.n),
-        reward_rate=system.one_step_probability(~possible),
-    )
-    return system.lift(np.minimum(lower, 1.0), np.minimum(upper, 1.0), [(~possible, 1.0)])
+        return engine.indicator(~path.right if path.negative else path.right)
+    system = engine.system((path.left - path.right) & possible)
+    rate = system.one_step_probability(goal)
+    end = np.ones(system.n) if path.negative else None
+    lower, upper = _transient_bounds(context, system, time, terminal=end, reward_rate=rate)
+    return system.lift(np.minimum(lower, 1.0), np.minimum(upper, 1.0), [(goal, 1.0)])
 
 
 def _delayed(
-    context: Context, left: StateSet, values: Values, time: float, outside: float = 0.0
+    context: Context, left: StateSet, values: Values, time: float, outside: float
 ) -> Values:
     """Expected value at time t over runs that stay in `left` until then; `outside` for others."""
     system = context.engine.system(left)

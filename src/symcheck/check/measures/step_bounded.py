@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.reachability import until
+from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
@@ -24,7 +24,6 @@ from symcheck.semantics.time_bounds import Window
 
 __all__ = [
     "best",
-    "bounded_complement",
     "bounded_until",
     "cumulative_reward",
     "instantaneous_reward",
@@ -65,23 +64,25 @@ def next_probability(
 
 def bounded_until(
     context: Context,
-    left: StateSet,
-    right: StateSet,
-    window: Window,
+    path: UntilPath,
     direction: Direction | None,
+    unbounded: Callable[[Context], Values],
 ) -> Values:
-    """Probability of `left U[a,b] right`: b - a steps of the bounded until, then a steps in `left`.
+    """Probability of `left U[a,b] right`, or of its complement if the path is negative.
 
-    Without an upper bound, the first part is the unbounded until.
+    After a steps in `left`, runs satisfy `left U<=b-a right`; `unbounded` computes the probability
+    of the latter if there is no b. For the complement, runs that leave `left` before count.
     """
-    steps = window.steps()
+    steps, left, end = path.window.steps(), path.left, int(path.negative)
     if steps.upper is None:
-        values = until(context, left, right, direction)
+        values = unbounded(context)
     else:
-        between = (left - right) & context.engine.graph.exists_until(left, right)
-        values = _within(context, between, right, steps.upper - steps.lower, direction, 0)
+        possible = context.engine.graph.exists_until(left, path.right)
+        goal = ~possible if path.negative else path.right
+        between = (left - path.right) & possible
+        values = _within(context, between, goal, steps.upper - steps.lower, direction, end)
     return (
-        values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 0)
+        values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, end)
     )
 
 
@@ -90,32 +91,6 @@ def prob_greater_zero(
 ) -> StateSet | None:
     """None: the values decide, as products of positive numbers are positive and zeros are exact."""
     return None
-
-
-def bounded_complement(
-    context: Context,
-    left: StateSet,
-    right: StateSet,
-    window: Window,
-    direction: Direction | None,
-    unbounded: Callable[[Context], Values],
-) -> Values:
-    """Probability of `!(left U[a,b] right)`.
-
-    A run leaves `left` in the first a steps, or satisfies `!(left U<=b-a right)` after them;
-    `unbounded` computes the probability of the latter if there is no b.
-    """
-    steps = window.steps()
-    if steps.upper is None:
-        values = unbounded(context)
-    else:
-        possible = context.engine.graph.exists_until(left, right)
-        values = _within(
-            context, (left - right) & possible, ~possible, steps.upper - steps.lower, direction, 1
-        )
-    return (
-        values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, 1)
-    )
 
 
 def _within(

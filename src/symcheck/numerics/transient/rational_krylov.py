@@ -90,7 +90,7 @@ def krylov_values(
     larger = () if system.factors is None else tuning.LARGER_SUBSPACE_SIZES
     sizes = (*tuning.SUBSPACE_SIZES, *larger)
     for size in sizes:
-        if not space.extend(size, _residual_relaxation(widths)):
+        if not space.extend(size):
             return None
         try:
             basis, matrix, first = space.projected(size)
@@ -152,11 +152,6 @@ def excess(rates: SparseMatrix, exit_rates: Floats) -> float:
     return max(0.0, float(np.max(rates.row_sums() - exit_rates)))
 
 
-def _residual_relaxation(widths: list[float]) -> float:
-    """The factor by which the next residuals may be larger than the first."""
-    return min(max(widths[0] / widths[-1], 1.0), tuning.MAX_RESIDUAL_RELAXATION) if widths else 1.0
-
-
 def _converges(widths: list[float], goal: float, sizes: tuple[int, ...]) -> bool:
     """Whether the largest subspace will suffice, extrapolated from the widths so far."""
     if not np.isfinite(widths[-1]):
@@ -214,10 +209,6 @@ class _System:
         """Q v."""
         return np.asarray(self.rates.multiply(v) - self.exit_rates * v)
 
-    def flow(self, v: Floats) -> Floats:
-        """|Q| v."""
-        return np.asarray(self.rates.multiply(v) + self.exit_rates * v)
-
 
 def _factors(rates: SparseMatrix, scale: Floats) -> GthElimination | None:
     owner = np.repeat(np.arange(rates.states, dtype=np.int32), rates.lengths)
@@ -254,11 +245,11 @@ class _Space:
         basis[0] = first / length if length else 0.0
         return _Space(system, basis, np.zeros((most + 1, most)), length)
 
-    def extend(self, size: int, relaxation: float = 1.0) -> bool:
+    def extend(self, size: int) -> bool:
         """Extend the basis to `size` vectors; False if BiCGStab or the orthogonalisation fails."""
         while self.made < size:
             j = self.made
-            found = self._inverse(self.basis[j], self.system.pole(j), relaxation)
+            found = self._inverse(self.basis[j], self.system.pole(j))
             if found is None:
                 return False
             for _ in range(2):  # twice is enough, once is not
@@ -273,7 +264,7 @@ class _Space:
             self.made += 1
         return True
 
-    def _inverse(self, v: Floats, pole: float, relaxation: float) -> Floats | None:
+    def _inverse(self, v: Floats, pole: float) -> Floats | None:
         """(I - γ Q)^-1 v."""
         scale = 1.0 / (1.0 + pole * self.system.diagonal)
         right = v * scale
@@ -282,7 +273,7 @@ class _Space:
         assert self.system.split is not None
         scale *= pole
         split = replace(self.system.split, scale=scale, steps=0)
-        goal = tuning.VECTOR_RESIDUAL * relaxation * float(np.max(np.abs(right)))
+        goal = tuning.VECTOR_RESIDUAL * float(np.max(np.abs(right)))
         for x, rest in split.solve(right):
             self.steps += 1
             if rest <= goal:
@@ -406,7 +397,7 @@ def _defect(
             float(np.max(moved * width + fine @ others * (1.0 + 1e-9) + leaves @ greatest))
             + constant
         )
-        total += length * tuning.SAMPLING_FACTOR * (sampled + float(np.max(most @ rounding)))
+        total += length * tuning.SAMPLING_FACTOR * (sampled + float(most @ rounding))
     return total
 
 
@@ -432,8 +423,7 @@ def _projection_residual(
 
     Returns:
         The coefficients; the largest entry of the vector; the largest entry of the remainder per
-        vector of the basis; and bounds on rounding errors, per vector and state (one for all states
-        if BiCGStab is used).
+        vector of the basis; and a bound on rounding errors per vector.
     """
     size = len(basis)
     chunk = math.ceil(math.sqrt(size))  # sums of sums accumulate fewer rounding errors
@@ -452,16 +442,9 @@ def _projection_residual(
     for weight, row in zip(along.tolist(), rest, strict=True):
         row -= weight * single
     others = _greatest(rest)
-    norm, terms = np.abs(matrix).T, np.abs(along)
-    inner, outer = (
-        (2 * chunk + 4) * tuning.UNIT_ROUNDOFF,
-        (system.longest + 6) * tuning.UNIT_ROUNDOFF,
-    )
-    if system.factors is None:
-        greatest = _greatest(basis)
-        bound = inner * (norm @ greatest + terms * width) + outer * 2.0 * system.fastest * greatest
-        return along, width, others, bound[:, None]
-    rounding = inner * (norm @ np.abs(basis) + np.outer(terms, np.abs(single)))
-    for j in range(size):
-        rounding[j] += outer * system.flow(np.abs(basis[j]))
+    # Bounds on the rounding errors of the sums above, the same for all states.
+    greatest = _greatest(basis)
+    inner = (2 * chunk + 4) * tuning.UNIT_ROUNDOFF
+    outer = (system.longest + 6) * tuning.UNIT_ROUNDOFF * 2.0 * system.fastest
+    rounding = inner * (np.abs(matrix).T @ greatest + np.abs(along) * width) + outer * greatest
     return along, width, others, rounding
