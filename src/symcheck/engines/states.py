@@ -114,7 +114,7 @@ def _one(engine: Engine, key: object) -> StateSet:
     if isinstance(key, Mapping):
         if set(key) != set(names):
             raise KeyError(
-                f"a state gives values to {', '.join(names)}, and not to {', '.join(key)}; "
+                f"a state gives values to {', '.join(names)}, and not to {list(key)}; "
                 "model.where(…) selects states by a condition"
             )
         key = tuple(key[name] for name in names)
@@ -125,10 +125,11 @@ def _one(engine: Engine, key: object) -> StateSet:
         )
     condition: Expression = Literal(True, Type.BOOL)
     for v, x in zip(variables, key, strict=True):
+        if not isinstance(x, int | np.integer | np.bool):
+            raise TypeError(f"{v.name}={x!r}: a variable has an integer or a truth value")
         value = Literal(bool(x) if v.type is Type.BOOL else int(x), v.type)
         condition = Binary(Operator.AND, condition, Binary(Operator.EQ, Name(v.name), value))
-    found = engine.where(condition)
-    if not found:
+    if any(abs(int(x)) > maxsize for x in key) or not (found := engine.where(condition)):
         raise KeyError(f"the state {format_state(key)} of ({', '.join(names)}) is not reachable")
     return found
 
