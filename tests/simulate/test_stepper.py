@@ -238,3 +238,28 @@ def test_models_from_python():
         assert simulator.total_rewards == {"r": stays + enters}
     assert model.simulate(50, seed=3).end in ("steps", "deadlock")
     assert chosen.simulator().choices[0].branches[1].probability == Fraction(1, 3)
+
+
+@pytest.mark.parametrize("engine", ["explicit", "hybrid", "mtbdd"])
+def test_a_run_follows_the_strategy_of_a_result(engine):
+    """Each step is the choice that the table of the strategy names."""
+    model = symcheck.loads(MDP, strategy=True, engine=engine)
+    strategy = model.check('R{"r"}min=? [ F "top" & y ]').strategy
+    assert strategy is not None
+    wanted = dict(zip(strategy.states(), strategy.actions, strict=True))
+    simulator = model.simulator(seed=2)
+    for _ in range(30):
+        if not simulator.choices:
+            break
+        state = tuple(simulator.state.values())
+        simulator.run(1, strategy)
+        assert (simulator.path.steps[-1].action or "") == wanted[state]
+    assert len(simulator.path.steps) > 5
+
+
+def test_a_strategy_with_memory_is_refused():
+    model = symcheck.loads(MDP, strategy=True)
+    strategy = model.check('Pmax=? [ (F x=1) & (F "top" & y) ]').strategy
+    assert strategy is not None and strategy.memory is not None
+    with pytest.raises(UsageError, match="memory"):
+        model.simulator(seed=1).run(3, strategy)

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UsageError
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.state_faults import describe_state
@@ -130,21 +131,56 @@ class Simulator:
         self._path.append(step)
         return self.state
 
-    def run(self, steps: int, strategy: StepStrategy | None = None) -> Mapping[str, bool | int]:
+    def run(
+        self, steps: int, strategy: StepStrategy | Strategy | None = None
+    ) -> Mapping[str, bool | int]:
         """Take several steps, fewer if a deadlock is reached.
 
         Args:
             steps: the number of steps.
-            strategy: gives the number or action of the next choice; None: choices at random.
+            strategy: the strategy of a result; or a function that gives the number or action of the
+                next choice; None: choices at random.
 
         Returns:
             The last state.
+
+        Raises:
+            UsageError: the strategy has memory.
         """
+        chosen = self._following(strategy) if isinstance(strategy, Strategy) else strategy
         for _ in range(steps):
             if not self.choices:
                 break
-            self.step(None if strategy is None else strategy(self))
+            self.step(None if chosen is None else chosen(self))
         return self.state
+
+    def _following(self, strategy: Strategy) -> StepStrategy:
+        """Makes the choices of a strategy: those with its action and the nearest distribution."""
+        if strategy.memory is not None:
+            raise UsageError("a strategy with memory cannot be followed state by state")
+        matrix, states = strategy.induced, list(strategy.states())
+        numbers, actions = {state: n for n, state in enumerate(states)}, strategy.actions
+
+        def choose(simulator: Simulator) -> int:
+            number = numbers[simulator._path[-1].state]
+            row = slice(matrix.indptr[number], matrix.indptr[number + 1])
+            targets = (states[t] for t in matrix.indices[row].tolist())
+            wanted: dict[State, float] = dict(zip(targets, matrix.data[row].tolist(), strict=True))
+
+            def difference(choice: Choice) -> float:
+                left = dict(wanted)
+                for branch in choice.branches:
+                    left[branch.state] = left.get(branch.state, 0.0) - float(branch.probability)
+                return sum(abs(value) for value in left.values())
+
+            enabled = [
+                (difference(choice), i)
+                for i, choice in enumerate(simulator.choices)
+                if (choice.action or "") == actions[number]
+            ]
+            return min(enabled)[1]
+
+        return choose
 
     def back(self) -> Mapping[str, bool | int]:
         """Take the last step back. Raises UsageError in the first state."""
