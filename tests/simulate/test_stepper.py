@@ -260,6 +260,7 @@ def test_a_run_follows_the_strategy_of_a_result(engine):
 def test_a_strategy_with_memory_is_refused():
     model = symcheck.loads(MDP, strategy=True)
     strategy = model.check('Pmax=? [ (F x=1) & (F "top" & y) ]').strategy
-    assert strategy is not None and strategy.memory is not None
+    assert strategy is not None
+    assert strategy.memory is not None
     with pytest.raises(UsageError, match="memory"):
         model.simulator(seed=1).run(3, strategy)
