@@ -66,7 +66,7 @@ PATTERNS = {
     "existence after until": (4, ("G", implies(both(Q, no(R)), ("U", no(R), both(P, no(R))))), 3, 1),
     "universality between": (4, ("G", implies(both(Q, no(R), ("F", R)), ("U", P, R))), 4, 1),
     "precedence": (2, ("W", no(P), S), 3, 1),
-    "precedence before": (4, implies(("F", R), ("U", no(P), either(S, R))), 4, 1),
+    "precedence before": (4, implies(("F", R), ("U", no(P), either(S, R))), 5, 1),
     "response": (2, response(P, S), 2, 1),
     "response before": (4, implies(("F", R), ("U", implies(P, ("U", no(R), both(S, no(R)))), R)), 4, 1),
     "response after": (4, ("G", implies(Q, response(P, S))), 3, 1),

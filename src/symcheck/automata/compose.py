@@ -15,7 +15,7 @@ from symcheck.automata.automaton import Automaton, RabinPair
 from symcheck.automata.reduce import reduced, restrict_to_reachable
 from symcheck.errors import UnsupportedError
 
-__all__ = ["intersection", "size", "union"]
+__all__ = ["intersection", "union"]
 
 _MAX_EDGES = 8_000_000
 """Edges (states times letters) of a product before it is reduced."""
@@ -39,11 +39,6 @@ def union(parts: Sequence[Automaton]) -> Automaton:
         UnsupportedError: the product would be too large.
     """
     return reduce(lambda a, b: _synchronous_product(a, b, conjunctive=False), parts)
-
-
-def size(automaton: Automaton) -> tuple[int, int]:
-    """A key for comparing automata: the number of states, then that of acceptance sets."""
-    return automaton.states, sum(1 + len(p.visits) for p in automaton.pairs)
 
 
 def _synchronous_product(a: Automaton, b: Automaton, *, conjunctive: bool) -> Automaton:

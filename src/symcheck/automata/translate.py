@@ -21,7 +21,7 @@ import numpy as np
 from symcheck.automata.acceptance import simplify_acceptance
 from symcheck.automata.automaton import Automaton, RabinPair
 from symcheck.automata.boolean import FALSE, TRUE
-from symcheck.automata.compose import intersection, size, union
+from symcheck.automata.compose import intersection, union
 from symcheck.automata.derivatives import Derivatives
 from symcheck.automata.formula import Kind, LtlFormula
 from symcheck.automata.ltl import LtlFactory
@@ -40,10 +40,6 @@ __all__ = ["translate"]
 
 _MAX_EDGES = 4_000_000
 """Edges (states times letters) up to which an automaton is constructed."""
-
-_MAX_PARTS_BOTH_WAYS = 3
-"""Conjunctions and disjunctions of at most this many parts are translated as a product of automata
-and as a whole, and the smaller automaton is taken. The whole grows exponentially with the parts."""
 
 
 @dataclass(frozen=True)
@@ -95,13 +91,7 @@ def translate(factory: LtlFactory, formula: LtlFormula, letters: Sequence[int]) 
     combine, parts = _parts(factory, formula)
     if len(parts) < 2:
         return simplify_acceptance(_whole(factory, formula, letters))
-    made = simplify_acceptance(combine([translate(factory, part, letters) for part in parts]))
-    if len(parts) > _MAX_PARTS_BOTH_WAYS:
-        return made
-    try:
-        return min(made, simplify_acceptance(_whole(factory, formula, letters)), key=size)
-    except UnsupportedError:
-        return made
+    return simplify_acceptance(combine([translate(factory, part, letters) for part in parts]))
 
 
 def _parts(

@@ -109,7 +109,8 @@ def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix
         raise UsageError(f"'{path}' contradicts itself: a state of a chain has several choices")
     row = np.repeat(np.arange(len(branches) - 1), np.diff(branches))
     if kind is ModelType.CTMC:
-        values = values * np.repeat(_exit_rates(raw, counts), np.diff(branches))
+        rates = np.array([float(r) for r in raw.state_to_exit_rate])  # per state, and per choice
+        values = values * np.repeat(np.repeat(rates, counts), np.diff(branches))
     rows = len(branches) - 1
     if kind is not ModelType.MDP:
         row, rows = np.flatnonzero(counts)[row], n
@@ -123,12 +124,6 @@ def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix
     indptr = starts_of(np.bincount(row[by], minlength=rows))
     groups = choices if kind is ModelType.MDP else None
     return SparseMatrix(indptr, targets[by].astype(np.int32), values[by], n, groups), row, by
-
-
-def _exit_rates(raw: Any, counts: Int64s) -> Floats:
-    """Per choice: the exit rate of its state."""
-    rates = np.array([float(r) for r in raw.state_to_exit_rate])
-    return np.repeat(rates, counts)
 
 
 def _check_sums(matrix: SparseMatrix, path: Path) -> None:

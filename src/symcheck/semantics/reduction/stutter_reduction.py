@@ -14,7 +14,8 @@ to be in the variable's range.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from symcheck.semantics.model import BoundModel, BoundUpdate, Event
 from symcheck.semantics.reduction.control_locations import Location, Locations, simplified
@@ -58,17 +59,11 @@ def _may_count(node: Tree) -> bool:
             return not isinstance(node, Expression | Bound)
 
 
-@dataclass(frozen=True, eq=False)
-class StutterReduction:
-    """A model without some of its control locations.
-
-    Attributes:
-        model: the reduced model.
-        eliminated: the control locations that it never reaches.
-    """
+class StutterReduction(NamedTuple):
+    """A model, and the control locations that it does not reach any more."""
 
     model: BoundModel
-    eliminated: frozenset[Location] = field(default=frozenset())
+    eliminated: frozenset[Location] = frozenset()
 
 
 def reduce_stutter_steps(
