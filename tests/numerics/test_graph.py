@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from symcheck.direction import Direction
 from symcheck.matrices.rows import Bools, SparseMatrix
 from symcheck.numerics import graph
 
@@ -72,10 +73,10 @@ def test_probability_zero_and_one_of_an_mdp(case: tuple[Rows, list[bool], list[b
     left, right, everything = np.array(ls_), np.array(rs_), set(range(len(rows)))
     source = graph.Incidence(matrix_of(rows))
     ls, rs = as_set(left), as_set(right)
-    assert as_set(graph.prob0a(source, left, right)) == everything - exists_reach(rows, ls, rs)
+    assert as_set(graph.prob0(source, left, right)) == everything - exists_reach(rows, ls, rs)
     never = everything - forced_reach(rows, ls, rs)
-    assert as_set(graph.prob0e(source, left, right)) == never
-    assert as_set(graph.prob1a(source, left, right)) == everything - exists_reach(
+    assert as_set(graph.prob0(source, left, right, Direction.MIN)) == never
+    assert as_set(graph.prob1(source, left, right)) == everything - exists_reach(
         rows, ls - rs, never
     )
     sure, witness = graph.prob1e_strategy(source, left, right)
@@ -173,5 +174,5 @@ def test_a_cascade_of_removals_takes_linear_time() -> None:
     n = 100_000
     rows: Rows = [[(0,)], [(1,)], *[[(0, s - 1)] for s in range(2, n)]]
     everything = np.ones(n, dtype=bool)
-    assert not graph.prob1e(matrix_of(rows), everything, np.arange(n) == 0)[1:].any()
-    assert not graph.prob0a(matrix_of(rows), everything, np.arange(n) == 0)[2:].any()
+    assert not graph.prob1(matrix_of(rows), everything, np.arange(n) == 0, Direction.MAX)[1:].any()
+    assert not graph.prob0(matrix_of(rows), everything, np.arange(n) == 0)[2:].any()

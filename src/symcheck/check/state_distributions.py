@@ -22,15 +22,14 @@ from symcheck.engines.states import StateVector, variable_names
 from symcheck.errors import NumericalError, UnsupportedError, UsageError, converts_memory_error
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
+from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
 from symcheck.tables import SHOWN_ROWS, Table, state_table
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
-
-_UNIT = 2.0**-53
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +166,7 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
         if np.array_equal(x, y):
             break  # a fixpoint of the rounded products
         x, y = y, x
-    error = (made * (longest + 2) + 2) * _UNIT if steps else 0.0
+    error = (made * (longest + 2) + 2) * UNIT_ROUNDOFF if steps else 0.0
     if error > 1e-3:
         raise NumericalError(
             f"{steps} steps are too many: rounding may make an error of {error:.1E}"
@@ -175,7 +174,7 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
     if made < steps:
         # The rounded products reached a fixpoint, the true ones may still change: the bound must
         # hold for all steps.
-        error = max(error, min(steps * (longest + 2) * _UNIT, 1.0))
+        error = max(error, min(steps * (longest + 2) * UNIT_ROUNDOFF, 1.0))
     text = f"{made} products with the matrix" + (", then nothing changes" if made < steps else "")
     return x * (1 - error), x * (1 + error), text
 
@@ -231,14 +230,10 @@ def _reached(
 
     if len(parts) == 1:
         return [(1.0, 1.0)]
-    begins = engine.from_bools(start > 0)
-    positive = start[start > 0]
+    begins, positive = engine.from_bools(start > 0), start[start > 0]
     context = Context(engine, options)
-    inside = [float(start[p].sum()) for p in parts]
-    if abs(sum(inside) - 1.0) <= len(parts) * _UNIT and not np.any(
-        start[_outside(parts, engine.states)]
-    ):
-        return [(w, w) for w in inside]
+    if sum(np.count_nonzero(start[part]) for part in parts) == len(positive):
+        return [(mass, mass) for mass in (float(start[part].sum()) for part in parts)]
     out = []
     for part in parts:
         members = np.zeros(engine.states, bool)
@@ -253,10 +248,3 @@ def _reached(
             )
         )
     return out
-
-
-def _outside(parts: list[Int32s], n: int) -> Bools:
-    outside = np.ones(n, bool)
-    for part in parts:
-        outside[part] = False
-    return outside

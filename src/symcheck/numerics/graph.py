@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from symcheck.direction import Direction
+from symcheck.kernels.arrays import Masks
 from symcheck.kernels.graph import components as kernel
 from symcheck.kernels.graph import mdp_graph
 from symcheck.kernels.rows import sparse
@@ -31,11 +32,7 @@ __all__ = [
     "forward_reachable",
     "maximal_end_components",
     "prob0",
-    "prob0a",
-    "prob0e",
     "prob1",
-    "prob1a",
-    "prob1e",
     "prob1e_strategy",
     "sccs",
     "shortest_path",
@@ -72,6 +69,10 @@ class Incidence:
             if self.matrix.groups is None
             else self.matrix.indptr[self.matrix.groups]
         )
+
+    def mask(self, states: Bools | None) -> Masks:
+        """A set of states as bytes; None: all."""
+        return _mask(np.ones(self.matrix.states, np.bool_) if states is None else states)
 
     @cached_property
     def _transposed(self) -> tuple[Int64s, Int32s]:
@@ -183,7 +184,7 @@ def _incidence(source: Source) -> Incidence:
     return source if isinstance(source, Incidence) else Incidence(source)
 
 
-def _mask(states: Bools) -> np.ndarray[tuple[int], np.dtype[np.uint8]]:
+def _mask(states: Bools) -> Masks:
     return np.ascontiguousarray(states, dtype=np.bool_).view(np.uint8)
 
 
@@ -208,66 +209,41 @@ def bsccs(source: Source, within: Bools | None = None) -> list[Int32s]:
 def forward_reachable(source: Source, sources: Bools, through: Bools | None = None) -> Bools:
     """States reachable from `sources`, passing only through states of `through` (default: all)."""
     graph = _incidence(source)
-    through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
     return kernel.forward_reachable(
-        graph.edges, graph.matrix.indices, _mask(sources), _mask(through)
+        graph.edges, graph.matrix.indices, _mask(sources), graph.mask(through)
     ).view(np.bool_)
 
 
 def backward_reachable(source: Source, target: Bools, through: Bools | None = None) -> Bools:
     """The target, and the states with a path (of some strategy) into it through `through`."""
     graph = _incidence(source)
-    through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
     return kernel.backward_reachable(
-        graph.pre, graph.rows_in, graph.owner, _mask(target), _mask(through)
+        graph.pre, graph.rows_in, graph.owner, _mask(target), graph.mask(through)
     ).view(np.bool_)
 
 
 def prob0(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
     """States whose (None), minimal or maximal probability of `left U right` is 0."""
-    return (
-        prob0e(source, left, right) if direction == Direction.MIN else prob0a(source, left, right)
-    )
-
-
-def prob1(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
-    """States whose (None), minimal or maximal probability of `left U right` is 1."""
-    return (
-        prob1e(source, left, right) if direction == Direction.MAX else prob1a(source, left, right)
-    )
-
-
-def prob0a(source: Source, left: Bools, right: Bools) -> Bools:
-    """States whose maximal probability of `left U right` is 0, in linear time."""
-    return ~backward_reachable(source, right, left)
-
-
-def prob0e(source: Source, left: Bools, right: Bools) -> Bools:
-    """States whose minimal probability of `left U right` is 0, in linear time."""
     graph = _incidence(source)
-    if graph.matrix.groups is None:
-        return prob0a(graph, left, right)
+    if direction is not Direction.MIN or graph.matrix.groups is None:
+        return ~backward_reachable(graph, right, left)
     sure = mdp_graph.attractor(
         graph.pre, graph.rows_in, graph.owner, graph.groups, _mask(right), _mask(left)
     )
     return ~sure.view(np.bool_)
 
 
-def prob1a(source: Source, left: Bools, right: Bools) -> Bools:
-    """States whose minimal probability of `left U right` is 1. Linear time."""
+def prob1(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
+    """States whose (None), minimal or maximal probability of `left U right` is 1."""
     graph = _incidence(source)
-    return ~backward_reachable(graph, prob0e(graph, left, right), left & ~right)
-
-
-def prob1e(source: Source, left: Bools, right: Bools) -> Bools:
-    """States whose maximal probability of `left U right` is 1."""
-    if _incidence(source).matrix.groups is None:
-        return prob1a(source, left, right)
-    return prob1e_strategy(source, left, right)[0]
+    if direction is Direction.MAX and graph.matrix.groups is not None:
+        return prob1e_strategy(graph, left, right)[0]
+    zero = prob0(graph, left, right, Direction.MIN)
+    return ~backward_reachable(graph, zero, left & ~right)
 
 
 def prob1e_strategy(source: Source, left: Bools, right: Bools) -> tuple[Bools, Int64s]:
-    """`prob1e` with a strategy: a row per state that stays in the set and approaches `right`.
+    """Maximal `prob1` with a strategy: a row per state that stays in the set and nears `right`.
 
     The row is -1 at `right` and outside of the set.
     """
@@ -329,8 +305,7 @@ def shortest_path(
 ) -> Int64s | None:
     """The states of a shortest path from `sources` to `target` through `through`, or None."""
     graph = _incidence(source)
-    through = np.ones(graph.matrix.states, dtype=np.bool_) if through is None else through
     path = kernel.shortest_path(
-        graph.edges, graph.matrix.indices, _mask(sources), _mask(through), _mask(target)
+        graph.edges, graph.matrix.indices, _mask(sources), graph.mask(through), _mask(target)
     )
     return path if len(path) else None

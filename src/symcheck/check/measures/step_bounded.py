@@ -19,6 +19,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import Progress
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
@@ -31,8 +32,6 @@ __all__ = [
     "per_row",
     "prob_greater_zero",
 ]
-
-_UNIT = 2.0**-53
 
 
 def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
@@ -211,7 +210,7 @@ def _lift(
 ) -> Values:
     """Values that include the rounding error of the given number of steps."""
     entries = context.engine.transitions / max(1, context.engine.choices)
-    rounding = steps * 2 * (entries + 2) * _UNIT
+    rounding = steps * 2 * (entries + 2) * UNIT_ROUNDOFF
     if context.engine.exact or rounding <= ROUNDING:
         return system.lift(low, None if high is low else high, rest, exact=high is low)
     return system.lift(low - rounding * np.abs(low), high + rounding * np.abs(high), rest)
