@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from math import inf, isinf, isnan, nan
+from math import isfinite, isnan
 from typing import assert_never
 
 from symcheck.check.result import Number, Result, show_value
@@ -26,15 +26,6 @@ __all__ = ["Verdict", "VerdictKind", "expected_value", "judge"]
 _LINE = re.compile(r"RESULT\s*(?:\((?P<constants>[^)]*)\))?\s*:\s*(?P<value>\S+)")
 _ABSOLUTE = 1e-12
 _RELATIVE = 1e-5
-_SPECIAL = {
-    "NaN": nan,
-    "Infinity": inf,
-    "+Infinity": inf,
-    "-Infinity": -inf,
-    "Inf": inf,
-    "+Inf": inf,
-    "-Inf": -inf,
-}
 
 
 class VerdictKind(Enum):
@@ -114,22 +105,19 @@ def judge(
     if expected is None or expected == "?":
         return Verdict(VerdictKind.NOT_TESTED)
     wants_error = expected.startswith("Error")
-    if isinstance(outcome, Result):
-        if wants_error:
-            return Verdict(
-                VerdictKind.FAIL,
-                f"an error was expected, but the result is {show_value(outcome.value)}",
-            )
-        try:
-            _compare(expected, outcome, constants, exact)
-        except _Unequal as unequal:
-            return Verdict(VerdictKind.FAIL, unequal.message)
-        return Verdict(VerdictKind.PASS)
     if isinstance(outcome, UnsupportedError):
         return Verdict(VerdictKind.UNSUPPORTED, _one_line(outcome))
-    if wants_error:
-        return Verdict(VerdictKind.PASS)
-    return Verdict(VerdictKind.FAIL, _one_line(outcome))
+    if isinstance(outcome, Exception):
+        kind = VerdictKind.PASS if wants_error else VerdictKind.FAIL
+        return Verdict(kind, "" if wants_error else _one_line(outcome))
+    try:
+        if wants_error:
+            shown = show_value(outcome.value)
+            raise _Unequal(f"an error was expected, but the result is {shown}")
+        _compare(expected, outcome, constants, exact)
+    except _Unequal as unequal:
+        return Verdict(VerdictKind.FAIL, unequal.message)
+    return Verdict(VerdictKind.PASS)
 
 
 def _one_line(error: Exception) -> str:
@@ -175,23 +163,16 @@ def _compare_number(expected: Number, value: Number, tolerance: float) -> None:
 
     tolerance: 0 for equality, _ABSOLUTE, or _RELATIVE (to which _ABSOLUTE is added).
     """
-    both = f"{_show(expected)} was expected, and the result is {_show(value)}"
-    if isnan(expected) or isnan(value):
-        if not (isnan(expected) and isnan(value)):
-            raise _Unequal(both)
-    elif (
-        isinf(expected)
-        or isinf(value)
-        or tolerance == 0.0
-        or (isinstance(value, int) and isinstance(expected, int))
-    ):
-        if expected != value:
-            raise _Unequal(both)
-    else:
-        difference = abs(float(value) - float(expected))
-        relative = tolerance * abs(float(value)) if tolerance == _RELATIVE else 0.0
-        if difference > relative + _ABSOLUTE:
-            raise _Unequal(f"{both}: they differ by {difference:.2g}")
+    if expected == value or (isnan(expected) and isnan(value)):
+        return
+    message = f"{_show(expected)} was expected, and the result is {_show(value)}"
+    difference = abs(float(value) - float(expected))
+    whole = isinstance(value, int) and float(expected).is_integer()
+    if tolerance == 0.0 or whole or not isfinite(difference):
+        raise _Unequal(message)
+    relative = tolerance * abs(float(value)) if tolerance == _RELATIVE else 0.0
+    if difference > relative + _ABSOLUTE:
+        raise _Unequal(f"{message}: they differ by {difference:.2g}")
 
 
 def _compare_points(
@@ -227,16 +208,11 @@ def _truth(text: str, constants: Mapping[str, Value]) -> bool:
 
 def _number(text: str, constants: Mapping[str, Value]) -> Number:
     """The number of a text: special value, fraction, decimal, or expression over constants."""
-    if text in _SPECIAL:
-        return _SPECIAL[text]
-    try:
-        return int(text)
-    except ValueError:
-        pass
-    try:
-        return Fraction(text)
-    except (ValueError, ZeroDivisionError):
-        pass
+    for kind in (Fraction, float):  # float: NaN and infinities
+        try:
+            return kind(text)
+        except (ValueError, ZeroDivisionError):
+            pass
     value = _expression(text, constants)
     if isinstance(value, bool):
         raise _Unequal(f"{text} was expected, and the result is a number")
