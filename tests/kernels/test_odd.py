@@ -103,9 +103,7 @@ def test_expand_and_collapse_are_inverse(case: tuple[int, np.ndarray], data: st.
     vectors.diagram_to_array(o, (*table, roots[0]), levels, out)
     np.testing.assert_array_equal(out, sub[member])
 
-    words = np.zeros(len(out) // 64 + 2, np.uint64)
-    words.view(np.uint8)[: (len(out) + 7) // 8] = np.packbits(out, bitorder="little")
-    level, low, high, croot = vectors.mask_to_diagram(o, words, levels, 99)
+    level, low, high, croot = vectors.array_to_diagram(o, out, 2, levels, 99)
     # the same, node by node: the diagram of (sub & member) is unique
     again = Builder()
     again.leaf(0)
@@ -203,9 +201,7 @@ def test_long_blocks_collapse(seed: int) -> None:
     edges = np.sort(rng.integers(0, n + 1, 6))
     for a, b in edges.reshape(3, 2):
         flags[a:b] = 1
-    words = np.zeros(n // 64 + 2, np.uint64)
-    words.view(np.uint8)[: (n + 7) // 8] = np.packbits(flags, bitorder="little")
-    level, low, high, root = vectors.mask_to_diagram(o, words, levels, 99)
+    level, low, high, root = vectors.array_to_diagram(o, flags, 2, levels, 99)
     out = np.zeros(n, np.uint8)
     vectors.diagram_to_array(o, (level, low, high, np.array([0.0, 1]), root), levels, out)
     np.testing.assert_array_equal(out, flags)

@@ -167,11 +167,10 @@ class Odd:
         """The set of the members where the mask (bool[count]) is true."""
         if len(members) != self.count:
             raise ValueError(f"{len(members)} truth values for {self.count} members")
-        bits = np.zeros(len(members) // 64 + 2, np.uint64)
-        packed = np.packbits(members, bitorder="little")
-        bits.view(np.uint8)[: len(packed)] = packed
         levels, bottom = self.levels, len(self.manager.bdd.vars)
-        level, low, high, root = vectors.mask_to_diagram(self.table, bits, levels, bottom)
+        level, low, high, root = vectors.array_to_diagram(
+            self.table, np.ascontiguousarray(members).view(np.uint8), 2, levels, bottom
+        )
         return self.manager.import_bdd(
             BddTable(bottom, level, low, high, np.array([root], np.int32))
         )[0]

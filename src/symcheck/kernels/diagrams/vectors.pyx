@@ -19,7 +19,12 @@ from symcheck.kernels.tables.memo_table cimport (MemoEntry, MemoTable, memo_clos
 
 import numpy as np
 
-__all__ = ["array_to_diagram", "diagram_to_array", "lookup", "mask_to_diagram", "number_values"]
+__all__ = ["array_to_diagram", "diagram_to_array", "lookup", "number_values"]
+
+ctypedef fused Id:
+    uint8_t
+    int32_t
+
 
 
 def lookup(diagram: Diagram, const int32_t[::1] column_of_level, const uint8_t[:, ::1] bits,
@@ -155,11 +160,8 @@ cdef struct Writer:
     Buffer level, low, high   # the diagram that is written
     int64_t nodes
     MemoTable unique      # (low, high), level -> diagram node
-    MemoTable memo        # masks: (pattern, ODD node); values: (ODD node, leaf) -> diagram node
-    int32_t* full         # masks: the diagram node of an ODD node's set, or -1
-    const uint64_t* bits
-    const int32_t* ids
-    int64_t* last         # values: where the ODD node was last written, and as what
+    MemoTable memo        # (ODD node, leaf) -> diagram node
+    int64_t* last         # where the ODD node was last written, and as what
     int32_t* result
 
 
@@ -199,108 +201,6 @@ cdef int64_t _node(Writer* w, int32_t level, int64_t low, int64_t high) noexcept
     return node
 
 
-cdef int64_t _remember(MemoTable* memo, uint64_t key, uint32_t extra, int64_t node) noexcept nogil:
-    """Store a result that is not a negative status; returns it, or a negative status."""
-    cdef MemoEntry* entry
-    if node < 0:
-        return node
-    entry = memo_insert(memo, key, extra)
-    if entry == NULL:
-        return OUT_OF_MEMORY
-    entry.node = <int32_t>node
-    return node
-
-
-cdef int64_t _full_set(Writer* w, int32_t node) noexcept nogil:
-    """The diagram of all members below an ODD node, or a negative status."""
-    cdef int64_t result
-    if w.full[node] >= 0:
-        return w.full[node]
-    result = _node(w, w.levels[w.odd.depth[node]], _full_set(w, w.odd.low[node]),
-                   _full_set(w, w.odd.high[node]))
-    if result >= 0:
-        w.full[node] = <int32_t>result
-    return result
-
-
-cdef inline uint64_t _bits_at(Writer* w, int64_t at, int64_t n) noexcept nogil:
-    """Bits at .. at+n, for n <= 64; the array has a spare word at its end."""
-    cdef int64_t word = at >> 6
-    cdef int shift = <int>(at & 63)
-    cdef uint64_t bits = w.bits[word] >> shift
-    if shift:
-        bits |= w.bits[word + 1] << (64 - shift)
-    if n < 64:
-        bits &= ((<uint64_t>1) << n) - 1
-    return bits
-
-
-cdef int64_t _small_mask(Writer* w, int32_t node, uint64_t pattern) noexcept nogil:
-    """The diagram of the members with a set bit, for a node of up to 64 members."""
-    cdef int64_t n = w.odd.count[node], half, result
-    cdef uint64_t full = <uint64_t>-1 if n == 64 else ((<uint64_t>1) << n) - 1
-    cdef int32_t low, high, level
-    cdef MemoEntry* entry
-    if pattern == 0:
-        return 0
-    if pattern == full:
-        return _full_set(w, node)
-    entry = memo_find(&w.memo, pattern, <uint32_t>node)
-    if not memo_is_empty(entry):
-        return entry.node
-    low = w.odd.low[node]
-    high = w.odd.high[node]
-    level = w.levels[w.odd.depth[node]]
-    half = w.odd.count[low]
-    if low == 0:
-        result = _node(w, level, 0, _small_mask(w, high, pattern))
-    elif high == 0:
-        result = _node(w, level, _small_mask(w, low, pattern), 0)
-    else:                 # 0 < half < 64
-        result = _node(w, level, _small_mask(w, low, pattern & (((<uint64_t>1) << half) - 1)),
-                       _small_mask(w, high, pattern >> half))
-    return _remember(&w.memo, pattern, <uint32_t>node, result)
-
-
-cdef bint _all_equal(Writer* w, int64_t at, int64_t n, uint64_t bits) noexcept nogil:
-    """Whether the n bits from `at` on are those of the word `bits` (all zeros or all ones)."""
-    cdef int64_t i = at, end = at + n
-    while end - i >= 64:
-        if _bits_at(w, i, 64) != bits:
-            return False
-        i += 64
-    return end == i or _bits_at(w, i, end - i) == bits & (((<uint64_t>1) << (end - i)) - 1)
-
-
-cdef int64_t _collapse(Writer* w, int32_t node, int64_t at) noexcept nogil:
-    """The diagram of the members below a node with a set bit, or a negative status."""
-    cdef int64_t n = w.odd.count[node]
-    cdef uint64_t start
-    cdef int32_t low, high, level
-    if n <= 64:
-        return _small_mask(w, node, _bits_at(w, at, n)) if n else 0
-    start = _bits_at(w, at, 64)
-    if start == 0 and _all_equal(w, at, n, 0):
-        return 0
-    if start == <uint64_t>-1 and _all_equal(w, at, n, <uint64_t>-1):
-        return _full_set(w, node)
-    return _split_mask(w, node, at)
-
-
-cdef int64_t _split_mask(Writer* w, int32_t node, int64_t at) noexcept nogil:
-    """The diagram of a node that is known to have both kinds of bits."""
-    cdef int32_t low = w.odd.low[node], high = w.odd.high[node], level = w.levels[w.odd.depth[node]]
-    cdef int64_t first
-    if low == 0:
-        return _node(w, level, 0, _split_mask(w, high, at))
-    if high == 0:
-        return _node(w, level, _split_mask(w, low, at), 0)
-    first = _collapse(w, low, at)
-    if first < 0:
-        return first
-    return _node(w, level, first, _collapse(w, high, at + w.odd.count[low]))
-
-
 cdef int _open(Writer* w, tuple odd, const int32_t[::1] levels, int64_t leaves,
                int32_t bottom) except -1:
     """Begin a diagram with its leaves."""
@@ -331,43 +231,8 @@ cdef void _close(Writer* w) noexcept:
     release(&w.level)
     release(&w.low)
     release(&w.high)
-    free(w.full)
     free(w.last)
     free(w.result)
-
-
-def mask_to_diagram(odd: OddTable, const uint64_t[::1] bits, const int32_t[::1] levels,
-                    int bottom) -> NewDiagram:
-    """The BDD of the members of an ODD whose bit is set.
-
-    Equal bits cost one comparison per word; blocks of up to 64 members are memoised by content.
-
-    Args:
-        bits: uint64[members // 64 + 1 or more], member i is bit i % 64 of word i // 64.
-        levels: int32[k], ascending, the levels of the ODD in the diagram.
-        bottom: level of the leaves 0 and 1.
-    Returns:
-        level, low, high, root.
-    """
-    cdef Writer w
-    cdef int64_t root, i, nodes = len(odd[0])
-    try:
-        _open(&w, odd, levels, 2, bottom)
-        if bits.shape[0] * 64 < w.odd.count[w.odd.root] + 64:
-            raise ValueError("too few words of bits")
-        w.bits = &bits[0]
-        w.full = <int32_t*>malloc(nodes * 4)
-        if w.full == NULL:
-            raise MemoryError
-        with nogil:
-            for i in range(nodes):
-                w.full[i] = -1
-            w.full[0] = 0
-            w.full[1] = 1
-            root = _collapse(&w, w.odd.root, 0)
-        return _result(&w, root)
-    finally:
-        _close(&w)
 
 
 cdef int64_t _constant(Writer* w, int32_t node, int32_t value) noexcept nogil:
@@ -385,27 +250,33 @@ cdef int64_t _constant(Writer* w, int32_t node, int32_t value) noexcept nogil:
         return entry.node
     result = _node(w, w.levels[w.odd.depth[node]], _constant(w, w.odd.low[node], value),
                    _constant(w, w.odd.high[node], value))
-    return _remember(&w.memo, key, 0, result)
+    if result >= 0:
+        entry = memo_insert(&w.memo, key, 0)
+        if entry == NULL:
+            return OUT_OF_MEMORY
+        entry.node = <int32_t>result
+    return result
 
 
-cdef int64_t _vector(Writer* w, int32_t node, int64_t at) noexcept nogil:
+cdef int64_t _vector(Writer* w, const Id* all_ids, int32_t node, int64_t at) noexcept nogil:
     """The diagram of the values of the members below a node, or a negative status."""
-    cdef const int32_t* ids = w.ids + at
+    cdef const Id* ids = all_ids + at
     cdef int64_t i = 1, n = w.odd.count[node], first, result
     cdef int32_t low, high, level
     while i < n and ids[i] == ids[0]:
         i += 1
     if i >= n:
         return _constant(w, node, ids[0]) if n else 0
-    if w.last[node] >= 0 and memcmp(ids, w.ids + w.last[node], n * 4) == 0:
+    if w.last[node] >= 0 and memcmp(ids, all_ids + w.last[node], n * sizeof(Id)) == 0:
         return w.result[node]
     low = w.odd.low[node]
     high = w.odd.high[node]
     level = w.levels[w.odd.depth[node]]
-    first = _vector(w, low, at) if low else 0
+    first = _vector(w, all_ids, low, at) if low else 0
     if first < 0:
         return first
-    result = _node(w, level, first, _vector(w, high, at + w.odd.count[low]) if high else 0)
+    result = _vector(w, all_ids, high, at + w.odd.count[low]) if high else 0
+    result = _node(w, level, first, result)
     if result >= 0:
         w.last[node] = at
         w.result[node] = <int32_t>result
@@ -459,12 +330,12 @@ def number_values(const double[::1] values, int32_t[::1] ids) -> Floats:
     return leaves
 
 
-def array_to_diagram(odd: OddTable, const int32_t[::1] ids, int leaves, const int32_t[::1] levels,
+def array_to_diagram(odd: OddTable, const Id[::1] ids, int leaves, const int32_t[::1] levels,
                      int bottom) -> NewDiagram:
-    """The MTBDD of a vector over the members of an ODD; it is 0 elsewhere.
+    """The diagram of a vector (the set of a mask) over the members of an ODD; it is 0 elsewhere.
 
     Args:
-        ids: int32[members], the leaf of each member; leaf 0 is the value 0.
+        ids: int32[members] or uint8[members], the leaf of each member; leaf 0 is the value 0.
         leaves: number of leaves.
         levels: int32[k], ascending, the levels of the ODD in the diagram.
         bottom: level of the leaves.
@@ -477,7 +348,6 @@ def array_to_diagram(odd: OddTable, const int32_t[::1] ids, int leaves, const in
         _open(&w, odd, levels, leaves, bottom)
         if ids.shape[0] != w.odd.count[w.odd.root]:
             raise ValueError(f"{ids.shape[0]} values for {w.odd.count[w.odd.root]} members")
-        w.ids = pointer_of(ids)
         w.last = <int64_t*>malloc(nodes * 8)
         w.result = <int32_t*>malloc(nodes * 4)
         if w.last == NULL or w.result == NULL:
@@ -486,7 +356,7 @@ def array_to_diagram(odd: OddTable, const int32_t[::1] ids, int leaves, const in
             w.last[i] = -1
         if ids.shape[0]:
             with nogil:
-                root = _vector(&w, w.odd.root, 0)
+                root = _vector(&w, &ids[0], w.odd.root, 0)
         return _result(&w, root)
     finally:
         _close(&w)
