@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from symcheck.kernels.rows.submatrix import select_groups, select_states, sum_columns, take_rows
-from symcheck.matrices.rows import Bools, Floats, Int64s
+from symcheck.kernels.rows.submatrix import select_states, sum_columns
+from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
 
 N = 40
 
@@ -61,11 +61,12 @@ def test_columns_left_out_may_have_infinite_values() -> None:
 
 
 def test_what_belongs_to_rows_of_chosen_states() -> None:
-    _, groups, chosen, rows = example(True, 9)
+    dense, groups, chosen, rows = example(True, 9)
+    matrix = SparseMatrix(*sparse(dense), dense.shape[1], groups)
+    assert np.array_equal(matrix.rows_of(chosen), rows)
+    own = matrix.groups_of(chosen)
     assert groups is not None
-    values = np.arange(len(rows), dtype=np.float64)
-    assert np.array_equal(take_rows(values, groups, chosen.view(np.uint8)), values[rows])
-    own = select_groups(groups, chosen.view(np.uint8))
+    assert own is not None
     assert np.array_equal(np.diff(own), np.diff(groups)[chosen])
     assert own[0] == 0
 

@@ -54,7 +54,7 @@ def test_operations_agree(seed: int) -> None:
     some, columns = random.random(n) < 0.6, random.random(n) < 0.5
     assert exact(fractions.sums(some, columns)) == exact(doubles.sums(some, columns))
     assert exact(fractions.sums(some, columns, y)) == exact(doubles.sums(some, columns, x))
-    assert dense(fractions.among(some, None)) == dense(doubles.among(some, None))
+    assert dense(fractions.among(some)) == dense(doubles.among(some))
     place = random.integers(0, 2, n).astype(np.int32)
     assert dense(fractions.merge(place, 2)) == dense(doubles.merge(place, 2))
     rows = random.permutation(doubles.rows)[: n + 1].astype(np.int64)

@@ -14,7 +14,7 @@ from symcheck.explicit.compile import Code, compile_expression
 from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.tables import tables, total_reward
-from symcheck.kernels.explore.successors import Expander
+from symcheck.kernels.explore.breadth_first import Expander
 from symcheck.matrices.rows import Bools, Floats, Int64s
 from symcheck.semantics.interpreter import state_rewards
 from symcheck.semantics.model import BoundModel, BoundReward

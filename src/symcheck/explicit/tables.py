@@ -31,7 +31,7 @@ _ALL = (1 << 64) - 1
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Tables:
-    """A compiled model, as `symcheck.kernels.explore.successors.Expander` reads it.
+    """A compiled model, as `symcheck.kernels.explore.breadth_first.Expander` reads it.
 
     Commands, updates and assignments are numbered consecutively; `x_ys[i]` to `x_ys[i+1]` are the
     ys of x number i. Codes are indices into `program` (-1: none), registers are indices into the

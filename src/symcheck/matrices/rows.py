@@ -132,15 +132,21 @@ class SparseMatrix:
             self.groups,
         )
 
-    def among(self, states: Bools, groups: Int64s | None) -> SparseMatrix:
-        """The submatrix of the chosen states, renumbered in order; `groups`: the rows of each of
-        them.
-        """
+    def among(self, states: Bools) -> SparseMatrix:
+        """The submatrix of the chosen states, renumbered in order."""
         indptr, indices, data = submatrix.select_states(
             self.indptr, self.indices, self.handles, self.groups, states.view(np.uint8)
         )
-        count = int(np.count_nonzero(states))
+        count, groups = int(np.count_nonzero(states)), self.groups_of(states)
         return SparseMatrix(indptr, indices, self.from_handles(data), count, groups)
+
+    def rows_of(self, states: Bools) -> Bools:
+        """Which rows belong to the chosen states: bool[rows]."""
+        return states if self.groups is None else np.repeat(states, np.diff(self.groups))
+
+    def groups_of(self, states: Bools) -> Int64s | None:
+        """The groups of the submatrix of the chosen states."""
+        return None if self.groups is None else starts_of(np.diff(self.groups)[states])
 
     def sums(self, states: Bools, columns: Bools, values: Numbers | None = None) -> Numbers:
         """Per row of the chosen states, the sum over chosen columns of the entry, or of entry times
@@ -151,7 +157,7 @@ class SparseMatrix:
             return submatrix.sum_columns(
                 self.indptr, self.indices, self.data, self.groups, chosen, member, values
             )
-        rows = states if self.groups is None else np.repeat(states, np.diff(self.groups))
+        rows = self.rows_of(states)
         entries = np.repeat(rows, self.lengths) & columns[self.indices]
         chosen = self.data[entries]
         terms = chosen if values is None else chosen * values[self.indices[entries]]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from symcheck.errors import ModelFault
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.successors import SuccessorGenerator
-from symcheck.kernels.tables.state_table import StateSet
+from symcheck.kernels.explore.breadth_first import StateSet
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel

@@ -99,82 +99,83 @@ cdef f_reduce Cudd_ReduceHeap
 cdef f_shuffle Cudd_ShuffleHeap
 
 
-cdef int _resolve(void* library, const char* name, void** target) except -1:
-    target[0] = dlsym(library, name)
-    if target[0] is NULL:
-        raise ImportError(
-            f"{cudd.__file__} does not export {name.decode()}: symcheck needs the Linux wheel of dd {REQUIRED_VERSION} "
-            f"(pip install --force-reinstall dd=={REQUIRED_VERSION})"
-        )
-    return 0
-
-
 cdef int _resolve_all() except -1:
     path = cudd.__file__.encode()
     cdef void* library = dlopen(path, RTLD_LAZY | RTLD_NOLOAD)
+    cdef void* symbol
+    cdef uintptr_t target
     if library is NULL:
         raise ImportError(f"the shared library {cudd.__file__} of dd.cudd is not loaded as such, so CUDD cannot be reached")
-    _resolve(library, b"Cudd_ReadOne", <void**>&Cudd_ReadOne)
-    _resolve(library, b"Cudd_ReadZero", <void**>&Cudd_ReadZero)
-    _resolve(library, b"Cudd_ReadLogicZero", <void**>&Cudd_ReadLogicZero)
-    _resolve(library, b"Cudd_T", <void**>&Cudd_T)
-    _resolve(library, b"Cudd_E", <void**>&Cudd_E)
-    _resolve(library, b"Cudd_V", <void**>&Cudd_V)
-    _resolve(library, b"Cudd_DagSize", <void**>&Cudd_DagSize)
-    _resolve(library, b"Cudd_bddIthVar", <void**>&Cudd_bddIthVar)
-    _resolve(library, b"cuddUniqueConst", <void**>&cuddUniqueConst)
-    _resolve(library, b"Cudd_bddAnd", <void**>&Cudd_bddAnd)
-    _resolve(library, b"Cudd_bddOr", <void**>&Cudd_bddOr)
-    _resolve(library, b"Cudd_bddXor", <void**>&Cudd_bddXor)
-    _resolve(library, b"Cudd_bddExistAbstract", <void**>&Cudd_bddExistAbstract)
-    _resolve(library, b"Cudd_bddUnivAbstract", <void**>&Cudd_bddUnivAbstract)
-    _resolve(library, b"Cudd_Cofactor", <void**>&Cudd_Cofactor)
-    _resolve(library, b"Cudd_bddRestrict", <void**>&Cudd_bddRestrict)
-    _resolve(library, b"cuddBddAndRecur", <void**>&cuddBddAndRecur)
-    _resolve(library, b"Cudd_bddIte", <void**>&Cudd_bddIte)
-    _resolve(library, b"Cudd_bddAndAbstract", <void**>&Cudd_bddAndAbstract)
-    _resolve(library, b"cuddBddIteRecur", <void**>&cuddBddIteRecur)
-    _resolve(library, b"cuddUniqueInter", <void**>&cuddUniqueInter)
-    _resolve(library, b"Cudd_RecursiveDeref", <void**>&Cudd_RecursiveDeref)
-    _resolve(library, b"Cudd_IterDerefBdd", <void**>&Cudd_IterDerefBdd)
-    _resolve(library, b"Cudd_bddLeq", <void**>&Cudd_bddLeq)
-    _resolve(library, b"Cudd_ReadSize", <void**>&Cudd_ReadSize)
-    _resolve(library, b"Cudd_ReadErrorCode", <void**>&Cudd_ReadErrorCode)
-    _resolve(library, b"Cudd_ReadPeakLiveNodeCount", <void**>&Cudd_ReadPeakLiveNodeCount)
-    _resolve(library, b"Cudd_ReadGarbageCollections", <void**>&Cudd_ReadGarbageCollections)
-    _resolve(library, b"Cudd_DebugCheck", <void**>&Cudd_DebugCheck)
-    _resolve(library, b"Cudd_ReadPerm", <void**>&Cudd_ReadPerm)
-    _resolve(library, b"Cudd_ReadInvPerm", <void**>&Cudd_ReadInvPerm)
-    _resolve(library, b"cuddGarbageCollect", <void**>&cuddGarbageCollect)
-    _resolve(library, b"Cudd_ReadKeys", <void**>&Cudd_ReadKeys)
-    _resolve(library, b"Cudd_ReadDead", <void**>&Cudd_ReadDead)
-    _resolve(library, b"Cudd_ReadMemoryInUse", <void**>&Cudd_ReadMemoryInUse)
-    _resolve(library, b"Cudd_ReadCacheLookUps", <void**>&Cudd_ReadCacheLookUps)
-    _resolve(library, b"Cudd_AutodynDisable", <void**>&Cudd_AutodynDisable)
-    _resolve(library, b"Cudd_ClearErrorCode", <void**>&Cudd_ClearErrorCode)
-    _resolve(library, b"Cudd_UnregisterTerminationCallback", <void**>&Cudd_UnregisterTerminationCallback)
-    _resolve(library, b"Cudd_FreeTree", <void**>&Cudd_FreeTree)
-    _resolve(library, b"Cudd_EnableGarbageCollection", <void**>&Cudd_EnableGarbageCollection)
-    _resolve(library, b"Cudd_DisableGarbageCollection", <void**>&Cudd_DisableGarbageCollection)
-    _resolve(library, b"Cudd_SetEpsilon", <void**>&Cudd_SetEpsilon)
-    _resolve(library, b"Cudd_SetMaxGrowth", <void**>&Cudd_SetMaxGrowth)
-    _resolve(library, b"Cudd_SetMaxMemory", <void**>&Cudd_SetMaxMemory)
-    _resolve(library, b"cuddCacheLookup2", <void**>&cuddCacheLookup2)
-    _resolve(library, b"cuddCacheLookup", <void**>&cuddCacheLookup)
-    _resolve(library, b"cuddCacheInsert2", <void**>&cuddCacheInsert2)
-    _resolve(library, b"cuddCacheInsert", <void**>&cuddCacheInsert)
-    _resolve(library, b"Cudd_SupportIndices", <void**>&Cudd_SupportIndices)
-    _resolve(library, b"Cudd_SharingSize", <void**>&Cudd_SharingSize)
-    _resolve(library, b"Cudd_RegisterTerminationCallback", <void**>&Cudd_RegisterTerminationCallback)
-    _resolve(library, b"Cudd_OutOfMemSilent", <void**>&Cudd_OutOfMemSilent)
-    _resolve(library, b"Cudd_RegisterOutOfMemoryCallback", <void**>&Cudd_RegisterOutOfMemoryCallback)
-    _resolve(library, b"Cudd_AddHook", <void**>&Cudd_AddHook)
-    _resolve(library, b"Cudd_RemoveHook", <void**>&Cudd_RemoveHook)
-    _resolve(library, b"Cudd_ReadApplicationHook", <void**>&Cudd_ReadApplicationHook)
-    _resolve(library, b"Cudd_SetApplicationHook", <void**>&Cudd_SetApplicationHook)
-    _resolve(library, b"Cudd_MakeTreeNode", <void**>&Cudd_MakeTreeNode)
-    _resolve(library, b"Cudd_ReduceHeap", <void**>&Cudd_ReduceHeap)
-    _resolve(library, b"Cudd_ShuffleHeap", <void**>&Cudd_ShuffleHeap)
+    for name, target in [
+        (b"Cudd_ReadOne", <uintptr_t>&Cudd_ReadOne),
+        (b"Cudd_ReadZero", <uintptr_t>&Cudd_ReadZero),
+        (b"Cudd_ReadLogicZero", <uintptr_t>&Cudd_ReadLogicZero),
+        (b"Cudd_T", <uintptr_t>&Cudd_T),
+        (b"Cudd_E", <uintptr_t>&Cudd_E),
+        (b"Cudd_V", <uintptr_t>&Cudd_V),
+        (b"Cudd_DagSize", <uintptr_t>&Cudd_DagSize),
+        (b"Cudd_bddIthVar", <uintptr_t>&Cudd_bddIthVar),
+        (b"cuddUniqueConst", <uintptr_t>&cuddUniqueConst),
+        (b"Cudd_bddAnd", <uintptr_t>&Cudd_bddAnd),
+        (b"Cudd_bddOr", <uintptr_t>&Cudd_bddOr),
+        (b"Cudd_bddXor", <uintptr_t>&Cudd_bddXor),
+        (b"Cudd_bddExistAbstract", <uintptr_t>&Cudd_bddExistAbstract),
+        (b"Cudd_bddUnivAbstract", <uintptr_t>&Cudd_bddUnivAbstract),
+        (b"Cudd_Cofactor", <uintptr_t>&Cudd_Cofactor),
+        (b"Cudd_bddRestrict", <uintptr_t>&Cudd_bddRestrict),
+        (b"cuddBddAndRecur", <uintptr_t>&cuddBddAndRecur),
+        (b"Cudd_bddIte", <uintptr_t>&Cudd_bddIte),
+        (b"Cudd_bddAndAbstract", <uintptr_t>&Cudd_bddAndAbstract),
+        (b"cuddBddIteRecur", <uintptr_t>&cuddBddIteRecur),
+        (b"cuddUniqueInter", <uintptr_t>&cuddUniqueInter),
+        (b"Cudd_RecursiveDeref", <uintptr_t>&Cudd_RecursiveDeref),
+        (b"Cudd_IterDerefBdd", <uintptr_t>&Cudd_IterDerefBdd),
+        (b"Cudd_bddLeq", <uintptr_t>&Cudd_bddLeq),
+        (b"Cudd_ReadSize", <uintptr_t>&Cudd_ReadSize),
+        (b"Cudd_ReadErrorCode", <uintptr_t>&Cudd_ReadErrorCode),
+        (b"Cudd_ReadPeakLiveNodeCount", <uintptr_t>&Cudd_ReadPeakLiveNodeCount),
+        (b"Cudd_ReadGarbageCollections", <uintptr_t>&Cudd_ReadGarbageCollections),
+        (b"Cudd_DebugCheck", <uintptr_t>&Cudd_DebugCheck),
+        (b"Cudd_ReadPerm", <uintptr_t>&Cudd_ReadPerm),
+        (b"Cudd_ReadInvPerm", <uintptr_t>&Cudd_ReadInvPerm),
+        (b"cuddGarbageCollect", <uintptr_t>&cuddGarbageCollect),
+        (b"Cudd_ReadKeys", <uintptr_t>&Cudd_ReadKeys),
+        (b"Cudd_ReadDead", <uintptr_t>&Cudd_ReadDead),
+        (b"Cudd_ReadMemoryInUse", <uintptr_t>&Cudd_ReadMemoryInUse),
+        (b"Cudd_ReadCacheLookUps", <uintptr_t>&Cudd_ReadCacheLookUps),
+        (b"Cudd_AutodynDisable", <uintptr_t>&Cudd_AutodynDisable),
+        (b"Cudd_ClearErrorCode", <uintptr_t>&Cudd_ClearErrorCode),
+        (b"Cudd_UnregisterTerminationCallback", <uintptr_t>&Cudd_UnregisterTerminationCallback),
+        (b"Cudd_FreeTree", <uintptr_t>&Cudd_FreeTree),
+        (b"Cudd_EnableGarbageCollection", <uintptr_t>&Cudd_EnableGarbageCollection),
+        (b"Cudd_DisableGarbageCollection", <uintptr_t>&Cudd_DisableGarbageCollection),
+        (b"Cudd_SetEpsilon", <uintptr_t>&Cudd_SetEpsilon),
+        (b"Cudd_SetMaxGrowth", <uintptr_t>&Cudd_SetMaxGrowth),
+        (b"Cudd_SetMaxMemory", <uintptr_t>&Cudd_SetMaxMemory),
+        (b"cuddCacheLookup2", <uintptr_t>&cuddCacheLookup2),
+        (b"cuddCacheLookup", <uintptr_t>&cuddCacheLookup),
+        (b"cuddCacheInsert2", <uintptr_t>&cuddCacheInsert2),
+        (b"cuddCacheInsert", <uintptr_t>&cuddCacheInsert),
+        (b"Cudd_SupportIndices", <uintptr_t>&Cudd_SupportIndices),
+        (b"Cudd_SharingSize", <uintptr_t>&Cudd_SharingSize),
+        (b"Cudd_RegisterTerminationCallback", <uintptr_t>&Cudd_RegisterTerminationCallback),
+        (b"Cudd_OutOfMemSilent", <uintptr_t>&Cudd_OutOfMemSilent),
+        (b"Cudd_RegisterOutOfMemoryCallback", <uintptr_t>&Cudd_RegisterOutOfMemoryCallback),
+        (b"Cudd_AddHook", <uintptr_t>&Cudd_AddHook),
+        (b"Cudd_RemoveHook", <uintptr_t>&Cudd_RemoveHook),
+        (b"Cudd_ReadApplicationHook", <uintptr_t>&Cudd_ReadApplicationHook),
+        (b"Cudd_SetApplicationHook", <uintptr_t>&Cudd_SetApplicationHook),
+        (b"Cudd_MakeTreeNode", <uintptr_t>&Cudd_MakeTreeNode),
+        (b"Cudd_ReduceHeap", <uintptr_t>&Cudd_ReduceHeap),
+        (b"Cudd_ShuffleHeap", <uintptr_t>&Cudd_ShuffleHeap),
+    ]:
+        symbol = dlsym(library, name)
+        if symbol is NULL:
+            raise ImportError(
+                f"{cudd.__file__} does not export {name.decode()}: symcheck needs the Linux wheel of dd {REQUIRED_VERSION} "
+                f"(pip install --force-reinstall dd=={REQUIRED_VERSION})"
+            )
+        (<void**>target)[0] = symbol
     return 0
 
 

@@ -26,7 +26,6 @@ from symcheck.engines.explicit.graph import ExplicitGraph
 from symcheck.engines.explicit.rational_values import RationalValues
 from symcheck.engines.linear_system import LinearSystem, Preprocessing, refuse_infinite_minimum
 from symcheck.explicit.explored import ExploredModel
-from symcheck.kernels.rows.submatrix import select_groups
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
@@ -232,12 +231,8 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     @cached_property
     def groups(self) -> Int64s | None:
         """Which of the rows belong to which state; None where each has one."""
-        groups = self.engine.matrix.groups
-        return (
-            groups
-            if groups is None or self._whole
-            else select_groups(groups, self.states.members.view(np.uint8))
-        )
+        matrix = self.engine.matrix
+        return matrix.groups if self._whole else matrix.groups_of(self.states.members)
 
     @cached_property
     def matrix(self) -> SparseMatrix:
@@ -245,7 +240,7 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         whole = self.engine.matrix
         if self._whole:
             return whole
-        return whole.among(self.states.members, self.groups)
+        return whole.among(self.states.members)
 
     @property
     def _whole(self) -> bool:

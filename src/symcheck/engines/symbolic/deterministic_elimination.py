@@ -37,7 +37,6 @@ from symcheck.engines.symbolic.sets import (
 from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.kernels.graph import deterministic_states as kernel
 from symcheck.kernels.rows import sparse
-from symcheck.kernels.rows.submatrix import take_rows
 from symcheck.machine import memory
 from symcheck.matrices import tuning as matrix_tuning
 from symcheck.matrices.blocks import RowLayout, flatten, quad_dag
@@ -516,8 +515,7 @@ def _problem(
     reward = None
     if isinstance(query, ExpectedReward):
         assert system.step_reward is not None
-        assert full.groups is not None
-        reward = take_rows(system.step_reward, full.groups, unknown.view(np.uint8))
+        reward = system.step_reward[full.rows_of(unknown)]
     matrix, enter, leave = _among(full, unknown, outside, direction)
     if reward is None:
         return LinearProblem(enter, matrix, None, leave, direction, True)

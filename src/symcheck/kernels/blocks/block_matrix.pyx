@@ -1,17 +1,21 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Products with a matrix that is stored as blocks, and the conversion to compressed rows."""
 from libc.math cimport INFINITY
-from libc.stdint cimport int32_t, int64_t, uint8_t
-from libc.string cimport memset
+cimport cython
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
+from libc.stdlib cimport free, malloc, realloc
+from libc.string cimport memcpy, memset
 
 from symcheck.kernels.blocks.block_operations cimport (clipped, columns, count, diagonal, fill,
                                                        improve, multiply, scatter, transposed)
-from symcheck.kernels.blocks.block_partition cimport Block, BlockPartition, Occurrence
-from symcheck.kernels.blocks.diagonal_runs cimport Runs
+from symcheck.kernels.blocks.diagonal_runs cimport Runs, SmallRun, WideRun
+from symcheck.kernels.diagrams.quad_dag cimport Node, QuadDag
 
 import numpy as np
 
-__all__ = ["BlockOperations"]
+__all__ = ["BlockOperations", "BlockPartition"]
+
+include "_block_partition.pxi"
 
 
 cdef inline int64_t _next_present(const uint8_t* present, int64_t s, int64_t end) noexcept nogil:

@@ -13,7 +13,7 @@ import numpy as np
 
 from libc.float cimport DBL_MAX, DBL_MIN
 from libc.stdint cimport int32_t, int64_t
-from libc.stdlib cimport free, malloc, realloc
+from libc.stdlib cimport calloc, free, realloc
 
 from symcheck.kernels.rounding cimport UNIT_ROUNDOFF
 from symcheck.kernels.tuning cimport FILL_IN_CLASSES
@@ -60,7 +60,7 @@ cdef class GthElimination:
     for which the bound does not hold. operations, updates: work done.
     """
 
-    cdef SparseRow* rows
+    cdef SparseRow* rows           # the first of the three arrays, which are allocated together
     cdef SparseRow* columns
     cdef SparseRow* factors
     cdef int64_t n
@@ -77,15 +77,11 @@ cdef class GthElimination:
         self.order = np.empty(n, dtype=np.int64)
         self.pivot_sum = np.zeros(n)
         self.exit_mass = np.array(exit)
-        self.rows = <SparseRow*>malloc(max(n, 1) * sizeof(SparseRow))
-        self.columns = <SparseRow*>malloc(max(n, 1) * sizeof(SparseRow))
-        self.factors = <SparseRow*>malloc(max(n, 1) * sizeof(SparseRow))
-        if self.rows == NULL or self.columns == NULL or self.factors == NULL:
+        self.rows = <SparseRow*>calloc(3 * n + 1, sizeof(SparseRow))
+        if self.rows == NULL:
             raise MemoryError
-        for i in range(n):
-            self.rows[i] = SparseRow(NULL, NULL, 0, 0)
-            self.columns[i] = SparseRow(NULL, NULL, 0, 0)
-            self.factors[i] = SparseRow(NULL, NULL, 0, 0)
+        self.columns = self.rows + n
+        self.factors = self.columns + n
         for i in range(n):
             for k in range(indptr[i], indptr[i + 1]):
                 if indices[k] != i:
@@ -97,19 +93,10 @@ cdef class GthElimination:
 
     def __dealloc__(self):
         cdef int64_t i
-        for i in range(self.n):
-            if self.rows != NULL:
-                free(self.rows[i].indices)
-                free(self.rows[i].data)
-            if self.columns != NULL:
-                free(self.columns[i].indices)
-                free(self.columns[i].data)
-            if self.factors != NULL:
-                free(self.factors[i].indices)
-                free(self.factors[i].data)
+        for i in range(3 * self.n if self.rows != NULL else 0):
+            free(self.rows[i].indices)
+            free(self.rows[i].data)
         free(self.rows)
-        free(self.columns)
-        free(self.factors)
 
     cdef int eliminate_all(self, int64_t limit) except -1:
         """Eliminate all states, those with the least fill-in (in-degree times out-degree) first; 1
@@ -118,6 +105,8 @@ cdef class GthElimination:
         cdef int64_t n = self.n, done = 0, fill_in_class, class_, b, i
         cdef int64_t classes = FILL_IN_CLASSES
         cdef int32_t k, p
+        cdef SparseRow* neighbours
+        cdef int side
         # Doubly linked lists of the states of each class.
         cdef int32_t[::1] first_state = np.full(classes, -1, dtype=np.int32)
         cdef int32_t[::1] next_state = np.full(n, -1, dtype=np.int32)
@@ -142,20 +131,14 @@ cdef class GthElimination:
                     status = 1
                     break
                 # The degrees of the neighbours of k have changed.
-                for i in range(self.factors[k].size):
-                    p = self.factors[k].indices[i]
-                    unlink(p, first_state, next_state, previous_state, class_of)
-                    b = self.fill_in_class(p, classes)
-                    link(p, b, first_state, next_state, previous_state, class_of)
-                    if b < class_:
-                        class_ = b
-                for i in range(self.rows[k].size):
-                    p = self.rows[k].indices[i]
-                    unlink(p, first_state, next_state, previous_state, class_of)
-                    b = self.fill_in_class(p, classes)
-                    link(p, b, first_state, next_state, previous_state, class_of)
-                    if b < class_:
-                        class_ = b
+                for side in range(2):
+                    neighbours = &self.rows[k] if side else &self.factors[k]
+                    for i in range(neighbours.size):
+                        p = neighbours.indices[i]
+                        unlink(p, first_state, next_state, previous_state, class_of)
+                        b = self.fill_in_class(p, classes)
+                        link(p, b, first_state, next_state, previous_state, class_of)
+                        class_ = min(class_, b)
         return status
 
     cdef int64_t fill_in_class(self, int64_t i, int64_t classes) noexcept nogil:

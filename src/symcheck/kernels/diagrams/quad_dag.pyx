@@ -6,7 +6,7 @@ bit i+1). Its rows are the members of a row ODD, its columns those of a column O
 over the same number k of bits. The triple (diagram node, row node, column node) determines a
 submatrix. Each triple is visited once, and each submatrix is stored once: a node is either a *run*
 (a constant along `rows` diagonal cells) or up to four edges (node, row, column). Submatrices that
-differ only by their position share a node. `symcheck.kernels.blocks.block_partition` partitions the
+differ only by their position share a node. `symcheck.kernels.blocks.block_matrix` partitions the
 DAG into blocks.
 """
 from libc.stdint cimport INT64_MAX, int32_t, int64_t, uint32_t, uint64_t

@@ -6,16 +6,22 @@ hash table, and the rows are closed. So the table is probed with prefetching, an
 of narrow levels costs no more per state than a wide one.
 """
 
-from libc.stdint cimport int32_t, int64_t, uint64_t
-from libc.string cimport memcpy
+cimport cython
+from libc.stdint cimport int32_t, int64_t, uint16_t, uint32_t, uint64_t
+from libc.stdlib cimport calloc, free, malloc
+from libc.string cimport memcpy, memset
 from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
-from symcheck.kernels.rows.csr_builder cimport CsrBuilder
-from symcheck.kernels.explore.successors cimport Expander
-from symcheck.kernels.tables.state_table cimport StateSet
-from symcheck.kernels.memory cimport Buffer, release, reserve
-from symcheck.kernels.explore.register_machine cimport Status
-from symcheck.kernels.tuning cimport BATCH_STATES, BATCH_SUCCESSORS, CLOCK_INTERVAL
+import numpy as np
+
+from symcheck.kernels.explore.register_machine cimport Instruction, Register, Status, execute
+from symcheck.kernels.memory cimport Buffer, prefer_huge_pages, release, reserve
+from symcheck.kernels.tuning cimport (BATCH_STATES, BATCH_SUCCESSORS, CLOCK_INTERVAL, INSERT_CHUNK,
+                                      LINEAR_SCAN_ENTRIES)
+
+include "_csr_builder.pxi"
+include "_state_table.pxi"
+include "_successors.pxi"
 
 cdef extern from *:
     """

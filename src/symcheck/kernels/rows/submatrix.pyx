@@ -55,35 +55,6 @@ def sum_columns(const int64_t[::1] indptr, const int32_t[::1] indices, const dou
     return np.asarray(out)
 
 
-def take_rows(const double[::1] rows, const int64_t[::1] groups,
-              const uint8_t[::1] chosen) -> Floats:
-    """The values (float64[rows]) of the rows of the chosen states."""
-    cdef int64_t s
-    cdef int64_t r, i = 0
-    cdef double[::1] out = np.empty(count_rows(groups, chosen))
-    with nogil:
-        for s in range(chosen.shape[0]):
-            if chosen[s]:
-                for r in range(groups[s], groups[s + 1]):
-                    out[i] = rows[r]
-                    i += 1
-    return np.asarray(out)
-
-
-def select_groups(const int64_t[::1] groups, const uint8_t[::1] chosen) -> Int64s:
-    """The groups of the submatrix of the chosen states: int64[chosen+1]."""
-    cdef int64_t s
-    cdef int64_t i = 0
-    cdef int64_t[::1] out = np.empty(np.count_nonzero(chosen) + 1, np.int64)
-    out[0] = 0
-    with nogil:
-        for s in range(chosen.shape[0]):
-            if chosen[s]:
-                out[i + 1] = out[i] + groups[s + 1] - groups[s]
-                i += 1
-    return np.asarray(out)
-
-
 def select_states(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
                   const int64_t[::1] groups or None,
                   const uint8_t[::1] chosen) -> tuple[Int64s, Int32s, Floats]:

@@ -82,13 +82,8 @@ class MaskedProblem:
         constant = kernel.sum_columns(*m.arrays, m.groups, chosen, outside, values)
         leave = kernel.sum_columns(*m.arrays, m.groups, chosen, outside, None)
         if self.constant is not None:
-            constant += (
-                self.constant[self.unknown]
-                if m.groups is None
-                else kernel.take_rows(self.constant, m.groups, chosen)
-            )
-        groups = None if m.groups is None else kernel.select_groups(m.groups, chosen)
-        matrix = SparseMatrix(*kernel.select_states(*m.arrays, m.groups, chosen), self.n, groups)
+            constant += self.constant[m.rows_of(self.unknown)]
+        matrix = m.among(self.unknown)
         if self.rates:
             total = matrix.row_sums() + leave
             matrix = matrix.divided(total)

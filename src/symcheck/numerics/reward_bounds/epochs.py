@@ -181,7 +181,7 @@ def _unbounded(problem: RewardBoundedReachability, settings: Settings) -> tuple[
     unknown = ~(yes | no)
     if unknown.any():
         enter, leave = (problem.matrix.sums(unknown, target) for target in (yes, ~unknown))
-        part = problem.matrix.among(unknown, _groups_submatrix(problem, unknown))
+        part = problem.matrix.among(unknown)
         found = solve_linear(
             LinearProblem(enter, part, None, leave, problem.direction, True), settings
         )
@@ -191,13 +191,6 @@ def _unbounded(problem: RewardBoundedReachability, settings: Settings) -> tuple[
             np.minimum(found.upper * (1 + rounding_error), 1),
         )
     return low, high
-
-
-def _groups_submatrix(problem: RewardBoundedReachability, states: Bools) -> Int64s | None:
-    """Where the rows of each of some states begin, counted among theirs; None without choices."""
-    if problem.matrix.groups is None:
-        return None
-    return starts_of(np.diff(problem.groups)[states])
 
 
 def unfold_reward_dimension(

@@ -1,25 +1,24 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Partition of a quad-DAG into blocks of diagonal runs, and the occurrences of the blocks.
+# Partition of a quad-DAG into blocks of diagonal runs, and the occurrences of the blocks.
+#
+# A block is a submatrix that is stored once, as a list of diagonal runs. Unchanged variables make
+# long runs; in the worst case a run is one entry.
+#
+# For products the rows are split into ranges of some ten thousand, each with its own list of
+# occurrences. What a range reads and writes stays in cache, ranges may be computed by different
+# threads, and the order of additions in a row does not depend on the threads. An occurrence that
+# crosses the end of a range is in both lists, and is clipped.
 
-A block is a submatrix that is stored once, as a list of diagonal runs. Unchanged variables make
-long runs; in the worst case a run is one entry.
+cdef struct Block:
+    int64_t start         # first run, in the array of its kind
+    int64_t runs
+    uint32_t rows
+    uint32_t cols
+    bint wide
 
-For products the rows are split into ranges of some ten thousand, each with its own list of
-occurrences. What a range reads and writes stays in cache, ranges may be computed by different
-threads, and the order of additions in a row does not depend on the threads. An occurrence that
-crosses the end of a range is in both lists, and is clipped.
-"""
-from libc.stdint cimport int32_t, int64_t, uint16_t, uint32_t, uint64_t
-from libc.stdlib cimport free, malloc, realloc
-from libc.string cimport memcpy, memset
-
-cimport cython
-import numpy as np
-
-from symcheck.kernels.blocks.diagonal_runs cimport SmallRun, WideRun
-from symcheck.kernels.diagrams.quad_dag cimport Node, QuadDag
-
-__all__ = ["BlockPartition"]
+cdef struct Occurrence:
+    int32_t block
+    uint32_t row
+    uint32_t col
 
 cdef enum:
     ABOVE = -1            # of a node: above the cut
@@ -135,27 +134,6 @@ def _boundaries(row_starts, row_ends, weights, int64_t rows, int64_t target):
     return np.array([*result, rows], np.int64)
 
 
-cdef void _store_runs(BlockPartition partition, Block* block, const RunKey* runs) noexcept nogil:
-    """Write the runs of a block in its form."""
-    cdef int64_t j
-    cdef uint32_t row, col
-    cdef WideRun* wide = partition.wide + block.start
-    cdef SmallRun* small = partition.small + block.start
-    for j in range(block.runs):
-        row = <uint32_t>runs[j].key
-        col = <uint32_t>((runs[j].key >> 32) + row - ((<uint64_t>1) << 31))
-        if block.wide:
-            wide[j].row, wide[j].col, wide[j].length, wide[j].value = (row, col, runs[j].length,
-                                                                       runs[j].value)
-        else:
-            small[j].row, small[j].col = <uint16_t>row, <uint16_t>col
-            small[j].length, small[j].value = <uint16_t>runs[j].length, <uint16_t>runs[j].value
-    if block.wide:
-        partition.wide_count += block.runs
-    else:
-        partition.small_count += block.runs
-
-
 cdef class BlockPartition:
     """Distinct blocks, and for each root (matrix) their occurrences.
 
@@ -173,6 +151,17 @@ cdef class BlockPartition:
     range_bounds: int64[ranges + 1], where they begin and end. range_work: int64[ranges], the
     relative cost of a product. entries: int64[roots].
     """
+
+    cdef Block* blocks
+    cdef SmallRun* small
+    cdef WideRun* wide
+    cdef Occurrence* occurrences
+    cdef int64_t small_count, wide_count, block_count, occurrence_count
+    cdef int64_t[:, ::1] occurrence_start        # of a root in a range of rows
+    cdef int64_t[::1] bounds
+    cdef const double[::1] values
+    cdef readonly int64_t rows, columns, roots, ranges, threshold, range_rows
+    cdef readonly object entries, range_bounds, range_work  # type: Int64s
 
     def __cinit__(self):
         self.blocks = NULL
@@ -461,3 +450,24 @@ cdef class BlockPartition:
         if first < 0 or last > self.ranges:
             raise IndexError(f"row ranges {first} to {last} of {self.ranges}")
         return last
+
+
+cdef void _store_runs(BlockPartition partition, Block* block, const RunKey* runs) noexcept nogil:
+    """Write the runs of a block in its form."""
+    cdef int64_t j
+    cdef uint32_t row, col
+    cdef WideRun* wide = partition.wide + block.start
+    cdef SmallRun* small = partition.small + block.start
+    for j in range(block.runs):
+        row = <uint32_t>runs[j].key
+        col = <uint32_t>((runs[j].key >> 32) + row - ((<uint64_t>1) << 31))
+        if block.wide:
+            wide[j].row, wide[j].col, wide[j].length, wide[j].value = (row, col, runs[j].length,
+                                                                       runs[j].value)
+        else:
+            small[j].row, small[j].col = <uint16_t>row, <uint16_t>col
+            small[j].length, small[j].value = <uint16_t>runs[j].length, <uint16_t>runs[j].value
+    if block.wide:
+        partition.wide_count += block.runs
+    else:
+        partition.small_count += block.runs

@@ -1,23 +1,12 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Sets of packed states (rows of uint64 words), numbered in the order of insertion.
-
-The hash table uses open addressing. An entry holds 32 bits of the hash and the state's number + 1,
-so a probe rarely reads a row without need. Rows are inserted in chunks: the table slots of a chunk,
-and then the rows, are prefetched, which decides the speed of sets that are larger than the caches.
-"""
-
-import numpy as np
-
-from libc.stdint cimport int32_t, uint64_t
-from libc.stdlib cimport calloc, free
-from libc.string cimport memcpy
-
-from symcheck.kernels.memory cimport Buffer, prefer_huge_pages, release, reserve
+# Sets of packed states (rows of uint64 words), numbered in the order of insertion.
+#
+# The hash table uses open addressing. An entry holds 32 bits of the hash and the state's number + 1,
+# so a probe rarely reads a row without need. Rows are inserted in chunks: the table slots of a chunk,
+# and then the rows, are prefetched, which decides the speed of sets that are larger than the caches.
 
 cdef extern from *:
     void __builtin_prefetch(const void*) nogil
 
-from symcheck.kernels.tuning cimport INSERT_CHUNK
 
 cdef enum:
     MAX_STATES = 2147483647
@@ -43,12 +32,19 @@ cdef inline bint rows_equal(const uint64_t* a, const uint64_t* b, int words) noe
     return True
 
 
+@cython.final
 cdef class StateSet:
     """A set of packed states, empty at first.
 
     Args:
         words: number of uint64 words of a state.
     """
+
+    cdef readonly int words
+    cdef readonly long long count
+    cdef Buffer rows
+    cdef uint64_t* table
+    cdef uint64_t mask
 
     def __cinit__(self, int words):
         self.words = words

@@ -1,16 +1,7 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Compressed rows that are written one after the other and renumbered at the end.
-
-Most models have few distinct probabilities or rates. While there are fewer than 2**16, an entry
-stores the two-byte code of its value: that halves the peak memory of the exploration.
-"""
-
-from libc.stdint cimport int32_t, int64_t, uint16_t, uint32_t, uint64_t
-from libc.stdlib cimport free, malloc
-from libc.string cimport memcpy, memset
-
-from symcheck.kernels.memory cimport Buffer, release, reserve
-from symcheck.kernels.tuning cimport LINEAR_SCAN_ENTRIES
+# Compressed rows that are written one after the other and renumbered at the end.
+#
+# Most models have few distinct probabilities or rates. While there are fewer than 2**16, an entry
+# stores the two-byte code of its value: that halves the peak memory of the exploration.
 
 ctypedef fused Weight:
     uint16_t
@@ -40,6 +31,7 @@ cdef void sort_row(int32_t* indices, Weight* weights, long long n) noexcept nogi
         gap //= 3
 
 
+@cython.final
 cdef class CsrBuilder:
     """A matrix in compressed rows under construction.
 
@@ -50,6 +42,16 @@ cdef class CsrBuilder:
     Args:
         structures: number of rewards of each row.
     """
+
+    cdef readonly long long opened, closed, groups, entries
+    cdef int structures
+    cdef Buffer* rewards
+    cdef Buffer starts, group_ends, actions, indices
+    # weights: codes of the distinct values or, if `raw_weights`, the values themselves
+    cdef bint raw_weights
+    cdef Buffer weight_codes, weights, distinct_weights, code_table
+    cdef uint32_t distinct_count
+    cdef Buffer row, merge_table
 
     def __cinit__(self, int structures):
         self.structures = structures

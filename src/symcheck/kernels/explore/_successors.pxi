@@ -1,15 +1,4 @@
-# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Successors of packed states: guards, updates, products of synchronised commands."""
-
-from libc.stdint cimport int32_t, int64_t, uint64_t
-from libc.stdlib cimport free, malloc
-from libc.string cimport memcpy
-
-import numpy as np
-
-from symcheck.kernels.rows.csr_builder cimport CsrBuilder
-from symcheck.kernels.memory cimport Buffer, release, reserve
-from symcheck.kernels.explore.register_machine cimport Instruction, Register, Status, execute
+# Successors of packed states: guards, updates, products of synchronised commands.
 
 Branches: TypeAlias = "tuple[Int64s, Int64s, Int32s, Floats, Words, Int64s]"
 
@@ -28,12 +17,50 @@ cdef object copy_array(const void* data, long long count, object dtype):
     return out
 
 
+@cython.final
 cdef class Expander:
     """A model given as tables (see `symcheck.explicit.tables.Tables`).
 
     `expand` appends the successors of a state to the batch (`targets`, `weights`) and opens its
     rows in `rows`, where row i of the batch ends at `ends[i]`; `clear` begins the next batch.
     """
+
+    cdef object tables
+    cdef readonly CsrBuilder rows
+    # the model
+    cdef int kind, words, variables, structures
+    cdef bint check_sums
+    cdef double tolerance
+    cdef const int32_t[:, ::1] fields, program
+    cdef const int64_t[::1] lows
+    cdef const uint64_t[::1] ranges
+    cdef const int32_t[::1] command_guard, command_code, command_updates, update_probability
+    cdef const int32_t[::1] update_code, update_assignments
+    cdef const uint64_t[:, ::1] update_keep, update_preset
+    cdef const int32_t[::1] assignment_register, assignment_variable
+    cdef const int32_t[::1] event_action, event_parts, part_commands, part_list, part_forest
+    cdef const int32_t[::1] forest, action_rewards
+    cdef const int32_t[:, ::1] rewards
+    cdef int root, events
+    cdef const Instruction* code
+    cdef Register* r
+    # scratch of one state
+    cdef int32_t* candidates
+    cdef int32_t* enabled
+    cdef int32_t* enabled_begin
+    cdef double* enabled_total
+    cdef int* enabled_status
+    cdef int32_t* part_begin
+    cdef int32_t* chosen
+    cdef double* evaluated_weight
+    cdef int32_t* evaluated_update
+    cdef uint64_t* evaluated_value
+    cdef uint64_t* level_words
+    cdef int candidate_count, enabled_count, evaluated_count, part_count
+    cdef int joint_choices, row_action
+    # scratch of one batch
+    cdef Buffer targets, weights, ends, deadlocks
+    cdef long long successor_count, row_count, deadlock_count
 
     def __cinit__(self, tables):
         self.tables = tables
