@@ -301,7 +301,7 @@ class Model:
         Raises:
             SymcheckError: as for `check`; UsageError if the formula is a number.
 
-        Example:
+        Examples:
             >>> import symcheck
             >>> model = symcheck.loads("dtmc module m x : [0..1]; [] x=0 -> (x'=1); endmodule")
             >>> print(*model.where('x=1 & "deadlock"'))
@@ -334,7 +334,7 @@ class Model:
             SymcheckError: the text is faulty, the property is not supported, or a limit was
                 reached.
 
-        Example:
+        Examples:
             >>> import symcheck
             >>> model = symcheck.loads("dtmc module m x : [0..1]; [] x=0 -> (x'=1); endmodule")
             >>> model.check("P=? [ F x=1 ]").value
@@ -477,7 +477,7 @@ class Model:
     ) -> Page:
         """A page to step through; see `symcheck.teach.model_page`.
 
-        Example:
+        Examples:
             >>> load("die.pm").page("P=? [ F d=6 ]").save("die.html")  # doctest: +SKIP
         """
         from symcheck.teach.model_page import model_page
@@ -634,7 +634,7 @@ def load(
         InputError: the text is faulty, or there is no such constant.
         UsageError: the file cannot be read, or an option or constant has a wrong value.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> model = symcheck.load("models/die/die.pm", engine="sparse")
         >>> print(f"{model.check('P=? [ F d=6 ]'):.6f}")

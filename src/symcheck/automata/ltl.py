@@ -40,7 +40,7 @@ class LtlFactory:
             requires one more letter. This matters for rewards accumulated until a formula is
             satisfied. None: X true is true.
 
-    Example:
+    Examples:
         >>> factory = LtlFactory()
         >>> a = factory.literal(0)
         >>> str(factory.eventually(factory.eventually(a)))

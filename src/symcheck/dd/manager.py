@@ -97,7 +97,7 @@ class DiagramManager:
             half.
         time_limit: seconds from now; None: no limit.
 
-    Example:
+    Examples:
         >>> manager = DiagramManager()
         >>> x, y = manager.add_variables(["x", "y"])
         >>> manager.count(x | y, ["x", "y"])

@@ -37,7 +37,7 @@ class Capable:
         Args:
             kind: a protocol of this file, or the class of an engine.
 
-        Example:
+        Examples:
             >>> rows = engine.capability(HasMatrix)
             >>> entries = None if rows is None else rows.matrix.entries
         """

@@ -148,7 +148,7 @@ class States(Tabular, Collection[State]):
     `|`, `&`, `-` and `~` are union, intersection, difference and complement; `<=` is inclusion. The
     states are listed only when they are asked for: `count` and set operations enumerate nothing.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> model = symcheck.load("models/die/die.pm")
         >>> done = model.where("s=7")
@@ -378,7 +378,7 @@ class StateValues(StateVector):
         engine: of the states.
         of_engine: the values in the form of the engine.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> values = symcheck.load("models/die/die.pm").check("P=? [ F d=6 ]").values
         >>> round(values[0], 6), values[{"s": 7, "d": 6}], max(values)

@@ -40,7 +40,7 @@ class Transition(NamedTuple):
 class TransitionTable(Tabular):
     """The transitions, ordered by source and choice; they are listed when they are asked for.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> model = symcheck.load("models/die/die.pm")
         >>> source, action, target, probability = next(iter(model.transitions))

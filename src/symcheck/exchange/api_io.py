@@ -88,7 +88,7 @@ def export(model: Model, target: str) -> list[str]:
         UsageError: a file cannot be written.
         SymcheckError: the model cannot be built.
 
-    Example:
+    Examples:
         >>> symcheck.export(model, "die.tra,sta")  # doctest: +SKIP
         ['die.tra', 'die.sta']
     """

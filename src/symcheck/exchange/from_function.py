@@ -78,7 +78,7 @@ def from_function(
         ResourceError: there are more than `max_states` states.
         UsageError: an argument has a wrong value.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> def step(x):
         ...     return {x + 1: 0.5, x - 1: 0.5} if 0 < x < 4 else {x: 1}

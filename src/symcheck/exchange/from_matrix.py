@@ -60,7 +60,7 @@ def from_matrix(
         UsageError: an argument has the wrong shape or type.
         ModelFault: a row does not sum to 1, or an entry is negative or not finite.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> walk = symcheck.from_matrix([[0.5, 0.5], [0, 1]], labels={"end": [1]})
         >>> walk.check('T=? [ F "end" ]').value

@@ -96,7 +96,7 @@ def experiment(
         UsageError: a file cannot be read, a constant has no value, an option is wrong, or `resume`
             belongs to another experiment.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> rows = symcheck.experiment(
         ...     "dtmc const int N; module m x : [0..9]; [] x<9 -> (x'=min(x+N,9)); endmodule",

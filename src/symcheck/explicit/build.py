@@ -331,7 +331,7 @@ def explore(
         ModelFault: the model breaks a rule in a reachable state.
         TimeLimitError, MemoryLimitError, Interrupted: a limit is reached, or Ctrl-C.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> text = "dtmc module m x:[0..5]; [] x<3 -> (x'=x+1); endmodule"
         >>> model = symcheck.explore(symcheck.bind(symcheck.parse_model(text)), symcheck.Options())

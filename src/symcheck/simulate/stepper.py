@@ -31,7 +31,7 @@ class Simulator:
     Attributes:
         seed: of the random numbers.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> text = "mdp module m x:[0..2]; [go] x<2 -> (x'=x+1); [back] x>0 -> (x'=0); endmodule"
         >>> simulator = symcheck.loads(text).simulator(seed=1)

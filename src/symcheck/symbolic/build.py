@@ -51,7 +51,7 @@ def build(
         UnsupportedError: a variable without bounds.
         ResourceError: a limit of memory or time is reached.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> text = "dtmc module m x:[0..5]; [] x<5 -> (x'=x+1); endmodule"
         >>> model = symcheck.bind(symcheck.parse_model(text))

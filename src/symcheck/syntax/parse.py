@@ -52,7 +52,7 @@ def parse_model(text: str, name: str = "<model>") -> Program:
     Raises:
         SyntaxFault: The text does not follow the grammar; it has a diagnostic for each fault.
 
-    Example:
+    Examples:
         >>> parse_model("dtmc module m x : [0..1]; [] x=0 -> (x'=1); endmodule").type
         <ModelType.DTMC: 'dtmc'>
     """
@@ -73,7 +73,7 @@ def parse_properties(text: str, name: str = "<properties>", *, shown: str = "") 
     Raises:
         SyntaxFault: The text does not follow the grammar; it has a diagnostic for each fault.
 
-    Example:
+    Examples:
         >>> len(parse_properties('P=? [ F x=1 ]; "goal": x>2').properties)
         2
     """
@@ -94,7 +94,7 @@ def parse_expression(text: str, name: str = "<expression>") -> Expression:
         SyntaxFault: The text does not follow the grammar. There is one diagnostic, because an
             expression has no parts at which reading could go on.
 
-    Example:
+    Examples:
         >>> parse_expression("x > 2").operator
         '>'
     """

@@ -32,7 +32,7 @@ def pretty(node: Printable) -> str:
     Returns:
         A text that parses to an equal tree. Comments are no part of a tree, so it has none.
 
-    Example:
+    Examples:
         >>> pretty(parse_expression("(a&b)|!c"))
         'a & b | !c'
     """

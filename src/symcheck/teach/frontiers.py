@@ -68,7 +68,7 @@ def frontiers(
         limit: the most new states that a frame lists.
         frames: the most frames. None: no limit.
 
-    Example:
+    Examples:
         >>> for frame in teach.frontiers(model):  # doctest: +SKIP
         ...     print(frame)
     """

@@ -130,7 +130,7 @@ def model_page(
         SymcheckError: the model cannot be built, or the properties cannot be read. A property that
             cannot be checked is on the page with its error.
 
-    Example:
+    Examples:
         >>> model_page(model, "P=? [ F d=6 ]").save("die.html")  # doctest: +SKIP
     """
     bound = model.bound

@@ -79,7 +79,7 @@ def picture(
         UnsupportedError: the picture has more than `max_nodes` nodes.
         UsageError: the encoding of a diagram is missing.
 
-    Example:
+    Examples:
         >>> view.picture(space.states, space.symbolic.encoding).save("states.svg")  # doctest: +SKIP
         >>> view.picture(symcheck.load("models/die/die.pm"), bits=True)  # doctest: +SKIP
     """

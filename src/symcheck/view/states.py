@@ -75,7 +75,7 @@ def state_graph(
         UsageError: values, strategy or path do not belong to the model.
         InputError: a formula is faulty.
 
-    Example:
+    Examples:
         >>> die = symcheck.load("models/die/die.pm")  # doctest: +SKIP
         >>> view.state_graph(die, values=die.check("P=? [ F d=6 ]"), sets={"six": "d=6"})
         ... # doctest: +SKIP

@@ -18,7 +18,7 @@ cdef class Mtbdd:
     Raises:
         NumericalError: a value is undefined, such as infinity - infinity.
         MemoryLimitError, TimeLimitError, Interrupted: in any operation; all handles stay usable.
-    Example:
+    Examples:
         >>> from symcheck.dd.manager import DiagramManager
         >>> x, y = DiagramManager().add_variables(["x", "y"])
         >>> f = x.to_mtbdd(0.5) + y.to_mtbdd(0.25)

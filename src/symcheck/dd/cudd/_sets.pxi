@@ -15,7 +15,7 @@ cdef class Bdd:
     Raises:
         MemoryLimitError, TimeLimitError, Interrupted: in any operation; all handles stay usable.
         ValueError: the operands belong to different managers.
-    Example:
+    Examples:
         >>> from symcheck.dd.manager import DiagramManager
         >>> x, y = DiagramManager().add_variables(["x", "y"])
         >>> (x & y) <= x, x.disjoint(~x), bool(x - x)

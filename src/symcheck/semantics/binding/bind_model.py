@@ -68,7 +68,7 @@ def bind(
     Raises:
         NameFault, TypeFault, InputError: all faults of the program, in the order of the text.
 
-    Example:
+    Examples:
         >>> model = bind(parse_model(text), {"N": 3})
     """
     return with_deep_recursion(lambda: _bind(program, constants or {}, model_type, exact))

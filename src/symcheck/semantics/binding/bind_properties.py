@@ -168,7 +168,7 @@ def bind_properties(
         InputError: constants, formulas or labels of the file are faulty, or its names are not
             unique. The fault of a single property is its attribute `fault`.
 
-    Example:
+    Examples:
         >>> bind_properties(parse_properties('P=? [ F "done" ]'), model).properties[0].formula
     """
     return with_deep_recursion(lambda: _Properties(file, model, constants or {}).bind())

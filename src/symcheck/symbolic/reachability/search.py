@@ -77,7 +77,7 @@ def reach(
         ModelFault: no state is initial.
         ResourceError: a limit of the manager (set by `build`) is reached.
 
-    Example:
+    Examples:
         >>> import symcheck
         >>> text = "dtmc module m x:[0..5]; [] x<3 -> (x'=x+1); endmodule"
         >>> model = symcheck.bind(symcheck.parse_model(text))
