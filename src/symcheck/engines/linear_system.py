@@ -98,12 +98,14 @@ class DividedOperator:
         x: Numbers,
         constant: Numbers,
         direction: Direction | None,
-        slip: float,
+        rounding_error: float,
         *,
         upper: bool,
     ) -> None:
         """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place."""
-        self.operator.sweep(x, constant, direction, slip, upper=upper, divisor=self.divisor)
+        self.operator.sweep(
+            x, constant, direction, rounding_error, upper=upper, divisor=self.divisor
+        )
 
 
 class LinearSystem(Generic[S, V]):

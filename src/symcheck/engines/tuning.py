@@ -100,8 +100,8 @@ PRODUCT_PAIRS = 2**33
 
 STATES_PER_UNKNOWN = 3
 """Solve on the full matrix if it has at most this many times as many states as there are unknowns;
-otherwise extract a submatrix. Copying the rows of a third of the states takes as long as going
-over the mask of all of them."""
+otherwise extract a submatrix. On nand with N=40, K=3 the full matrix takes 0.41 s and the submatrix
+0.73 s."""
 
 CACHED_SETS = 16
 """Sets of states that the explicit engine keeps: several properties use the same labels."""
@@ -131,7 +131,8 @@ take 0.8 seconds."""
 
 BSCC_PIVOTS = 12
 """Pivots of the search for bottom components on diagrams; then the rows of the remaining states
-are enumerated."""
+are enumerated. The number matters little: crowds with 5 members takes 18 to 27 ms for 0 to 100
+pivots, least for few."""
 
 CACHED_ANSWERS = 4
 """Answers to graph questions that are kept: a query for values asks for prob0 and prob1 again."""
@@ -167,7 +168,9 @@ ACYCLIC_NODE_SHARE = 0.02
 # -------------------------------------------------------------------- values and sweeps on diagrams
 
 FEW_LEAVES = 256
-"""Different values up to which a function is stored as constants on sets of states."""
+"""Different values up to which a function is stored as constants on sets of states. Sums of such
+functions have many sets: on nand with N=40, K=3 a sum of three variables takes 2.2 s, and 0.8 s as
+an array. But an array of 50 million states takes 400 MB."""
 
 MANY_STATES = 50_000_000
 """States above which a function is stored as constants on sets, whatever its number of values."""
@@ -182,4 +185,6 @@ LUMPING_MEMORY = 2 * 2**30
 """Bytes that a partition of diagrams and its signatures may take, unless the caller says more."""
 
 SWEEP_STEPS = 10
-"""Products of diagrams in a sweep of the MTBDD engine, before the vector becomes an array again."""
+"""Products of diagrams in a sweep of the MTBDD engine, before the vector becomes an array again. On
+nand with N=20, K=2, interval iteration takes 1.48 s with 1 product, 1.36 s with 10 and 1.22 s with
+100; more products delay the test of convergence."""

@@ -274,8 +274,10 @@ def _interval(operator: str, pairs: list[_Pair]) -> _Pair:
     if operator == "-" and not rest:
         return 0.0 - first[1], 0.0 - first[0]
     for other in rest:
-        found = _INTERVALS.get(operator, _corners)(operator, first, other)
-        first = found if operator in ("min", "max") else _outward(*found)  # these two do not round
+        bounds = _INTERVALS.get(operator, _corners)(operator, first, other)
+        first = (
+            bounds if operator in ("min", "max") else _outward(*bounds)
+        )  # these two do not round
     return first
 
 

@@ -159,8 +159,8 @@ def product(
         raise MemoryLimitError(
             f"the product with an automaton of {size} states is too large for the explicit engine"
         )
-    found = reachable_pairs(base.matrix, table, letter, automaton.initial)
-    count = int(np.count_nonzero(found))
+    reachable = reachable_pairs(base.matrix, table, letter, automaton.initial)
+    count = int(np.count_nonzero(reachable))
     if count >= 2**31:
         raise MemoryLimitError(
             f"the product with an automaton of {size} states has {count:,} states: "
@@ -169,10 +169,10 @@ def product(
     state, second, number = (
         np.empty(count, np.int32),
         np.empty(count, np.int32),
-        np.empty(len(found), np.int32),
+        np.empty(len(reachable), np.int32),
     )
-    kernel.number_pairs(found.view(np.uint8), size, state, second, number)
-    del found
+    kernel.number_pairs(reachable.view(np.uint8), size, state, second, number)
+    del reachable
     matrix, rows = pair_matrix(base.matrix, table[second, letter[state]], state, number, size)
     model = ProductModel(base, state, second, matrix, rows, automaton.initial)
     entry = number[automaton.initial :: size].astype(np.int64)
@@ -190,11 +190,11 @@ def reachable_pairs(
     """Which pairs (numbered state * size + automaton state) are reachable from (s, initial) for
     some s.
     """
-    found = np.zeros(matrix.states * table.shape[0], np.uint8)
+    reachable = np.zeros(matrix.states * table.shape[0], np.uint8)
     kernel.mark_reachable(
-        _entries(matrix), matrix.indices, np.ascontiguousarray(table), letter, initial, found
+        _entries(matrix), matrix.indices, np.ascontiguousarray(table), letter, initial, reachable
     )
-    return found.view(np.bool_)
+    return reachable.view(np.bool_)
 
 
 def pair_matrix(

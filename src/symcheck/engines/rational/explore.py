@@ -71,9 +71,9 @@ class RationalModel:
 
     def evaluate(self, expression: Expression) -> Numbers:
         """The value of an expression over the variables in each state, as objects."""
-        found = [evaluate(expression, valuation(self.model, s), exact=True) for s in self.states]
-        out = np.empty(len(found), dtype=object)
-        out[:] = found
+        values = [evaluate(expression, valuation(self.model, s), exact=True) for s in self.states]
+        out = np.empty(len(values), dtype=object)
+        out[:] = values
         return out
 
 
@@ -99,14 +99,14 @@ def explore_exactly(
         UnsupportedError: the model has more states than `limit`.
     """
     initial = initial_states(model)
-    found: dict[State, tuple[Any, ...]] = {}
+    explored: dict[State, tuple[Any, ...]] = {}
     frontier = list(dict.fromkeys(initial))
     seen = set(frontier)
     while frontier:
         following: list[State] = []
         for state in frontier:
             rows = transitions(model, state, check_sums=check_sums)
-            found[state] = rows
+            explored[state] = rows
             for row in rows:
                 fresh = [t for _, t in row.branches if t not in seen]
                 seen.update(fresh)
@@ -114,20 +114,20 @@ def explore_exactly(
         if limit is not None and len(seen) > limit:
             raise UnsupportedError(f"exact arithmetic is limited to {limit:,} states here")
         if observer is not None:
-            observer(len(found))
+            observer(len(explored))
         frontier = following
-    return _assemble(model, found, initial, fix_deadlocks)
+    return _assemble(model, explored, initial, fix_deadlocks)
 
 
 def _assemble(
     model: BoundModel,
-    found: dict[State, tuple[Any, ...]],
+    explored: dict[State, tuple[Any, ...]],
     initial: Sequence[State],
     fix_deadlocks: bool,
 ) -> RationalModel:
-    table = tuple(sorted(found))
+    table = tuple(sorted(explored))
     index = {s: i for i, s in enumerate(table)}
-    deadlocks = [index[s] for s in table if not found[s]]
+    deadlocks = [index[s] for s in table if not explored[s]]
     if deadlocks and not fix_deadlocks:
         examples = [state_faults.describe_state(model.variables, table[i]) for i in deadlocks[:3]]
         raise ModelFault(state_faults.deadlocks(examples, len(deadlocks)))
@@ -144,7 +144,7 @@ def _assemble(
                 r.rewards,
                 number.get(r.action or "", -1),
             )
-            for r in found[state]
+            for r in explored[state]
         ]
         for branches, rewards, action in rows or [
             ([(index[state], Fraction(1))], [0] * len(model.rewards), -1)
@@ -171,6 +171,6 @@ def _assemble(
         np.array(actions, np.int32),
         np.array(sorted(index[s] for s in initial), np.int64),
         np.array(deadlocks, np.int64),
-        [rationals(own[i] for own in per_state) for i in range(len(model.rewards))],
-        [rationals(own) for own in per_row],
+        [rationals(rewards[i] for rewards in per_state) for i in range(len(model.rewards))],
+        [rationals(rewards) for rewards in per_row],
     )

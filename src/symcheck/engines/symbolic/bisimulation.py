@@ -87,9 +87,9 @@ class LumpedDiagrams:
         """The function of the row bits that has a value (float64[blocks]) per block, and 0 where no
         state is.
         """
-        manager, (place, low, high, root) = self.diagrams.manager, self._table
+        manager, (position, low, high, root) = self.diagrams.manager, self._table
         bottom = len(manager.bdd.vars)
-        level = np.append(levels_of(manager, self.diagrams.rows), bottom).astype(np.int32)[place]
+        level = np.append(levels_of(manager, self.diagrams.rows), bottom).astype(np.int32)[position]
         leaves = np.zeros(self.blocks + 1)
         leaves[self._order] = values
         return manager.import_mtbdd(
@@ -143,12 +143,12 @@ class LumpedDiagrams:
 
     def meeting(self, states: Bdd) -> Int64s:
         """The blocks with a state in a set, ascending."""
-        found = self._partition.blocks_meeting(
+        blocks = self._partition.blocks_meeting(
             *_rows_only(self.diagrams, states.to_mtbdd(), np.array([0.0, 1.0]))
         )
         number = np.zeros(self.blocks + 1, np.int64)
         number[self._order] = np.arange(self.blocks)
-        return np.sort(number[found])
+        return np.sort(number[blocks])
 
 
 def lump_diagrams(
@@ -250,11 +250,11 @@ def _matrices(diagrams: Diagrams, limit: int) -> Partition:
     manager, bits = diagrams.manager, len(diagrams.rows)
     pairs = [bit for pair in zip(diagrams.rows, diagrams.columns, strict=True) for bit in pair]
     table = manager.export_mtbdd(diagrams.roots)
-    place = np.full(table.levels + 1, 2 * bits, np.int32)
-    place[levels_of(manager, pairs)] = np.arange(2 * bits)
+    position = np.full(table.levels + 1, 2 * bits, np.int32)
+    position[levels_of(manager, pairs)] = np.arange(2 * bits)
     exponent = _lowest_digit(table.values)
     shape = (
-        place[table.level],
+        position[table.level],
         table.low,
         table.high,
         np.ascontiguousarray(table.values),
@@ -287,9 +287,9 @@ def _row_table(diagrams: Diagrams, function: Mtbdd) -> tuple[Int32s, Int32s, Int
     """A function of the row bits as arrays; the levels are positions of row bits."""
     table = diagrams.manager.export_mtbdd(function)
     bits = len(diagrams.rows)
-    place = np.full(table.levels + 1, bits, np.int32)
-    place[levels_of(diagrams.manager, diagrams.rows)] = np.arange(bits)
-    return place[table.level], table.low, table.high, table.values, table.root
+    position = np.full(table.levels + 1, bits, np.int32)
+    position[levels_of(diagrams.manager, diagrams.rows)] = np.arange(bits)
+    return position[table.level], table.low, table.high, table.values, table.root
 
 
 def _rows_only(

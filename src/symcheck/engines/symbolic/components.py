@@ -103,12 +103,12 @@ class Components:
 
     def end_components(self, within: SymbolicSet) -> Iterator[SymbolicSet]:
         """Maximal end components of the states `within`."""
-        part, found = self._end_components(within.bdd)
+        part, mecs = self._end_components(within.bdd)
         if part is None:
             return
-        order = np.argsort(found.of, kind="stable").astype(np.int32)
-        start = np.searchsorted(found.of[order], np.arange(found.count + 1))
-        for c in range(found.count):
+        order = np.argsort(mecs.of, kind="stable").astype(np.int32)
+        start = np.searchsorted(mecs.of[order], np.arange(mecs.count + 1))
+        for c in range(mecs.count):
             yield self._numbered(part.states.odd, order[start[c] : start[c + 1]])
 
     def _end_components(
@@ -135,14 +135,14 @@ class Components:
         """
         accepted = []
         for avoid, visits in pairs:
-            part, found = self._end_components(self._d.states - avoid.bdd)
+            part, mecs = self._end_components(self._d.states - avoid.bdd)
             if part is None:
                 continue
             odd = part.states.odd
-            good = np.ones(found.count, bool)
+            good = np.ones(mecs.count, bool)
             for visit in visits:
-                met = found.of[odd.to_mask(visit.bdd)]
-                good &= np.bincount(met[met >= 0], minlength=found.count) > 0
-            member: Bools = (found.of >= 0) & np.append(good, False)[found.of]
+                met = mecs.of[odd.to_mask(visit.bdd)]
+                good &= np.bincount(met[met >= 0], minlength=mecs.count) > 0
+            member: Bools = (mecs.of >= 0) & np.append(good, False)[mecs.of]
             accepted.append(odd.from_mask(member))
         return self._set(self._d.union(accepted))

@@ -157,18 +157,18 @@ class ReducedSystem:
         """A set as `ReducedSet.chosen`; None if it divides the states of one representative."""
         if isinstance(states, ReducedSet) and states.system is self:
             return states.chosen
-        found = np.zeros(self.n + 3, bool)
+        members = np.zeros(self.n + 3, bool)
         here = states.bdd & self.right
         if here and here != self.right:
             return None
-        found[-1] = bool(here)
+        members[-1] = bool(here)
         if states.bdd != here:
             inside = self.diagrams.odd.to_mask(states.bdd - here)
-            found[self.representative[inside]] = True
-            count = np.count_nonzero(found[self.representative])
-            if count - found[self.n] * self.right_count != np.count_nonzero(inside):
+            members[self.representative[inside]] = True
+            count = np.count_nonzero(members[self.representative])
+            if count - members[self.n] * self.right_count != np.count_nonzero(inside):
                 return None
-        return found
+        return members
 
 
 class ReducedSet(SymbolicSet):
@@ -194,8 +194,8 @@ class ReducedSet(SymbolicSet):
             return self.diagrams.states
         if not self.chosen[:-1].any():
             return system.right if last else self.diagrams.manager.false
-        found = self.diagrams.odd.from_mask(self.chosen[system.representative])
-        return found | system.right if last else found - system.right
+        bdd = self.diagrams.odd.from_mask(self.chosen[system.representative])
+        return bdd | system.right if last else bdd - system.right
 
     @cached_property
     def count(self) -> int:
@@ -431,12 +431,12 @@ class DeterministicElimination:
         """
         if not self.possible:
             return None
-        found = self.last(left, right, reward)
-        if found is None:
+        system = self.last(left, right, reward)
+        if system is None:
             limit = int(tuning.ELIMINATION_MEMORY_SHARE * memory())
-            found = eliminate(self.engine.diagrams, left, right, limit, reward)
-            self._last = None if found is None else ref(found)
-        return found
+            system = eliminate(self.engine.diagrams, left, right, limit, reward)
+            self._last = None if system is None else ref(system)
+        return system
 
     def accepts(self, query: Query[SymbolicSet, SymbolicValues], settings: Settings) -> bool:  # noqa: ARG002
         """Whether the unknowns are those of a reduced system, or many and mostly deterministic."""

@@ -223,12 +223,12 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
 
     def _decoded(self, bits: NDArray[np.uint8]) -> Iterator[tuple[bool | int, ...]]:
         encoding = self.space.symbolic.encoding
-        own = (
+        positions = (
             [self.diagrams.rows.index(name) for name in encoding.rows]
             if self.diagrams.rows != encoding.rows
             else slice(None)
         )
-        columns = encoding.codes(bits[:, own]).T
+        columns = encoding.codes(bits[:, positions]).T
         kinds = [v.is_bool for v in encoding.variables]
         lists = [
             (c.astype(bool) if is_bool else c).tolist()

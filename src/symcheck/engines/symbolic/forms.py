@@ -51,7 +51,7 @@ class DiagramOperator:
         x: Floats,
         constant: Floats,
         direction: Direction | None,
-        slip: float,
+        rounding_error: float,
         *,
         upper: bool,
         divisor: Floats | None = None,
@@ -67,13 +67,13 @@ class DiagramOperator:
             rows = self.apply(bounds)
             if scale is not None:
                 rows = tuple(row * by for row, by in zip(rows, scale, strict=True))
-            found = self._best([row + b for row, b in zip(rows, add, strict=True)], direction)
+            best = self._best([row + b for row, b in zip(rows, add, strict=True)], direction)
             if upper:
                 after = bounds.minimum(
-                    found * (1.0 + slip) + found.compare(">", 0.0).to_mtbdd(TINY)
+                    best * (1.0 + rounding_error) + best.compare(">", 0.0).to_mtbdd(TINY)
                 )
             else:
-                after = bounds.maximum(found * (1.0 - slip))
+                after = bounds.maximum(best * (1.0 - rounding_error))
             if after == bounds:
                 break
             bounds = after
@@ -84,12 +84,12 @@ class DiagramOperator:
         layout, odd = self.system.layout, self.system.odd
         if layout is None:
             return [odd.from_vector(values)]
-        found = []
+        functions = []
         for present, rows in layout.each():
             full = np.zeros(self.system.n)
             full[present] = values[rows]
-            found.append(odd.from_vector(full))
-        return found
+            functions.append(odd.from_vector(full))
+        return functions
 
     def _best(self, rows: Sequence[Mtbdd], direction: Direction | None) -> Mtbdd:
         """The best choice of each state; 0 outside of the states."""

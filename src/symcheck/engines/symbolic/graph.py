@@ -131,10 +131,10 @@ class SymbolicGraph:
     def _on_diagrams(self, question: Question, on_diagrams: OnDiagrams, budget: int | None) -> Bdd:
         if question not in self._answers:
             with look_ups(self._d.manager, budget):
-                found = on_diagrams()
+                answer = on_diagrams()
             if len(self._answers) >= tuning.CACHED_ANSWERS:
                 self._answers.pop(next(iter(self._answers)))
-            self._answers[question] = found
+            self._answers[question] = answer
         return self._answers[question]
 
     def _certain(
