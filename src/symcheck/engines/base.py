@@ -266,7 +266,7 @@ class SystemOf(Protocol[S, V]):
         """A value (or 0/1 membership) per state of `states`."""
         ...
 
-    def full(self, value: float) -> Numbers:
+    def full(self, value: Number) -> Numbers:
         """The same number for each state of `states`."""
         ...
 

@@ -16,7 +16,7 @@ from typing import Generic, Protocol
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.engines.base import S, S_contra, SolvedValues, V, V_co
+from symcheck.engines.base import Number, S, S_contra, SolvedValues, V, V_co
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
@@ -172,7 +172,7 @@ class LinearSystem(Generic[S, V]):
         """State rewards per state and transition rewards per row."""
 
     @abstractmethod
-    def full(self, value: float) -> Numbers:
+    def full(self, value: Number) -> Numbers:
         """The same number for each state of the system."""
 
     @abstractmethod

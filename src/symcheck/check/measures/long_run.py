@@ -6,7 +6,6 @@ Source: Baier & Katoen (2008), 10.1.2; Baier, Haverkort, Hermanns & Katoen (2003
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from symcheck.check.context import Context
 from symcheck.check.measures.reachability import boundary_values
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import StateSet, System, Values
+from symcheck.engines.base import Number, StateSet, System, Values
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
@@ -93,7 +92,7 @@ def _indices(states: np.ndarray[tuple[int, ...], np.dtype[np.int32]], n: int) ->
     return members
 
 
-def _component_average(context: Context, system: System, reward: Numbers) -> tuple[Any, Any]:
+def _component_average(context: Context, system: System, reward: Numbers) -> tuple[Number, Number]:
     """Bounds on the average of a bottom component, whose reward itself if it is constant."""
     from symcheck.numerics.long_run.stationary import long_run_average
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from symcheck.check.measures.step_bounded import per_row
 from symcheck.check.omega_regular.ltl import linear_product
 from symcheck.check.path_formulas import StatesOf, TemporalPath, temporal
 from symcheck.check.reward_queries import reward_of
-from symcheck.engines.base import Engine, Product, StateSet
+from symcheck.engines.base import Engine, Number, Product, StateSet
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s
@@ -41,7 +40,7 @@ class Objective:
         """Whether it is a P operator."""
         return isinstance(self.formula, ProbabilityOperator)
 
-    def internal(self, value: Any) -> Any:
+    def internal(self, value: Number) -> Number:
         """A value for maximisation: a probability becomes that of the negation. Its own inverse."""
         if self.sign > 0:
             return value
@@ -52,7 +51,7 @@ class Objective:
         """The lower bound for maximisation; -inf without bound."""
         return -inf if self.bound is None else self.internal(self.bound)
 
-    def shown(self, value: Any) -> Any:
+    def shown(self, value: Number) -> Number:
         """A value as it is reported; never -0."""
         value = self.internal(value)
         return (min(1, max(0, value)) if self.probability else value) + 0
@@ -105,7 +104,7 @@ def _equations(
     engine = chain.engine
     matrix = engine.system(engine.all).matrix
     assert matrix.groups is not None
-    rewards: list[Any] = []
+    rewards: list[Numbers] = []
     costless = np.ones(matrix.rows, dtype=np.bool_)
     for o, k in zip(objectives, limits, strict=True):
         own = full(matrix.rows, 0, exact=engine.exact)

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -255,7 +254,7 @@ def _point(operator: str, values: list[Floats]) -> Floats:
     return first
 
 
-_POINTS: dict[str, Callable[[Any, Any], Any]] = {
+_POINTS: dict[str, Callable[[Floats, Floats], Floats]] = {
     "+": np.add,
     "-": np.subtract,
     "*": np.multiply,

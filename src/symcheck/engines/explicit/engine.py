@@ -319,7 +319,7 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         array = values.members if isinstance(values, ArraySet) else values.lower
         return numbers(array[self.states.members], exact=self.engine.exact)
 
-    def full(self, value: float) -> Numbers:
+    def full(self, value: Number) -> Numbers:
         """The same number for each state of the system."""
         return full(self.n, value, exact=self.engine.exact)
 

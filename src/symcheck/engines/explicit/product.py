@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,7 @@ class ProductModel:
         actions: Int32s = self.base.explored.choice_actions
         return actions[self.rows]
 
-    def evaluate(self, expression: Expression) -> NDArray[Any]:
+    def evaluate(self, expression: Expression) -> NDArray[np.generic]:
         """The value of an expression over the variables in each pair."""
         value = np.asarray(self.base.explored.evaluate(expression))
         return value if value.ndim == 0 else value[self.state]

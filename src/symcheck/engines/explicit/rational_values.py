@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from math import ceil, floor, inf, isinf, nan
 from operator import eq, ge, gt, le, lt, ne
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from symcheck.syntax.operators import FUNCTION_BY_NAME, Operator
 
 __all__ = ["RationalValues"]
 
-Rational = Any
+Rational = Fraction | float
 """A Fraction, or a float that is infinite or NaN."""
 
 
@@ -99,7 +98,7 @@ class RationalValues:
         return RationalValues(self.array[indices])
 
 
-_COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
+_COMPARISONS: dict[str, Callable[[Rational, Rational], bool]] = {
     "<": lt,
     "<=": le,
     ">": gt,

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import (
+    Row,
     State,
     initial_states,
     state_rewards,
@@ -99,7 +99,7 @@ def explore_exactly(
         UnsupportedError: the model has more states than `limit`.
     """
     initial = initial_states(model)
-    explored: dict[State, tuple[Any, ...]] = {}
+    explored: dict[State, tuple[Row, ...]] = {}
     frontier = list(dict.fromkeys(initial))
     seen = set(frontier)
     while frontier:
@@ -121,7 +121,7 @@ def explore_exactly(
 
 def _assemble(
     model: BoundModel,
-    explored: dict[State, tuple[Any, ...]],
+    explored: dict[State, tuple[Row, ...]],
     initial: Sequence[State],
     fix_deadlocks: bool,
 ) -> RationalModel:
@@ -133,10 +133,10 @@ def _assemble(
         raise ModelFault(state_faults.deadlocks(examples, len(deadlocks)))
     indptr, groups = [0], [0]
     columns: list[int] = []
-    values: list[Any] = []
+    values: list[Fraction | float] = []
     actions: list[int] = []
     number = {name: i for i, name in enumerate(model.actions)}
-    per_row: list[list[Any]] = [[] for _ in model.rewards]
+    per_row: list[list[Fraction | float]] = [[] for _ in model.rewards]
     for state in table:
         rows = [
             (
@@ -147,7 +147,7 @@ def _assemble(
             for r in explored[state]
         ]
         for branches, rewards, action in rows or [
-            ([(index[state], Fraction(1))], [0] * len(model.rewards), -1)
+            ([(index[state], Fraction(1))], (0,) * len(model.rewards), -1)
         ]:
             actions.append(action)
             columns.extend(c for c, _ in branches)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,7 +140,7 @@ class MaterializedModel:
         actions = self.system.row_actions()
         return np.full(self.matrix.rows, -1, np.int32) if actions is None else actions
 
-    def evaluate(self, expression: Expression) -> NDArray[Any]:
+    def evaluate(self, expression: Expression) -> NDArray[np.generic]:
         """Value of an expression in each state; ModelFault if it has none in some state."""
         return evaluate_states(self.model, self.states, expression)
 

@@ -12,6 +12,7 @@ import numpy as np
 from symcheck.dd.manager import Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.direction import Direction
+from symcheck.engines.base import Number
 from symcheck.engines.linear_system import (
     DividedOperator,
     DivisibleOperator,
@@ -229,7 +230,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
             return self.odd.to_mask(values.bdd).astype(np.float64)
         return values.at(self.states)[0]
 
-    def full(self, value: float) -> Floats:
+    def full(self, value: Number) -> Floats:
         """The same number for each state of the system."""
         return np.full(self.n, float(value))
 
