@@ -233,7 +233,9 @@ def test_cutting_states_off_keeps_rare_events_right(
     )
     monkeypatch.setattr(tuning, "TRUNCATION_ENTRIES", 1.0)
     cut = transient_values(both, exits, 50.0, Accuracy(), reward_rate=reward_rate, interest=starts)
-    assert cut.statistics["kept"] < 0.5 * len(exits)
+    kept = int(cut.explanation.split()[0])
+    assert f"{kept} of {len(exits)} states kept" in cut.explanation
+    assert kept < 0.5 * len(exits)
     for s, t in zip(interest, starts.tolist(), strict=True):
         for found in (whole, cut):
             assert found.lower[t] <= alone.upper[s]

@@ -136,7 +136,7 @@ def iterate_bounds(
     note = f"{problem.n} states: {name}, {count} iterations"
     note += "" if width <= settings.epsilon else ", accuracy not reached"
     policy = bellman.greedy_policy(lower if problem.direction == Direction.MAX else upper)
-    return Solution(lower, upper, name, False, True, count, note, {"width": width}, policy)
+    return Solution(lower, upper, name, False, True, count, note, policy)
 
 
 def iterate_to_estimate(
@@ -161,4 +161,4 @@ def iterate_to_estimate(
     note = f"{problem.n} states: {name}, {count} iterations; an estimate"
     note += "" if change <= settings.epsilon else ", not converged"
     policy = BellmanOperator.of(problem).greedy_policy(x)
-    return Solution(x, x.copy(), name, False, False, count, note, {"change": change}, policy)
+    return Solution(x, x.copy(), name, False, False, count, note, policy)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -205,7 +205,6 @@ class Solution:
     certified: bool = True
     iterations: int = 0
     explanation: str = ""
-    statistics: Mapping[str, int | float] = field(default_factory=dict)
     strategy: Int64s | None = None
 
     @property

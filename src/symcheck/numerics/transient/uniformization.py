@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,6 @@ class Transient:
     upper: Floats
     iterations: int
     explanation: str
-    statistics: dict[str, int | float] = field(default_factory=dict)
 
     @property
     def middle(self) -> Floats:
@@ -67,7 +66,6 @@ class Transient:
             upper,
             self.iterations + other.iterations,
             f"{self.explanation}; {other.explanation}",
-            self.statistics,
         )
 
 
@@ -230,14 +228,7 @@ def _by_rational_krylov(
         f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of "
         f"{found.vectors} vectors, {found.steps} steps of BiCGStab"
     )
-    steps = first.iterations + found.steps
-    return Transient(
-        lower,
-        upper,
-        steps,
-        note,
-        {"steps": steps, "steps_without_shortcut": math.ceil(chain.q * time)},
-    )
+    return Transient(lower, upper, first.iterations + found.steps, note)
 
 
 def _budget(chain: UniformizedChain, time: float) -> float:
@@ -419,9 +410,7 @@ def _on_truncated_space(
     lower[interest] = found.lower[at]
     upper[interest] = found.upper[at] + loss
     note = f"{len(kept)} of {rates.states} states kept: {found.explanation}"
-    return Transient(
-        lower, upper, found.iterations, note, found.statistics | {"kept": len(kept), "loss": loss}
-    )
+    return Transient(lower, upper, found.iterations, note)
 
 
 def _worth_computing(
@@ -450,6 +439,4 @@ def _close_enough(below: Floats, above: Floats, settings: Settings) -> bool:
 
 def _result(lower: Floats, upper: Floats, steps: int, all_steps: int, note: str) -> Transient:
     text = f"uniformisation, {steps} of {all_steps} steps{note}"
-    return Transient(
-        lower, upper, steps, text, {"steps": steps, "steps_without_shortcut": all_steps}
-    )
+    return Transient(lower, upper, steps, text)

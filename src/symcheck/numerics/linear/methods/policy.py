@@ -52,7 +52,5 @@ def solve(
     if problem.probability:
         lower, upper = np.clip(lower, 0.0, 1.0), np.clip(upper, 0.0, 1.0)
     note = f"{problem.n} states: policy iteration, {result.iterations} policies"
-    width = float(np.max(upper - lower, initial=0.0))
     rows = local.block.global_rows(result.policy)
-    statistics = {"width": width}
-    return Solution(lower, upper, "policy", False, True, result.iterations, note, statistics, rows)
+    return Solution(lower, upper, "policy", False, True, result.iterations, note, rows)

@@ -325,17 +325,14 @@ def _solution(
         for bound in (lower, upper):
             np.clip(bound, 0.0, 1.0, out=bound)
     exact = exact and run.known_exactly and not _underflows(lower, upper)
-    statistics = {name: int(c) for name, c in zip(_COUNTERS, run.counters, strict=True)}
-    statistics["unfinished"] = run.unfinished
     return Solution(
         lower,
         upper,
         "topological",
         exact,
         True,
-        statistics["sweeps"] + run.iterations,
+        int(run.counters[_COUNTERS.index("sweeps")]) + run.iterations,
         explanation,
-        statistics,
         run.strategy if len(run.strategy) else None,
     )
 
