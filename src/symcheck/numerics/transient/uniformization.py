@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -100,13 +101,13 @@ def transient_values(
     """
     n = len(exit_rates)
     found: Transient | None = None
-    chain = uniformize(rates, exit_rates)
+    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer)
     for start, source in ((terminal, False), (reward_rate, True)):
         if start is None or not np.any(start):
             continue
         if start.min() < 0.0:
             raise NumericalError("transient values require non-negative rewards")
-        part = _part(chain, rates, exit_rates, start, time, source, settings, interest, observer)
+        part = horizon.part(start, source)
         found = part if found is None else found.plus(part)
     return (
         found.widened(tuning.UNDERFLOW_BOUND)
@@ -115,131 +116,186 @@ def transient_values(
     )
 
 
-def _part(
-    chain: UniformizedChain,
-    rates: SparseMatrix | SweepOperator,
-    exit_rates: Floats,
-    start: Floats,
-    time: float,
-    source: bool,
-    settings: Settings,
-    interest: Int64s | None,
-    observer: Observer | None,
-) -> Transient:
-    """The part of the terminal values or the reward rate, by the first algorithm that applies."""
-    y = start / chain.q if source else start
-    if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
-        entries = chain.q * time * chain.entries
-        # If few states have a reward rate, few states are likely to matter.
-        rare = (
-            source
-            and entries > tuning.TRUNCATION_ENTRIES
-            and np.count_nonzero(start) < tuning.RARE_GAIN_STATES * len(start)
-        )
-        part = (
-            _on_truncated_space(rates, exit_rates, time, settings, start, interest, observer)
-            if rare
-            else None
-        )
-        part = part or _by_rational_krylov(
-            chain, rates, exit_rates, start, time, source, settings, interest, observer
-        )
-        if part is None and source and not rare:
-            part = _sum_series(
-                chain, y, time, source, settings, interest, observer, budget=_budget(chain, time)
+@dataclass(frozen=True, eq=False)
+class _Horizon:
+    """Values at a time, which need the accuracy at some states (see `transient_values`)."""
+
+    rates: SparseMatrix | SweepOperator
+    exit_rates: Floats
+    time: float
+    settings: Settings
+    interest: Int64s | None
+    observer: Observer | None
+
+    @cached_property
+    def chain(self) -> UniformizedChain:
+        """The uniformised chain."""
+        return uniformize(self.rates, self.exit_rates)
+
+    @property
+    def entries(self) -> float:
+        """The entries that uniformisation visits if it is not cut short."""
+        return self.chain.q * self.time * self.chain.entries
+
+    def part(self, start: Floats, source: bool) -> Transient:
+        """The part of the terminal values or of the reward rate, by the first that applies."""
+        rates, interest = self.rates, self.interest
+        if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
+            # If few states have a reward rate, few states are likely to matter.
+            rare = (
+                source
+                and self.entries > tuning.TRUNCATION_ENTRIES
+                and np.count_nonzero(start) < tuning.RARE_GAIN_STATES * len(start)
             )
-            part = part or _on_truncated_space(
-                rates, exit_rates, time, settings, start, interest, observer
-            )
-        if part is not None:
-            return part
-    part = _sum_series(chain, y, time, source, settings, interest, observer)
-    assert part is not None
-    return part
+            part = self.on_truncated_space(rates, interest, start) if rare else None
+            part = part or self.by_rational_krylov(rates, interest, start, source)
+            if part is None and source and not rare:
+                part = self.by_series(start, source, self.budget())
+                part = part or self.on_truncated_space(rates, interest, start)
+            if part is not None:
+                return part
+        part = self.by_series(start, source)
+        assert part is not None
+        return part
 
-
-def _by_rational_krylov(
-    chain: UniformizedChain,
-    rates: SparseMatrix,
-    exit_rates: Floats,
-    start: Floats,
-    time: float,
-    source: bool,
-    settings: Settings,
-    interest: Int64s,
-    observer: Observer | None,
-    weights: Floats | None = None,
-) -> Transient | None:
-    """Rational Krylov subspaces for stiff chains, after uniformisation has smoothed the start.
-
-    weights: positive; values are divided by them, and Q becomes diag(w)^-1 Q diag(w). None: 1.
-
-    Returns:
-        None if the chain is not stiff or the subspace does not converge.
-    """
-    smoothing = tuning.SMOOTHING_STEPS / chain.q
-    if (
-        chain.q * time < tuning.KRYLOV_STEPS
-        or chain.q * time * chain.entries < tuning.KRYLOV_ENTRIES
-    ):
-        return None
-    smoothing_accuracy = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
-    growth, later_growth, scale, poles = 1.0, 1.0, np.ones(1), tuning.POLES
-    if weights is not None:
-        rates, scale, poles = scaled(rates, weights), weights, tuning.WEIGHTED_POLES
-        start = start / weights
-        chain = uniformize(rates, exit_rates)
-        growth, later_growth = (
-            math.exp(t * excess(rates, exit_rates)) for t in (4.0 * smoothing, time)
+    def by_series(self, start: Floats, source: bool, budget: float = math.inf) -> Transient | None:
+        """Uniformisation; None if it would visit more entries than the budget."""
+        y = start / self.chain.q if source else start
+        return _sum_series(
+            self.chain,
+            y,
+            self.time,
+            source,
+            self.settings,
+            self.interest,
+            self.observer,
+            budget=budget,
         )
-    first = _sum_series(
-        chain,
-        start / chain.q if source else start,
-        smoothing,
-        source,
-        smoothing_accuracy,
-        None,
-        observer,
-        tail=1e-16,
-        growth=growth,
-    )
-    assert first is not None
-    smoothing_error = later_growth * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
-    reward_rate = start if source else None
-    found = krylov_values(
-        rates,
-        exit_rates,
-        first.middle,
-        reward_rate,
-        time - smoothing,
-        interest,
-        settings,
-        observer,
-        poles,
-    )
-    if found is None:
-        return None
-    error = (found.error + smoothing_error) * scale
-    values = found.values * scale
-    lower, upper = np.maximum(values - error, 0.0), values + error
-    if not _close_enough(lower[interest], upper[interest], settings):
-        return None
-    note = (
-        f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of "
-        f"{found.vectors} vectors, {found.steps} steps of BiCGStab"
-    )
-    return Transient(lower, upper, first.iterations + found.steps, note)
 
+    def by_rational_krylov(
+        self,
+        rates: SparseMatrix,
+        interest: Int64s,
+        start: Floats,
+        source: bool,
+        weights: Floats | None = None,
+    ) -> Transient | None:
+        """Rational Krylov subspaces for stiff chains, after uniformisation has smoothed the start.
 
-def _budget(chain: UniformizedChain, time: float) -> float:
-    """Entries that uniformisation may visit before truncation is tried."""
-    entries = chain.q * time * chain.entries
-    if entries <= tuning.TRUNCATION_ENTRIES:
-        return math.inf
-    if entries > tuning.HOPELESS_ENTRIES:
-        return 0.1 * tuning.TRUNCATION_ENTRIES
-    share = tuning.TRUNCATION_SHARE * entries
-    return min(tuning.TRUNCATION_ENTRIES, max(0.1 * tuning.TRUNCATION_ENTRIES, share))
+        weights: positive; values are divided by them, and Q becomes diag(w)^-1 Q diag(w). None: 1.
+
+        Returns:
+            None if the chain is not stiff or the subspace does not converge.
+        """
+        chain, exit_rates, time = self.chain, self.exit_rates, self.time
+        settings, observer = self.settings, self.observer
+        smoothing = tuning.SMOOTHING_STEPS / chain.q
+        if (
+            chain.q * time < tuning.KRYLOV_STEPS
+            or chain.q * time * chain.entries < tuning.KRYLOV_ENTRIES
+        ):
+            return None
+        smoothing_accuracy = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
+        growth, later_growth, scale, poles = 1.0, 1.0, np.ones(1), tuning.POLES
+        if weights is not None:
+            rates, scale, poles = scaled(rates, weights), weights, tuning.WEIGHTED_POLES
+            start = start / weights
+            chain = uniformize(rates, exit_rates)
+            growth, later_growth = (
+                math.exp(t * excess(rates, exit_rates)) for t in (4.0 * smoothing, time)
+            )
+        first = _sum_series(
+            chain,
+            start / chain.q if source else start,
+            smoothing,
+            source,
+            smoothing_accuracy,
+            None,
+            observer,
+            tail=1e-16,
+            growth=growth,
+        )
+        assert first is not None
+        smoothing_error = later_growth * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
+        reward_rate = start if source else None
+        found = krylov_values(
+            rates,
+            exit_rates,
+            first.middle,
+            reward_rate,
+            time - smoothing,
+            interest,
+            settings,
+            observer,
+            poles,
+        )
+        if found is None:
+            return None
+        error = (found.error + smoothing_error) * scale
+        values = found.values * scale
+        lower, upper = np.maximum(values - error, 0.0), values + error
+        if not _close_enough(lower[interest], upper[interest], settings):
+            return None
+        note = (
+            f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of "
+            f"{found.vectors} vectors, {found.steps} steps of BiCGStab"
+        )
+        return Transient(lower, upper, first.iterations + found.steps, note)
+
+    def budget(self) -> float:
+        """Entries that uniformisation may visit before truncation is tried."""
+        entries = self.entries
+        if entries <= tuning.TRUNCATION_ENTRIES:
+            return math.inf
+        if entries > tuning.HOPELESS_ENTRIES:
+            return 0.1 * tuning.TRUNCATION_ENTRIES
+        share = tuning.TRUNCATION_SHARE * entries
+        return min(tuning.TRUNCATION_ENTRIES, max(0.1 * tuning.TRUNCATION_ENTRIES, share))
+
+    def on_truncated_space(
+        self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats
+    ) -> Transient | None:
+        """A reward rate on a truncated space; other states get trivial bounds."""
+        exit_rates, time = self.exit_rates, self.time
+        kept, loss, matrix = np.arange(rates.states, dtype=np.int64), 0.0, rates
+        for laplace_shift in tuning.TRUNCATION_SHIFTS:
+            index = np.full(rates.states, -1, dtype=np.int32)
+            index[kept] = np.arange(len(kept))
+            at = index[interest].astype(np.int64)
+            cut = truncate(
+                matrix,
+                exit_rates[kept],
+                time,
+                reward_rate[kept],
+                at,
+                0.1 * self.settings.epsilon,
+                laplace_shift,
+            )
+            if cut is None:
+                return None
+            kept, loss = kept[cut.kept], loss + cut.loss
+            index[:] = -1
+            index[kept] = np.arange(len(kept))
+            matrix = rates.select(kept, index, len(kept))
+        if len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
+            return None
+        at = index[interest].astype(np.int64)
+        assert cut is not None
+        smaller = _Horizon(matrix, exit_rates[kept], time, self.settings, at, self.observer)
+        weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
+        found = None
+        if weights is not None:
+            found = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
+        found = found or smaller.by_series(reward_rate[kept], True)
+        assert found is not None
+        lower, upper = (
+            np.zeros(rates.states),
+            np.full(rates.states, time * float(reward_rate.max()) * (1.0 + 1e-9)),
+        )
+        lower[interest] = found.lower[at]
+        upper[interest] = found.upper[at] + loss
+        note = f"{len(kept)} of {rates.states} states kept: {found.explanation}"
+        return Transient(lower, upper, found.iterations, note)
 
 
 def transient_distribution(
@@ -340,77 +396,6 @@ def _sum_series(
         if k * chain.entries > budget:
             return None
         check_interval = min(max(tuning.CHECK_INTERVAL, k // 20), len(weights) - k)
-
-
-def _on_truncated_space(
-    rates: SparseMatrix,
-    exit_rates: Floats,
-    time: float,
-    settings: Settings,
-    reward_rate: Floats,
-    interest: Int64s,
-    observer: Observer | None,
-) -> Transient | None:
-    """`transient_values` of a reward rate on a truncated space; other states get trivial bounds."""
-    kept, loss, matrix = np.arange(rates.states, dtype=np.int64), 0.0, rates
-    for laplace_shift in tuning.TRUNCATION_SHIFTS:
-        index = np.full(rates.states, -1, dtype=np.int32)
-        index[kept] = np.arange(len(kept))
-        at = index[interest].astype(np.int64)
-        cut = truncate(
-            matrix,
-            exit_rates[kept],
-            time,
-            reward_rate[kept],
-            at,
-            0.1 * settings.epsilon,
-            laplace_shift,
-        )
-        if cut is None:
-            return None
-        kept, loss = kept[cut.kept], loss + cut.loss
-        index[:] = -1
-        index[kept] = np.arange(len(kept))
-        matrix = rates.select(kept, index, len(kept))
-    if len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
-        return None
-    at = index[interest].astype(np.int64)
-    assert cut is not None
-    chain = uniformize(matrix, exit_rates[kept])
-    weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
-    found = None
-    if weights is not None:
-        found = _by_rational_krylov(
-            chain,
-            matrix,
-            exit_rates[kept],
-            reward_rate[kept],
-            time,
-            True,
-            settings,
-            at,
-            observer,
-            weights,
-        )
-    if found is None:
-        found = _sum_series(
-            chain,
-            reward_rate[kept] / chain.q,
-            time,
-            True,
-            settings,
-            at,
-            observer,
-        )
-    assert found is not None
-    lower, upper = (
-        np.zeros(rates.states),
-        np.full(rates.states, time * float(reward_rate.max()) * (1.0 + 1e-9)),
-    )
-    lower[interest] = found.lower[at]
-    upper[interest] = found.upper[at] + loss
-    note = f"{len(kept)} of {rates.states} states kept: {found.explanation}"
-    return Transient(lower, upper, found.iterations, note)
 
 
 def _worth_computing(
