@@ -44,7 +44,8 @@ cdef class Expander:
     cdef int root, events
     cdef const Instruction* code
     cdef Register* r
-    # scratch of one state
+    # scratch of one state, and the arrays that hold it
+    cdef list scratch
     cdef int32_t* candidates
     cdef int32_t* enabled
     cdef int32_t* enabled_begin
@@ -89,43 +90,30 @@ cdef class Expander:
         self._allocate(tables.slots, tables.most_updates, tables.most_commands, tables.most_parts)
         self.rows = CsrBuilder(self.structures)
 
-    def _allocate(self, const int64_t[::1] slots, int most_updates, int most_commands,
-                  int most_parts):
-        cdef size_t size = slots.shape[0] * sizeof(Register) + 8
-        self.r = <Register*> malloc(size)
-        self.candidates = <int32_t*> malloc((self.events + most_commands + 1) * 4)
-        self.enabled = <int32_t*> malloc((most_commands + 1) * 4)
-        self.enabled_begin = <int32_t*> malloc((most_commands + 2) * 4)
-        self.enabled_total = <double*> malloc((most_commands + 1) * 8)
-        self.enabled_status = <int*> malloc((most_commands + 1) * sizeof(int))
-        self.part_begin = <int32_t*> malloc((most_parts + 2) * 4)
-        self.chosen = <int32_t*> malloc((most_parts + 1) * 4)
-        self.evaluated_weight = <double*> malloc((most_updates + 1) * 8)
-        self.evaluated_update = <int32_t*> malloc((most_updates + 1) * 4)
-        self.evaluated_value = <uint64_t*> malloc((most_updates + 1) * 8 * self.words)
-        self.level_words = <uint64_t*> malloc((most_parts + 1) * 8 * self.words)
-        if (self.r == NULL or self.candidates == NULL
-                or self.enabled == NULL or self.enabled_begin == NULL or self.enabled_total == NULL
-            or self.enabled_status == NULL or self.part_begin == NULL or self.chosen == NULL
-            or self.evaluated_weight == NULL or self.evaluated_update == NULL
-            or self.evaluated_value == NULL or self.level_words == NULL):
-            raise MemoryError
-        if slots.shape[0]:
-            memcpy(self.r, &slots[0], slots.shape[0] * sizeof(Register))
+    def _allocate(self, slots, int updates, int commands, int parts):
+        """Allocate the scratch of one state."""
+        cdef int64_t[::1] registers = np.append(slots, 0)
+        self.scratch = [registers]
+        self.r = <Register*> &registers[0]
+        self.candidates = <int32_t*> self._room(self.events + commands, 4)
+        self.enabled = <int32_t*> self._room(commands, 4)
+        self.enabled_begin = <int32_t*> self._room(commands, 4)
+        self.enabled_total = <double*> self._room(commands, 8)
+        self.enabled_status = <int*> self._room(commands, sizeof(int))
+        self.part_begin = <int32_t*> self._room(parts, 4)
+        self.chosen = <int32_t*> self._room(parts, 4)
+        self.evaluated_weight = <double*> self._room(updates, 8)
+        self.evaluated_update = <int32_t*> self._room(updates, 4)
+        self.evaluated_value = <uint64_t*> self._room(updates, 8 * self.words)
+        self.level_words = <uint64_t*> self._room(parts, 8 * self.words)
+
+    cdef void* _room(self, int count, int width) except NULL:
+        """Memory for items of some bytes, and two more of them, as long as this object lives."""
+        cdef uint64_t[::1] room = np.empty((count + 2) * (width + 7) // 8 + 1, np.uint64)
+        self.scratch.append(room)
+        return &room[0]
 
     def __dealloc__(self):
-        free(self.r)
-        free(self.candidates)
-        free(self.enabled)
-        free(self.enabled_begin)
-        free(self.part_begin)
-        free(self.chosen)
-        free(self.evaluated_weight)
-        free(self.evaluated_update)
-        free(self.evaluated_value)
-        free(self.level_words)
-        free(self.enabled_total)
-        free(self.enabled_status)
         release(&self.targets)
         release(&self.weights)
         release(&self.ends)
