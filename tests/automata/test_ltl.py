@@ -67,6 +67,8 @@ def _cases():
         (f.eventually(f.until(a, b)), f.eventually(b)),
 
         (f.always(f.eventually(f.next(a))), often),
+        (f.until(a, f.until(a, b)), f.until(a, b)),
+        (f.until(f.until(a, b), b), f.until(a, b)),
         (f.until(a, b, 0), b),
         (f.eventually(f.always(f.next(f.release(b, a)))), stable),
         (f.disjunction((f.eventually(a), f.eventually(b, 3), f.eventually(b, 5), f.eventually(a, 2))),

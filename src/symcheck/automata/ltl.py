@@ -172,6 +172,14 @@ class LtlFactory:
             return self.next(self.eventually(right.parts[0]))
         if left is self.true and right.fixpoint and right.kind is Kind.UNTIL:
             return self.eventually(right.parts[1])
+        if right.fixpoint and right.kind is Kind.UNTIL:
+            first, second = right.parts
+            if self.implies(left, first):
+                return right
+            if self.implies(first, left):
+                return self.until(left, second)
+        if left.fixpoint and left.kind is Kind.UNTIL and left.parts[1] is right:
+            return left
         return self._node(Kind.UNTIL, (left, right))
 
     # ---------------------------------------------------------------------------------- implication

@@ -197,18 +197,10 @@ class _StateEvaluator:
 
     def probability(self, command: BoundCommand, update: BoundUpdate) -> Fraction | float:
         value = self.real(update.probability)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise ModelFault(
-                state_faults.update_not_finite(
-                    command, update, value, self.describe(), self.model.type
-                )
-            )
-        if value < 0:
-            raise ModelFault(
-                state_faults.negative_update(
-                    command, update, value, self.describe(), self.model.type
-                )
-            )
+        is_finite = not isinstance(value, float) or math.isfinite(value)
+        if not is_finite or value < 0:
+            fault = state_faults.negative_update if is_finite else state_faults.update_not_finite
+            raise ModelFault(fault(command, update, value, self.describe(), self.model.type))
         return value
 
     def successor(self, updates: list[tuple[BoundCommand, BoundUpdate]]) -> State:

@@ -143,7 +143,7 @@ def normal_form(path: PathFormula, model: BoundModel) -> NormalForm:
                 Connected(Operator.IMPLIES, chosen, yes),
                 Connected(Operator.OR, chosen, no),
             )
-        case _:
+        case _:  # all other formulas are about one state
             return StateFormula(path)
 
 

@@ -75,9 +75,7 @@ def negative_update(
 ) -> Diagnostic:
     """A probability or rate is below 0."""
     message = f"{_what(kind)} {_short(value)} is negative, for example in state {state}"
-    return Diagnostic(
-        message, _span(update.probability.span, update.span, command.span), "update-negative"
-    )
+    return Diagnostic(message, _probability_span(command, update), "update-negative")
 
 
 def update_not_finite(
@@ -86,12 +84,7 @@ def update_not_finite(
     """A probability or rate is NaN or infinite."""
     message = f"{_what(kind)} is {_short(value)}, for example in state {state}"
     hint = "is something divided by zero?"
-    return Diagnostic(
-        message,
-        _span(update.probability.span, update.span, command.span),
-        "update-not-finite",
-        hint,
-    )
+    return Diagnostic(message, _probability_span(command, update), "update-not-finite", hint)
 
 
 def update_range(
@@ -149,6 +142,10 @@ def _what(kind: ModelType) -> str:
 def _span(*spans: Span) -> Span:
     """The first span that has a text."""
     return next((s for s in spans if s.source.text), NO_SPAN)
+
+
+def _probability_span(command: BoundCommand, update: BoundUpdate) -> Span:
+    return _span(update.probability.span, update.span, command.span)
 
 
 def _updates_span(command: BoundCommand) -> Span:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Set
+from contextlib import suppress
 from fractions import Fraction
 
 from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
@@ -229,16 +230,9 @@ def read_value(text: str, name: str = "<expression>") -> Expression:
     digits = plain.removeprefix("-")
     if digits.isascii() and digits.isdigit():
         return Literal(int(plain), Type.INT)
-    try:
-        number = (
-            Fraction(plain)
-            if digits[:1].isdigit() and "/" not in plain and "_" not in plain
-            else None
-        )
-    except ValueError:
-        number = None
-    if number is not None:
-        return Literal(number, Type.DOUBLE)
+    if digits[:1].isdigit() and not {"/", "_"} & set(plain):
+        with suppress(ValueError):
+            return Literal(Fraction(plain), Type.DOUBLE)
     from symcheck.syntax.parse import parse_expression
 
     return parse_expression(plain, name)

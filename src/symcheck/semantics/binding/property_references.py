@@ -122,8 +122,7 @@ class PropertyReferences:
         Returns:
             All undefined constants of the model, then those of the file that the formula reads.
         """
-        waiting, seen = [formula], set[str]()
-        used: set[str] = set()
+        waiting, seen, used = [formula], set[str](), set[str]()
         while waiting:
             text = waiting.pop()
             used |= self._table.constants_used_by(text)
@@ -133,12 +132,9 @@ class PropertyReferences:
                     seen.add(name)
                     waiting.append(target)
         always = [c.name for c in of_model if c.value is None]
-        own = [
-            n
-            for n, c in self._table.constants.items()
-            if c.value is None and n in used and n not in always
-        ]
-        return (*always, *own)
+        further = used.difference(always)
+        constants = self._table.constants.items()
+        return (*always, *(n for n, c in constants if c.value is None and n in further))
 
 
 def _references(expression: Expression) -> list[str]:
