@@ -217,4 +217,4 @@ def test_a_page(die, capsys):
     assert text.startswith("<!DOCTYPE html>")
     assert "0.3333" in text
     status, _, err = run(capsys, *words[:-1], die / "missing" / "die.html")
-    assert (status, "cannot write" in err) == (1, True)
+    assert (status, "cannot write" in err) == (2, True)

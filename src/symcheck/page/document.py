@@ -41,7 +41,8 @@ def document(data: Mapping[str, Any]) -> str:
     )
     graphs = [_COMMENT.sub("", _PROLOGUE.sub("", g)) for g in data.get("graphs", ())]
     # '<' is escaped, so that no text of a model ends the script.
-    text = json.dumps({**data, "graphs": graphs}, ensure_ascii=False, separators=(",", ":"))
+    whole = {**data, "graphs": graphs}
+    text = json.dumps(whole, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     parts = {
         "TITLE": escape(str(data.get("title", "symcheck"))),
         "STYLE": style,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -21,19 +21,21 @@ if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
     from symcheck.symbolic.encoding.variables import Encoding
 
-__all__ = ["Board", "Marks", "SharedDiagram", "Show", "played"]
+__all__ = ["MOST_FRAMES", "Board", "Marks", "SharedDiagram", "Show", "left_out", "played", "shown"]
 
+F = TypeVar("F")
 Show = dict[str, Any]
 """A sequence of frames, as `symcheck.page.document` describes it."""
 Marks = list[list[Any]]
 
 _MOST_EDGES = 2500
 """Transitions of a state graph; Graphviz takes some seconds for more."""
+MOST_FRAMES = 150
+"""Frames of a player; of more, those in the middle are left out."""
 _MOST_NODES = 120
 """Nodes of a diagram on a page."""
 _MOST_STATES = 100_000
 """States of a model of which a part is drawn."""
-_NAMED = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,19 +100,12 @@ class Board:
         return np.sort(nearest[: max(1, int((entries <= _MOST_EDGES).sum()))])
 
     @cached_property
-    def named(self) -> bool:
-        """Whether states are labelled with the names of variables."""
-        return len(self.drawn) <= _NAMED
-
-    @cached_property
     def panes(self) -> list[int]:
         """The number of the state graph, drawn when it is first used; none without states."""
         if self.engine is None:
             return []
         numbers = [self.numbers] * self.engine.states if self.numbers else None
-        picture = draw_states(
-            self.graph, self.drawn, self._distances, numbers=numbers, named=self.named
-        )
+        picture = draw_states(self.graph, self.drawn, self._distances, numbers=numbers)
         self.graphs.append(picture.svg)
         return [len(self.graphs) - 1]
 
@@ -194,6 +189,18 @@ class Board:
         }
         (pane,) = self.panes
         return {"graphs": self.graphs, "states": pane, "valued": bool(self.numbers), "model": model}
+
+
+def shown(frames: Sequence[F]) -> Sequence[F]:
+    """The frames of a player: all, or the first and the last ones."""
+    half = MOST_FRAMES // 2
+    return frames if len(frames) <= MOST_FRAMES else [*frames[:half], *frames[-half:]]
+
+
+def left_out(frames: Sequence[object]) -> str:
+    """A sentence on the frames that are not shown; '' if all are."""
+    more = len(frames) - MOST_FRAMES
+    return f" {more:,} frames in the middle are left out." if more > 0 else ""
 
 
 def played(board: Board, show: Show) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from symcheck.options import Options
 from symcheck.symbolic.events.commands import touched_by
 from symcheck.symbolic.matrix.transitions import full_matrix, participant_matrix, transitions
-from symcheck.teach.board import Board, Show, played
+from symcheck.teach.board import Board, Show, left_out, played, shown
 from symcheck.teach.source import state_space
 from symcheck.teach.trace import Trace
 from symcheck.view.choice_graph import GivenModel
@@ -124,17 +124,13 @@ def _module(symbolic: SymbolicModel, command: EncodedCommand) -> str:
     return symbolic.model.modules[command.command.module].name
 
 
-_MOST_FRAMES = 150
-"""Frames of the construction that a page has."""
-
-
 def construction_show(frames: Sequence[BuildFrame], board: Board) -> Show:
     """A diagram for each frame; guards and commands also on the state graph."""
-    shown: list[dict[str, object]] = []
-    for frame in frames[:_MOST_FRAMES]:
+    found = []
+    for frame in shown(frames):
         drawn = board.diagram([frame.diagram], frame.encoding, title=frame.title)
         enabled = board.nodes(frame.states, frame.manager, frame.encoding)
-        shown.append(
+        found.append(
             {
                 "title": frame.title,
                 "note": f"{frame.nodes} nodes" + ("" if drawn.panes else ", too many to be drawn"),
@@ -142,11 +138,10 @@ def construction_show(frames: Sequence[BuildFrame], board: Board) -> Show:
                 "marks": board.marks("in", enabled),
             }
         )
-    left_out = len(frames) - len(shown)
     return {
         "name": "Construction of the matrix, guard by guard",
         "note": "Guards and updates become commands, modules, events, and finally the matrix."
-        + (f" The last {left_out} diagrams are left out." if left_out else ""),
-        "frames": shown,
+        + left_out(frames),
+        "frames": found,
         "keys": [["in", "states in which it is enabled"]],
     }

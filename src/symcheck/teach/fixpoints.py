@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, assert_never
 from symcheck.direction import Direction
 from symcheck.engines.base import erased
 from symcheck.engines.symbolic.graph import SymbolicGraph
-from symcheck.teach.board import Board, Show, played
+from symcheck.teach.board import Board, Show, left_out, played, shown
 from symcheck.teach.source import symbolic_engine
 from symcheck.teach.trace import Trace
 from symcheck.view.choice_graph import GivenModel, set_of
@@ -122,27 +122,28 @@ def fixpoint_show(
 ) -> Show:
     """A fixpoint on the state graph, and on one diagram of all its sets."""
     symbolic = engine.space.symbolic
-    diagram = board.diagram([f.bdd for f in frames], symbolic.encoding)
-    shown, before = [], set[str]()
-    for frame in frames:
+    diagram = board.diagram([f.bdd for f in shown(frames)], symbolic.encoding)
+    found, before = [], set[str]()
+    for number, frame in enumerate(shown(frames)):
         here = set(board.nodes(frame.bdd, symbolic.manager, symbolic.encoding))
         marks = (("in", here & before), ("new", here - before), ("gone", before - here))
-        shown.append(
+        found.append(
             {
                 "title": f"{frame.number}: {frame.stage}",
                 "note": f"{frame.count} states in {frame.nodes} nodes",
                 "marks": [
                     *(m for kind, nodes in marks for m in board.marks(kind, sorted(nodes))),
-                    *diagram.marks(frame.number),
+                    *diagram.marks(number),
                 ],
             }
         )
         before = here
     return {
         "name": name,
-        "note": "Each frame is a set of states on the way to the fixpoint; the last is the result.",
+        "note": "Each frame is a set of states on the way to the fixpoint; the last is the result."
+        + left_out(frames),
         "panes": [*board.panes, *diagram.panes],
-        "frames": shown,
+        "frames": found,
         "keys": [
             ["in", "in the set"],
             ["new", "new, or changed in the diagram"],

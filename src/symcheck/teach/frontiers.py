@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.reachability.search import search
-from symcheck.teach.board import Board, Show, played
+from symcheck.teach.board import Board, Show, left_out, played, shown
 from symcheck.teach.source import encoded
 from symcheck.teach.trace import Trace
 from symcheck.view.choice_graph import GivenModel
@@ -95,12 +95,12 @@ def _frontiers(
 
 def search_show(frames: Sequence[SearchFrame], board: Board) -> Show:
     """The search on the state graph, and on one diagram of the reached sets of all frames."""
-    diagram = board.diagram([f.states for f in frames], frames[0].encoding)
+    diagram = board.diagram([f.states for f in shown(frames)], frames[0].encoding)
     reached: list[str] = []
-    shown = []
-    for number, frame in enumerate(frames):
+    found_frames = []
+    for number, frame in enumerate(shown(frames)):
         found = board.nodes(frame.frontier, frame.manager, frame.encoding)
-        shown.append(
+        found_frames.append(
             {
                 "title": f"Iteration {frame.iteration.number}",
                 "note": str(frame).split(": ", 1)[1],
@@ -114,9 +114,10 @@ def search_show(frames: Sequence[SearchFrame], board: Board) -> Show:
         reached = [*reached, *found]
     return {
         "name": "Reachability, frontier by frontier",
-        "note": "Each iteration adds the successors of the states that the one before it found.",
+        "note": "Each iteration adds the successors of the states that the one before it found."
+        + left_out(frames),
         "panes": [*board.panes, *diagram.panes],
-        "frames": shown,
+        "frames": found_frames,
         "keys": [["in", "reached before"], ["new", "new, or changed in the diagram"]],
     }
 

@@ -19,7 +19,7 @@ from symcheck.check.state_formulas import states_of
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine
-from symcheck.errors import SymcheckError, UsageError
+from symcheck.errors import SymcheckError, UnsupportedError, UsageError
 from symcheck.options import MethodName, Options, OptionValues
 from symcheck.page.document import document, fragment
 from symcheck.semantics.model import BoundModel
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Page", "PageModel", "model_page"]
 
-_MOST_DIAGRAM_STATES = 20_000
+_MOST_DIAGRAM_STATES = 5_000
 """States up to which a page has the stages on diagrams."""
 _MOST_STEPS = 3000
 """Iterations of a method that are computed for a page."""
@@ -195,8 +195,12 @@ class _Writer:
             entry["show"] = None if entry["show"] is None else entry["show"] + 1
         symbolic = None
         if bound.events and total <= _MOST_DIAGRAM_STATES:
-            symbolic = symbolic_engine(self.model)
-            shows.extend(self._diagrams(symbolic))
+            try:
+                symbolic = symbolic_engine(self.model)
+                shows.extend(self._diagrams(symbolic))
+            except UnsupportedError as error:
+                frame = {"title": "This model has no diagrams.", "note": str(error)}
+                shows.append(self._on_states("Diagrams", "", frame))
         for instance, entry in zip(instances, properties, strict=True):
             if entry["value"] != "error":
                 stages = self._until(instance, symbolic)
@@ -251,16 +255,12 @@ class _Writer:
 
     def _values(self, instance: PropertyInstance, result: Result) -> dict[str, Any] | None:
         """What a result says about the states."""
-        engine, drawn = self.board.engine, self.board.drawn
-        assert engine is not None
+        drawn = self.board.drawn
         if result.satisfying is not None:
-            names = self.board.names(engine.to_bools(result.satisfying.members))
-            return {"marks": self.board.marks("in", names)}
+            return {"marks": self.board.marks("in", self.board.names(result.satisfying.mask))}
         if result.values is None:
             return None
-        low, high = result.values.at(engine.all)
-        middle = [_plain((a + b) / 2 if a != b else a) for a, b in zip(low, high, strict=True)]
-        frame: dict[str, Any] = {"low": [middle[s] for s in drawn.tolist()]}
+        frame: dict[str, Any] = {"low": [_plain(v) for v in result.values.array[drawn].tolist()]}
         if result.strategy is not None and result.strategy.memory is None:
             rows = result.strategy.rows[drawn].tolist()
             matters = result.strategy.matters[drawn].tolist()
@@ -273,7 +273,7 @@ class _Writer:
         board = self.board
         space = engine.space
         encoding = space.symbolic.encoding
-        yield search_show(list(frontiers(space.symbolic)), board)
+        yield search_show(list(frontiers(space.symbolic, frames=1000)), board)
         yield construction_show(list(construction(space, self.model.options)), board)
         pictures: dict[str, Bdd | Mtbdd] = {"Reachable states": space.states}
         roots = list(engine.diagrams.roots)
@@ -357,7 +357,7 @@ def _plain(value: float | Fraction | np.floating[Any]) -> float | str:
 def _title(program: Program) -> str:
     """The name of the file, or of the modules."""
     name = Path(program.span.source.name).name
-    return name if program.span.source.text else " ".join(m.name for m in program.modules)
+    return " ".join(m.name for m in program.modules) if name.startswith("<") else name
 
 
 def _text(program: Program) -> str:

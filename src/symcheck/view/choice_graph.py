@@ -231,10 +231,9 @@ class ChoiceGraph:
             raise UsageError(f"{self.engine.states:,} values are expected, not {len(found):,}")
         on = values.engine or self.engine
         if values.values is not None:
-            low, high = values.values.at(on.all)
-            found = [a if a == b else (a + b) / 2 for a, b in zip(low, high, strict=True)]
+            found = values.values.array.tolist()
         elif values.satisfying is not None:
-            found = on.to_bools(values.satisfying.members).tolist()
+            found = values.satisfying.mask.tolist()
         else:
             raise UsageError("this result has no values of states")
         if on is self.engine:

@@ -101,7 +101,7 @@ def state_graph(
         sets=coloured,
         steps=() if path is None else tuple(pairwise(graph.number(s) for s in path)),
         marked=None if marked is None else graph.members(marked),
-        named=len(drawn) <= _NAMED if names is None else names,
+        names=names,
         title=title,
     )
 
@@ -138,7 +138,7 @@ def draw_states(
     sets: Mapping[str, Bools] | None = None,
     steps: Sequence[tuple[int, int]] = (),
     marked: Bools | None = None,
-    named: bool = True,
+    names: bool | None = None,
     title: str = "states",
 ) -> Picture:
     """The picture of some states of a graph.
@@ -154,10 +154,11 @@ def draw_states(
         sets: states in a colour.
         steps: transitions of a path.
         marked: states in green.
-        named: write the names of variables.
+        names: write the names of variables; None: up to 40 states.
         title: the caption.
     """
     choices = graph.matrix.groups is not None
+    named = len(drawn) <= _NAMED if names is None else names
     spread = 2 if choices else 1
     layer = {s: spread * int(distance[s]) for s in drawn.tolist()}
     keys = _colours(sets or {})
