@@ -13,7 +13,16 @@ from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
 from symcheck.kernels.rows import sparse, submatrix
 from symcheck.matrices.numbers import Numbers, doubles, is_exact, sum_segments
 
-__all__ = ["Bools", "Floats", "Int32s", "Int64s", "SparseMatrix", "spans", "starts_of"]
+__all__ = [
+    "Bools",
+    "Floats",
+    "Int32s",
+    "Int64s",
+    "SparseMatrix",
+    "first_best",
+    "spans",
+    "starts_of",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +182,14 @@ class SparseMatrix:
     def from_handles(self, handles: Floats) -> Numbers:
         """The entries that belong to handles which a compiled loop has moved."""
         return self.data[handles.astype(np.int64)] if self.exact else handles
+
+
+def first_best(values: Numbers, groups: Int64s) -> Int64s:
+    """The first row with the greatest value in each group of rows: int64[groups]."""
+    best = np.repeat(np.maximum.reduceat(values, groups[:-1]), np.diff(groups))
+    rows = np.flatnonzero(values == best)
+    _, first = np.unique(np.searchsorted(groups, rows, side="right"), return_index=True)
+    return rows[first]
 
 
 def starts_of(sizes: ArrayLike) -> Int64s:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.matrices.rows import Floats, Int64s
+from symcheck.matrices.rows import Floats, Int64s, first_best
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import (
     LinearProblem,
@@ -96,14 +96,11 @@ class BellmanOperator:
 
     def greedy_policy(self, x: Floats) -> Int64s | None:
         """The first optimal row of each state for the values x; None without choices."""
-        if self.first_rows is None:
+        groups = self.problem.choices
+        if groups is None:
             return None
         rows = self.product(x) + self.problem.constant
-        counts = np.diff(np.append(self.first_rows, len(rows)))
-        hits = np.flatnonzero(rows == np.repeat(self.best(rows), counts))
-        owner = np.searchsorted(self.first_rows, hits, side="right") - 1
-        _, first = np.unique(owner, return_index=True)
-        return hits[first].astype(np.int64)
+        return first_best(rows if self.problem.direction == Direction.MAX else -rows, groups)
 
 
 def iterate_bounds(

@@ -17,7 +17,7 @@ import numpy as np
 from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.kernels.solve.certificates import certify
 from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
-from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, first_best
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, scaled
 from symcheck.numerics.linear.problem import LinearProblem, Solution
@@ -355,17 +355,9 @@ def _improve_policy(
     assert groups is not None
     sign = 1.0 if mode == 2 else -1.0
     values = sign * rows if allowed is None else np.where(allowed, sign * rows, -np.inf)
-    best = np.maximum.reduceat(values, groups[:-1])
-    current = values[policy]
-    change = best > current + 1e-13 * np.abs(current) + 1e-300
-    if not change.any():
-        return None
-    first = np.flatnonzero(values == np.repeat(best, np.diff(groups)))
-    owner = np.searchsorted(groups, first, side="right") - 1
-    out = policy.copy()
-    pick = change[owner]
-    out[owner[pick]] = first[pick]
-    return out
+    best, current = first_best(values, groups), values[policy]
+    change = values[best] > current + 1e-13 * np.abs(current) + 1e-300
+    return np.where(change, best, policy) if change.any() else None
 
 
 def _weights(

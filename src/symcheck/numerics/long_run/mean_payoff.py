@@ -24,7 +24,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, full
-from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, first_best, starts_of
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
@@ -205,7 +205,7 @@ def _policies(part: _EndComponent, h: Numbers, settings: Settings) -> tuple[floa
     """Policy iteration from the greedy policy of h: bounds on the gain, and the last bias."""
     low, high = -np.inf, np.inf
     values = part.rows(h)
-    policy = _first_best(values, part, part.best(values))
+    policy = first_best(values, part.groups)
     for _ in range(tuning.MEAN_PAYOFF_POLICIES):
         policy = _unichain(part, policy, settings)
         bias = _bias(part, policy)
@@ -218,28 +218,15 @@ def _policies(part: _EndComponent, h: Numbers, settings: Settings) -> tuple[floa
         better = best > values[policy] + 4.0 * part.rounding_error(h)
         if _close_enough(low, high, part.rounding_error(h), settings) or not better.any():
             break
-        policy = np.where(better, _first_best(values, part, best), policy)
+        policy = np.where(better, first_best(values, part.groups), policy)
     return low, high, h - h[0]
-
-
-def _first_best(values: Numbers, part: _EndComponent, best: Numbers) -> Int64s:
-    """Per state, the first row with the best value."""
-    rows = np.flatnonzero(values == np.repeat(best, np.diff(part.groups)))
-    owner = np.repeat(np.arange(part.matrix.states), np.diff(part.groups))[rows]
-    out = np.empty(part.matrix.states, np.int64)
-    out[owner[::-1]] = rows[::-1]
-    return out
-
-
-def _chain(part: _EndComponent, policy: Int64s) -> SparseMatrix:
-    return part.matrix.choose(policy)
 
 
 def _unichain(part: _EndComponent, policy: Int64s, settings: Settings) -> Int64s:
     """A policy that reaches the best bottom component of the given one almost surely."""
     from symcheck.numerics.long_run.stationary import long_run_average
 
-    chain = _chain(part, policy)
+    chain = part.matrix.choose(policy)
     bottoms = graph.bsccs(chain)
     n = part.matrix.states
     target = bottoms[0]
@@ -268,7 +255,7 @@ def _bias(part: _EndComponent, policy: Int64s) -> Numbers | None:
 
     None if the equations are singular in floating point.
     """
-    chain = _chain(part, policy)
+    chain = part.matrix.choose(policy)
     anchor = int(graph.bsccs(chain)[0][0])
     solve = _rational_bias if chain.exact else _floating_bias
     return solve(chain, part.rewards[policy], anchor)
