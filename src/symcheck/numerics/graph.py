@@ -225,7 +225,7 @@ def backward_reachable(source: Source, target: Bools, through: Bools | None = No
 def prob0(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
     """States whose (None), minimal or maximal probability of `left U right` is 0."""
     graph = _incidence(source)
-    if direction is not Direction.MIN or graph.matrix.groups is None:
+    if direction != Direction.MIN or graph.matrix.groups is None:
         return ~backward_reachable(graph, right, left)
     sure = mdp_graph.attractor(
         graph.pre, graph.rows_in, graph.owner, graph.groups, _mask(right), _mask(left)
@@ -236,7 +236,7 @@ def prob0(source: Source, left: Bools, right: Bools, direction: Direction | None
 def prob1(source: Source, left: Bools, right: Bools, direction: Direction | None = None) -> Bools:
     """States whose (None), minimal or maximal probability of `left U right` is 1."""
     graph = _incidence(source)
-    if direction is Direction.MAX and graph.matrix.groups is not None:
+    if direction == Direction.MAX and graph.matrix.groups is not None:
         return prob1e_strategy(graph, left, right)[0]
     zero = prob0(graph, left, right, Direction.MIN)
     return ~backward_reachable(graph, zero, left & ~right)
