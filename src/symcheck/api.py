@@ -83,6 +83,7 @@ F = TypeVar("F", bound=Callable[..., object])
 Observer = Callable[[object], None]
 ModelTypeName = Literal["dtmc", "ctmc", "mdp"]
 
+_EXPLICIT_FILES = (".all", ".tra", ".sta", ".lab", ".srew", ".trew", ".umb")
 _FILE_NAME = re.compile(r"[^\s\[\]]+\.(pctl|csl|ltl|props|prop|prctl)")
 """A text that names a file of properties and is none itself."""
 
@@ -361,7 +362,10 @@ class Model:
             case str() | Path():
                 file = parse_properties_file(properties)
             case _:
-                raise UsageError(f"properties are a text or a file, not {properties!r}")
+                hint = "a text has several properties, with ; between them"
+                raise UsageError(
+                    f"properties are a text or a file, not {properties!r}\n  hint: {hint}"
+                )
         return self._check_all(file, constants, None)
 
     def _check_all(
@@ -583,7 +587,13 @@ class ReducedModel(Model):
 def _single_property(formula: str) -> PropertiesFile:
     """A text with one property, parsed. Raises UsageError, SyntaxFault."""
     if not isinstance(formula, str):
-        raise UsageError(f"a property is a text such as 'P=? [ F x=1 ]', not {formula!r}")
+        hint = "check_all takes a file, or a text with several properties"
+        raise UsageError(
+            f"a property is a text such as 'P=? [ F x=1 ]', not {formula!r}\n  hint: {hint}"
+        )
+    if _FILE_NAME.fullmatch(formula):
+        hint = f"check_all({formula!r})"
+        raise UsageError(f"one property is expected here, not a file\n  hint: {hint}")
     file = parse_properties(formula)
     if len(file.properties) != 1:
         raise UsageError(
@@ -643,6 +653,10 @@ def load(
     if not isinstance(cast(object, path), str | PathLike) or "endmodule" in str(path):
         raise UsageError(
             f"load takes the name of a file, not {path!r}\n  hint: symcheck.loads takes a text"
+        )
+    if str(path).endswith(_EXPLICIT_FILES):
+        raise UsageError(
+            f"{path} lists states or transitions\n  hint: symcheck.load_explicit reads such files"
         )
     given, chosen = constant_values(constants), make_options(options)
     return _checked(Model(parse_model_file(path), given, chosen, model_type(type)))

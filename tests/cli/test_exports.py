@@ -217,4 +217,26 @@ def test_a_page(die, capsys):
     assert text.startswith("<!DOCTYPE html>")
     assert "0.3333" in text
     status, _, err = run(capsys, *words[:-1], die / "missing" / "die.html")
-    assert (status, "cannot write" in err) == (2, True)
+    assert (status, "there is no folder" in err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("switch", "target", "message"),
+    [
+        (
+            "-exportpage",
+            "stdout",
+            "-exportpage: 'stdout' is no HTML file\n  hint: -exportpage stdout",
+        ),
+        ("-exportpage", "page.pdf", "-exportpage: 'page.pdf' is no HTML file"),
+        ("-exportpage", "nowhere/page.html", "-exportpage: there is no folder 'nowhere'"),
+        ("-exportstrat", "s.txt:type=action", "-exportstrat: cannot read 'type=action'"),
+    ],
+)
+def test_a_faulty_target_is_found_before_the_model_is_read(
+    switch: str, target: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["nosuch.nm", switch, target]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "nosuch" not in error

@@ -64,9 +64,9 @@ def test_the_end_of_the_input_ends_the_run(step):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("7", "there is no choice 7: expected one of 0 to 0, go"),
+        ("7", "there is no choice 7: expected 0, go"),
         ("[stop]", "there is no choice 'stop'"),
-        ("0.5", "no branch 5"),
+        ("0.5", "no successor 5"),
         ("0.", "'0.' is no step"),
         ("go on", "'go on' is no step"),
         ("r many", "'r many' is no step"),

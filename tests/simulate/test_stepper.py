@@ -177,9 +177,9 @@ def test_strategies():
 def test_deadlocks_and_wrong_steps():
     simulator = symcheck.loads(DTMC).simulator(seed=1)
     for wrong in (7, -1, "c"):
-        with pytest.raises(UsageError, match=f"no choice {wrong!r}: expected one of 0 to 1, b"):
+        with pytest.raises(UsageError, match=f"no choice {wrong!r}: expected 0 to 1, b"):
             simulator.step(wrong)
-    with pytest.raises(UsageError, match="no branch 2"):
+    with pytest.raises(UsageError, match="no successor 2"):
         simulator.step("b", 2)
     assert simulator.step("b", 1) == {"s": 2}
     assert simulator.choices == ()
@@ -209,7 +209,7 @@ def test_text():
         "     0.0: 0.25 to (x=1,y=true), r 2",
         "     0.1: 0.75 to (x=0,y=true), r 2",
     ]
-    assert repr(simulator) == "<Simulator: step 0, (x=0,y=false), 1 choices>"
+    assert repr(simulator) == "<Simulator: step 0, (x=0,y=false), 1 choice>"
     renamed = "dtmc module a x:[0..1]; [] x=0 -> (x'=1); endmodule module b=a[x=z] endmodule"
     texts = [c.text for c in symcheck.loads(renamed).simulator().choices]
     assert texts == ["[] x=0 -> (x'=1)", "[] z=0 -> 1.0 : (z'=1)"]

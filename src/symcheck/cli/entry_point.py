@@ -12,7 +12,7 @@ from symcheck import __version__
 from symcheck.cli.arguments import parse_arguments
 from symcheck.cli.check_property import internal_error
 from symcheck.cli.output import Output
-from symcheck.cli.output_paths import check_results_file, write_results
+from symcheck.cli.output_paths import check_files, check_results_file, write_results
 from symcheck.cli.run import run
 from symcheck.cli.run_state import RunState
 from symcheck.cli.signals import StopSignals, limited
@@ -76,6 +76,7 @@ def _guarded(words: list[str], stack: ExitStack) -> int:
         stack.enter_context(_working_folder(arguments.folder))
         if arguments.exportresults is not None:
             check_results_file(arguments.exportresults)
+        check_files(arguments)
         state = RunState(arguments, Output(verbose=arguments.verbose))
         with signals, limited(arguments.options.time_limit, lambda: _end_process(state)):
             status = run(state)

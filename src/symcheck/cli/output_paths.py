@@ -8,10 +8,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
+from symcheck.cli.arguments import Arguments
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row
 
-__all__ = ["NO_CONSTANTS", "ConstantTexts", "check_results_file", "instance_path", "write_results"]
+__all__ = [
+    "NO_CONSTANTS",
+    "ConstantTexts",
+    "check_files",
+    "check_results_file",
+    "instance_path",
+    "write_results",
+]
 
 ConstantTexts = Mapping[str, str]
 """Values of constants, as they are printed."""
@@ -42,6 +50,22 @@ def _target(argument: str) -> tuple[Path, list[str]]:
     if colon:
         return Path(path), kinds.split(",")
     return Path(argument), ["text"] if Path(argument).suffix in _TEXT else []
+
+
+def check_files(a: Arguments) -> None:
+    """Find faults of two export switches before anything is computed. Raises UsageError."""
+    if a.exportstrat is not None:
+        from symcheck.exchange.strategies import strategy_target
+
+        strategy_target(a.exportstrat)
+    if a.exportpage is not None:
+        page = Path(a.exportpage)
+        if page.suffix.lower() not in (".html", ".htm"):
+            raise UsageError(
+                f"-exportpage: '{page}' is no HTML file\n  hint: -exportpage {page.stem}.html"
+            )
+        if not page.parent.is_dir():
+            raise UsageError(f"-exportpage: there is no folder '{page.parent}'")
 
 
 def check_results_file(argument: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from numbers import Real
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,6 +71,9 @@ def from_matrix(
     rows, columns, data, shape = _entries(matrix)
     n = shape[1]
     starts = np.arange(n + 1) if groups is None else np.asarray(groups, np.int64)
+    for what, given in (("labels", labels), ("rewards", rewards)):
+        if given is not None and not isinstance(cast(object, given), Mapping):
+            raise UsageError(f"{what}: expected a mapping from names, not {given!r}")
     if (
         not n
         or (groups is not None and kind is not ModelType.MDP)
@@ -81,6 +84,7 @@ def from_matrix(
         raise UsageError(
             f"the matrix has {shape[0]} rows and {n} columns: expected a square one, or for an MDP "
             f"groups with {n + 1} ascending numbers: the first row of each state, and {shape[0]}"
+            + ("" if groups is None else f"; the groups are {starts.tolist()}")
         )
     lengths = np.bincount(rows, minlength=shape[0])
     found = SparseMatrix(

@@ -40,6 +40,7 @@ from symcheck.syntax.ast import (
     StateOperator,
     Unary,
 )
+from symcheck.syntax.printer import pretty
 
 __all__ = ["check_by_sampling"]
 
@@ -140,8 +141,7 @@ def _read_operator(
             | StateOperator()
         ):
             raise UnsupportedError(
-                f"-sim supports a single P, R or T operator, and this is a "
-                f"{type(formula).__name__}; "
+                f"-sim supports a single P, R or T operator, not '{pretty(formula)}'; "
                 "without -sim it is checked numerically"
             )
         case _:

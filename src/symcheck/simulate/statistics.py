@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil, exp, isfinite, log, sqrt
+from numbers import Integral
 from typing import Literal
 
 import numpy as np
@@ -53,6 +54,13 @@ class Plan:
     most: float | None = None
     max_steps: int = 10_000
     seed: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the whole numbers. Raises UsageError."""
+        for name, least in (("samples", 1), ("pilot", 1), ("max_steps", 1), ("seed", 0)):
+            given = getattr(self, name)
+            if given is not None and not (isinstance(given, Integral) and int(given) >= least):
+                raise UsageError(f"{name}={given!r}: expected a whole number from {least}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -122,11 +122,12 @@ class Simulator:
         chosen = [c for i, c in enumerate(enabled) if choice in (None, i, c.action or "")]
         if not chosen:
             actions = dict.fromkeys(c.action for c in enabled if c.action is not None)
-            known = f"0 to {len(enabled) - 1}" + "".join(f", {a}" for a in actions)
-            raise UsageError(f"there is no choice {choice!r}: expected one of {known}")
+            known = ", ".join([_numbers(len(enabled)), *actions])
+            raise UsageError(f"there is no choice {choice!r}: expected {known}")
         allowed = [(c, b) for c in chosen for i, b in enumerate(c.branches) if branch in (None, i)]
         if not allowed:
-            raise UsageError(f"the choice has no branch {branch}")
+            most = max(len(c.branches) for c in chosen)
+            raise UsageError(f"the choice has no successor {branch}: expected {_numbers(most)}")
         step = self._steps.take(self._path[-1], enabled, self._generator, allowed)
         self._path.append(step)
         return self.state
@@ -198,7 +199,9 @@ class Simulator:
 
     def __repr__(self) -> str:
         state = self._text(self._path[-1].state)
-        return f"<Simulator: step {len(self._path) - 1}, {state}, {len(self.choices)} choices>"
+        n = len(self.choices)
+        choices = f"{n} choice{'s' * (n != 1)}"
+        return f"<Simulator: step {len(self._path) - 1}, {state}, {choices}>"
 
     def __str__(self) -> str:
         """The state, its labels and rewards, and the numbered choices with their successors."""
@@ -228,3 +231,8 @@ class Simulator:
 
 StepStrategy = Callable[[Simulator], int | str | None]
 """Gives the number or the action of the next choice of a simulator."""
+
+
+def _numbers(n: int) -> str:
+    """The numbers below n as a text."""
+    return "0" if n == 1 else f"0 to {n - 1}"

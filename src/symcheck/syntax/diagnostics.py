@@ -9,7 +9,7 @@ from lark import Token
 
 from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax.grammars import Language
-from symcheck.syntax.operators import function_hint
+from symcheck.syntax.operators import Operator, function_hint
 from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
 
 __all__ = ["diagnose"]
@@ -19,7 +19,7 @@ def _set(words: str) -> frozenset[str]:
     return frozenset(words.split())
 
 
-_OPERATORS = _set("AND OR IMPLIES IFF EQ NE LT LE GT GE PLUS MINUS TIMES DIVIDE POWER QMARK")
+_OPERATORS = frozenset(["QMARK", *Operator.__members__])
 _STARTS = _set(
     "INTEGER REAL TRUE FALSE NAME STRING FUNCTION MIN MAX FUNC MULTI FILTER LPAR MINUS NOT "
     "P PMIN PMAX PMINMAX PMAXMIN RELEASE RMIN RMAX RMINMAX RMAXMIN S ALL EXISTS"

@@ -112,6 +112,8 @@ def parse_properties_file(path: str | Path) -> PropertiesFile:
 
 
 def _read(path: str | Path) -> str:
+    if not str(path):
+        raise UsageError("the name of a file is empty")
     try:
         data = Path(path).read_bytes()
     except OSError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -91,6 +91,8 @@ def state_graph(
     leaving = int(graph.successor_counts[drawn].sum())
     if leaving > _MOST_TRANSITIONS:
         raise refuse(leaving, _MOST_TRANSITIONS, "transitions")
+    if sets is not None and not isinstance(cast(object, sets), Mapping):
+        raise UsageError('sets: expected a mapping from names, such as {"goal": "x=1"}')
     coloured = {} if sets is None else {name: graph.members(s) for name, s in sets.items()}
     return draw_states(
         graph,
@@ -116,6 +118,8 @@ def _part(
             raise refuse(engine.states, max_states)
         return np.arange(engine.states), graph.distances(graph.initial, None, 1 << 62, back=False)
     start = graph.members(around)
+    if not start.any():
+        raise UsageError(f"around={around!r}: no state is in this set, and nothing would be drawn")
     drawn = np.flatnonzero(graph.distances(start, radius, 0, back=True) >= 0)
     if len(drawn) > max_states:
         raise refuse(len(drawn), max_states)
