@@ -64,7 +64,7 @@ def results(text: str) -> list[str]:
         ([DIE_PCTL, DIE], 2, "in the place of the model"),
         ([CROWDS, "-const", "TotalRuns=3", "CrowdSize=5"], 2, "commas separate constants"),
         ([DIE, "-bogus"], 2, "-bogus"),
-        ([DIE, "-pf"], 2, "expected one argument"),
+        ([DIE, "-pf"], 2, "expected a value"),
         ([DIE, "-epsilon", "x"], 2, "'x' is not a number"),
         ([DIE, "-epsilon", "0"], 2, "between 0 and 1"),
         ([DIE, "-epsilon", "nan"], 2, "between 0 and 1"),

@@ -92,7 +92,7 @@ def test_files_may_stand_anywhere():
 def test_a_value_may_look_like_a_switch():
     found = parse_arguments(["m.pm", "-pf", "-x>0", "-const", "-", "-transient", "-1"])
     assert (found.pf, found.const, found.transient) == (["-x>0"], ["-"], "-1")
-    with pytest.raises(UsageError, match="expected one argument"):
+    with pytest.raises(UsageError, match="expected a value"):
         parse_arguments(["m.pm", "-pf"])
 
 

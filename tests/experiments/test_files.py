@@ -41,7 +41,7 @@ MIXED = Experiment(
 
 
 def test_a_data_frame(die: Experiment) -> None:
-    frame = die.to_pandas()
+    frame = die.to_frame()
     assert list(frame.columns) == [
         *("property", "k", "value", "lower", "upper", "accuracy"),
         *("states", "transitions", "build_seconds", "seconds", "error"),
@@ -146,7 +146,7 @@ def test_faults_of_files(die: Experiment, tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(UnsupportedError, match=r"needs matplotlib.*\n.*'symcheck\[plot\]'"):
         die.save(tmp_path / "x.png")
     with pytest.raises(UnsupportedError, match=r"needs pandas.*\n.*'symcheck\[frames\]'"):
-        die.to_pandas()
+        die.to_frame()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -154,4 +154,14 @@ def test_a_notebook_shows_a_table() -> None:
     text = MIXED._repr_html_()
     assert text.startswith("<table><tr><th>property</th><th>N</th><th>value</th><th>value</th>")
     assert "<td>no &lt;such&gt; label</td>" in text
-    assert repr(MIXED) == "<Experiment: 6 rows, 1 errors>"
+    assert repr(MIXED) == "<Experiment: 6 rows, 1 error>"
+
+
+def test_ticks_of_whole_numbers_are_whole_numbers() -> None:
+    rows = symcheck.experiment(
+        symcheck.loads("dtmc const int N; module m x : [0..N]; [] x<N -> (x'=x+1); endmodule"),
+        "T=? [ F x=N ]",
+        "N=3:5",
+    )
+    ticks = rows.plot().get_xticks()
+    assert all(tick == round(tick) for tick in ticks)

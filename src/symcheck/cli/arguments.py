@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple, NoReturn, TypeVar
@@ -156,6 +157,9 @@ class _Formatter(argparse.RawDescriptionHelpFormatter):
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
+        # argparse names each spelling: "argument -e/--e: expected one argument".
+        message = re.sub(r"^argument (-\w+)[^:]*:", r"\1:", message)
+        message = message.replace("expected one argument", "expected a value")
         raise UsageError(f"{message}\n  hint: symcheck --help lists the switches")
 
     def add(self, name: str, *aliases: str, **keywords: Any) -> None:

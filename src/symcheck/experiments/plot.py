@@ -56,7 +56,8 @@ def plot(
             f"plot: {unnamed[0]} has several values too\n  hint: name it in by=, "
             f"or choose one value with select({unnamed[0]}=...)"
         )
-    if axes is None:
+    own_axes = axes is None
+    if own_axes:
         pyplot = optional_package("matplotlib.pyplot", "plot")
         axes = pyplot.subplots(figsize=_SIZE, layout="constrained")[1]
     lines: dict[tuple[str, ...], list[Row]] = {}
@@ -68,6 +69,8 @@ def plot(
     for (name, *values), points in lines.items():
         label = ", ".join(values if one_property else (name, *values))
         _draw(axes, [r.name if x is None else r.constants[x] for r in points], points, label)
+    if own_axes and x is not None and all(isinstance(value, int) for value in present[x]):
+        axes.locator_params(axis="x", integer=True)
     axes.set_xlabel(x or "property")
     axes.set_ylabel(next(iter(lines))[0] if one_property else "value")
     if len(lines) > 1:

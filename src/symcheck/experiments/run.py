@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Unpack
+from typing import Unpack, cast
 
 from symcheck import __version__
 from symcheck.api import Model, takes_options
@@ -176,6 +176,11 @@ def _model(model: Model | str | Path, options: OptionValues) -> Model:
 def _properties(properties: PropertiesFile | str | Path) -> PropertiesFile:
     if isinstance(properties, PropertiesFile):
         return properties
+    if not isinstance(cast(object, properties), str | Path):
+        raise UsageError(
+            f"properties are a text or a file, not {properties!r}\n"
+            '  hint: a text names several properties: "six": P=? [ F d=6 ]; "two": P=? [ F d=2 ]'
+        )
     if _is_file(properties):
         return parse_properties_file(properties)
     return parse_properties(str(properties))

@@ -45,7 +45,9 @@ class Experiment(Sequence[Row]):
 
     def __repr__(self) -> str:
         stopped = "" if self.complete else ", stopped before the end"
-        return f"<Experiment: {len(self)} rows, {len(self.errors)} errors{stopped}>"
+        rows, errors = len(self), len(self.errors)
+        counts = f"{rows} row{'s' * (rows != 1)}, {errors} error{'s' * (errors != 1)}"
+        return f"<Experiment: {counts}{stopped}>"
 
     def _repr_html_(self) -> str:
         names = list(dict.fromkeys(n for r in self.rows for n in r.constants))
@@ -70,7 +72,7 @@ class Experiment(Sequence[Row]):
         )
         return replace(self, rows=tuple(chosen))
 
-    def to_pandas(self) -> DataFrame:
+    def to_frame(self) -> DataFrame:
         """A data frame: property, each constant, value, lower, upper, accuracy, size, times, error.
 
         Raises UnsupportedError if pandas is not installed.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import IO, Any, Protocol, runtime_checkable
 
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.tables import optional_package
 
@@ -82,6 +82,11 @@ class Framed(Protocol):
     def iteration(self) -> Counted: ...
 
 
+def _require_frames(given: object, expected: str) -> None:
+    if not isinstance(given, Iterable):
+        raise UsageError(f"{expected}, not {given!r}")
+
+
 def plot_search(iterations: Iterable[Counted | Framed], axes: Any = None, title: str = "") -> Any:
     """Plot BDD nodes of the reached set and of the frontier per iteration, and states on the right.
 
@@ -91,6 +96,7 @@ def plot_search(iterations: Iterable[Counted | Framed], axes: Any = None, title:
         axes: where to draw.
         title: the caption.
     """
+    _require_frames(iterations, "plot_search takes the frames of teach.frontiers(model)")
     counted = [i.iteration if isinstance(i, Framed) else i for i in iterations]
     seen = [i for i in counted if i.states is not None]
     axes = axes_of(axes)
@@ -124,6 +130,7 @@ def plot_bounds(
         truth: a value that is drawn as a line for comparison.
         title: the caption.
     """
+    _require_frames(steps, "plot_bounds takes the steps of teach.until_trace(model, left, right)")
     seen = list(steps)
     axes = axes_of(axes)
     number = [s.iteration for s in seen if s.lower is not None]
@@ -142,6 +149,7 @@ def plot_bounds(
 
 def plot_orders(frames: Sequence[Ordered], axes: Any = None, title: str = "") -> Any:
     """Plot the nodes of reachable states and matrix under each variable order, fewest first."""
+    _require_frames(frames, "plot_orders takes the frames of teach.compare_orders(model)")
     best = sorted(frames, key=lambda f: f.matrix_nodes, reverse=True)
     axes = axes_of(axes, (6.4, 1.0 + 0.32 * len(best)))
     place = range(len(best))

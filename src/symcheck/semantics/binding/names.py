@@ -28,6 +28,9 @@ __all__ = [
     "unknown",
 ]
 
+_MOST_CHARACTERS = 60
+"""Names of variables up to this length are listed in a hint."""
+
 ConstantValue = Value | str
 
 
@@ -249,6 +252,12 @@ def undefined(constant: Constant) -> Diagnostic:
     )
 
 
+def _variables(table: SymbolTable) -> str:
+    """The variables, if a line has room for them, as the beginning of a hint."""
+    text = ", ".join(table.variables)
+    return f"the variables are {text}; or " if 0 < len(text) <= _MOST_CHARACTERS else ""
+
+
 def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnostic:
     """The diagnostic about an unknown name, or about a variable that is not allowed (`why`)."""
     if node.name in table.variables:
@@ -258,7 +267,8 @@ def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnosti
         (f'the label is written "{node.name}"' if node.name in table.labels else None)
         or CTL_HINTS.get(node.name)
         or suggest(node.name, known)
-        or f"declare a constant: const int {node.name}; or const double {node.name};"
+        or f"{_variables(table)}declare a constant: const int {node.name}; "
+        f"or const double {node.name};"
     )
     return Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
 
