@@ -83,7 +83,6 @@ F = TypeVar("F", bound=Callable[..., object])
 Observer = Callable[[object], None]
 ModelTypeName = Literal["dtmc", "ctmc", "mdp"]
 
-_EXPLICIT_FILES = (".all", ".tra", ".sta", ".lab", ".srew", ".trew", ".umb")
 _FILE_NAME = re.compile(r"[^\s\[\]]+\.(pctl|csl|ltl|props|prop|prctl)")
 """A text that names a file of properties and is none itself."""
 
@@ -654,10 +653,6 @@ def load(
         raise UsageError(
             f"load takes the name of a file, not {path!r}\n  hint: symcheck.loads takes a text"
         )
-    if str(path).endswith(_EXPLICIT_FILES):
-        raise UsageError(
-            f"{path} lists states or transitions\n  hint: symcheck.load_explicit reads such files"
-        )
     given, chosen = constant_values(constants), make_options(options)
     return _checked(Model(parse_model_file(path), given, chosen, model_type(type)))
 
@@ -673,7 +668,7 @@ def loads(
     """A model from its text; everything else is as for `load`."""
     if not isinstance(cast(object, text), str) or re.fullmatch(r"\S+\.\S+", text):
         raise UsageError(
-            f"loads takes the text of a model, not {text!r}\n  hint: symcheck.load reads a file"
+            f"loads takes the text of a model, not {text!r:.80}\n  hint: symcheck.load reads a file"
         )
     given, chosen = constant_values(constants), make_options(options)
     return _checked(Model(parse_model(text), given, chosen, model_type(type)))

@@ -240,3 +240,17 @@ def test_a_faulty_target_is_found_before_the_model_is_read(
     error = capsys.readouterr().err
     assert message in error
     assert "nosuch" not in error
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nosuch.nm", "-transient", "soon"], "-transient: 'soon' is not a time"),
+        (["nosuch.tra"], "nosuch.tra lists states or transitions\n  hint: -importmodel"),
+    ],
+)
+def test_a_faulty_time_and_an_explicit_file_are_found_first(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    assert message in capsys.readouterr().err

@@ -38,6 +38,8 @@ _MOST_NODES = 100_000
 def check_targets(a: Arguments) -> None:
     """Find faults of the export switches before anything is computed. Raises UsageError."""
     _targets(a)
+    if a.transient is not None:
+        list(_times(a.transient))
     asked = a.transient is not None or a.steadystate
     if not asked and (a.exporttransient or a.exportsteadystate):
         raise UsageError(

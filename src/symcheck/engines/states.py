@@ -114,7 +114,7 @@ def _one(engine: Engine, key: object) -> StateSet:
     if isinstance(key, Mapping):
         if set(key) != set(names):
             raise KeyError(
-                f"a state gives values to {', '.join(names)}, and not to {list(key)}; "
+                f"a state has values of {', '.join(names)}; given are those of {', '.join(key)}; "
                 "model.where(…) selects states by a condition"
             )
         key = tuple(key[name] for name in names)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
+from numbers import Integral
+from typing import cast
 
 import numpy as np
 
@@ -146,8 +148,10 @@ class Simulator:
             The last state.
 
         Raises:
-            UsageError: the strategy has memory.
+            UsageError: the strategy has memory, or `steps` is no whole number from 0.
         """
+        if not isinstance(cast(object, steps), Integral) or steps < 0:
+            raise UsageError(f"steps={steps!r}: expected a whole number from 0")
         chosen = self._following(strategy) if isinstance(strategy, Strategy) else strategy
         for _ in range(steps):
             if not self.choices:

@@ -29,6 +29,9 @@ __all__ = [
     "parse_properties_file",
 ]
 
+_EXPLICIT_FILES = (".all", ".tra", ".sta", ".lab", ".srew", ".trew", ".umb")
+"""Extensions of files that are no text of a model."""
+
 _EASY_NESTING = 100
 """Later stages follow expressions up to this depth within Python's default limit of recursion."""
 
@@ -103,6 +106,9 @@ def parse_expression(text: str, name: str = "<expression>") -> Expression:
 
 def parse_model_file(path: str | Path) -> Program:
     """Parse a model file as `parse_model` does. Raises UsageError if it is unreadable."""
+    if str(path).endswith(_EXPLICIT_FILES):
+        hint = "-importmodel reads such files, in Python symcheck.load_explicit"
+        raise UsageError(f"{path} lists states or transitions\n  hint: {hint}")
     return parse_model(_read(path), str(path))
 
 
