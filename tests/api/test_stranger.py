@@ -52,6 +52,8 @@ CELLS = [
     ("symcheck.from_matrix([[1]], groups=[0])", r"UsageError: .*the groups are \[0\]"),
     ("m.simulator().run(-3)", "UsageError: steps=-3: expected a whole number from 0"),
     ("loads(bytes(1000))", "UsageError: loads takes the text of a model, .{90,110}load reads"),
+    ("symcheck.teach.frontiers(DIE)", "UsageError: a model is expected, not .*symcheck.load"),
+    ("next(iter(m.check_all('x=1')))[0]", "<BoundProperty: x=1>"),
     ("m.simulator().step(7)", "UsageError: there is no choice 7: expected 0"),
     ("m.simulator().step(0, 7)", "UsageError: the choice has no successor 7: expected 0 to 1"),
     ("repr(m.simulator())", "'<Simulator: step 0, (x=0,b=false), 1 choice>'"),

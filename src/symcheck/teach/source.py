@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from symcheck.engines.symbolic.engine import SymbolicEngine
+from symcheck.errors import UsageError
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.build import build, construct
 from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
@@ -18,14 +19,23 @@ __all__ = [
 ]
 
 
+def _model(source: GivenModel) -> GivenModel:
+    """The model itself. Raises UsageError for what is none."""
+    if not isinstance(source, GivenModel):
+        raise UsageError(f"a model is expected, not {source!r}\n  hint: symcheck.load reads a file")
+    return source
+
+
 def bound_of(source: GivenModel | BoundModel) -> BoundModel:
     """The bound model."""
-    return source if isinstance(source, BoundModel) else source.bound
+    return source if isinstance(source, BoundModel) else _model(source).bound
 
 
 def encoded(source: GivenModel | SymbolicModel) -> SymbolicModel:
     """The encoded model."""
-    return source if isinstance(source, SymbolicModel) else build(source.bound, source.options)
+    if isinstance(source, SymbolicModel):
+        return source
+    return build(_model(source).bound, source.options)
 
 
 def state_space(source: GivenModel | StateSpace) -> StateSpace:
@@ -35,7 +45,9 @@ def state_space(source: GivenModel | StateSpace) -> StateSpace:
 
 def transitions_of(source: GivenModel | Transitions) -> Transitions:
     """The matrix as a diagram."""
-    return source if isinstance(source, Transitions) else construct(source.bound, source.options)
+    if isinstance(source, Transitions):
+        return source
+    return construct(_model(source).bound, source.options)
 
 
 def symbolic_engine(source: GivenModel | SymbolicEngine) -> SymbolicEngine:

@@ -59,6 +59,9 @@ class BoundProperty:
     span: Span = field(default=NO_SPAN, compare=False, repr=False)
     bound: Expression | None = field(default=None, repr=False)
 
+    def __repr__(self) -> str:
+        return f"<BoundProperty: {self}{', faulty' if self.fault else ''}>"
+
     def __str__(self) -> str:
         """The name of the property, or its text on one line."""
         return self.name or " ".join(self.span.text.strip().rstrip(";").split())
