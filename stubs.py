@@ -26,6 +26,7 @@ ELEMENTS = {
     "int64_t": "Int64s",
     "long long": "Int64s",
     "uint8_t": "Masks",
+    "uint16_t": "UInt16s",
     "unsigned char": "Masks",
     "uint64_t": "Words",
     "unsigned long long": "Words",

@@ -15,12 +15,14 @@ __all__ = [
     "Masks",
     "NewDiagram",
     "OddTable",
+    "UInt16s",
     "Words",
 ]
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Words = NDArray[np.uint64]
+UInt16s = NDArray[np.uint16]
 Int64s = NDArray[np.int64]
 Int32s = NDArray[np.int32]
 Bools = NDArray[np.bool_]

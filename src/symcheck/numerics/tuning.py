@@ -66,6 +66,8 @@ BICGSTAB_PATIENCE = 40
 converge."""
 EARLY_BICGSTAB_STEPS, BICGSTAB_STEPS = 100, 400
 """Steps of BiCGStab for a relative solution: until a tenth of the residual remains, and in all."""
+BYTE_CODES, SHORT_CODES = 256, 65_536
+"""Distinct values that are stored as codes of one byte, and of two bytes, instead of doubles."""
 WEIGHT_RESIDUAL = 0.3
 """Relative residual of the weights of a certificate, which need to be approximate only."""
 POLICY_ROUNDS = 500

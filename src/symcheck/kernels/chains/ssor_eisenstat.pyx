@@ -4,50 +4,115 @@
 I - A = K1 + K2 - I, with K1 the lower and K2 the upper triangle (with unit diagonals); A =
 diag(scale) R, where R has no diagonal. The product with K1^-1 (I - A) K2^-1 takes one solution with
 K1 and one with K2 (Eisenstat 1981), and the vector operations of BiCGStab are done in the same
-passes. count: int32[n], the entries of each row of a triangle, whose indices and values follow each
-other. Vectors are float64[n].
+passes. Values of R are stored as codes of one or two bytes into a table where few of them are
+distinct. count: int32[n], the entries of each row of a triangle, whose indices and values follow
+each other. Vectors are float64[n].
 """
 
 import numpy as np
 
 from libc.math cimport fabs
-from libc.stdint cimport int32_t, int64_t
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint64_t
+from libc.string cimport memcpy
 
-Triangle: TypeAlias = "tuple[Int32s, Int32s, Floats]"
+cdef enum:
+    VALUE_TABLE_SIZE = 1 << 18       # of the hash table of values: four times the number of codes
+
+ctypedef fused Value:
+    uint8_t
+    uint16_t
+    double
 
 
-def triangles(const int64_t[::1] indptr, const int32_t[::1] indices,
-              const double[::1] data) -> tuple[Triangle, Triangle]:
-    """The lower and the upper triangle of a square matrix without its diagonal.
-
-    Returns:
-        count, indices and values of each.
+cdef inline int64_t _find_slot(double value, const int32_t* slot,
+                               const double* table) noexcept nogil:
+    """The slot of a value, or where it belongs. Values are compared as numbers, so -0.0 must not
+    occur.
     """
-    cdef int64_t n = indptr.shape[0] - 1, i, k, a = 0, b = 0
-    cdef int32_t[::1] below = np.zeros(n, np.int32), above = np.zeros(n, np.int32)
+    cdef uint64_t bits, h
+    memcpy(&bits, &value, 8)
+    h = (((bits ^ (bits >> 29)) * <uint64_t>0x9E3779B97F4A7C15) >> 40) & (VALUE_TABLE_SIZE - 1)
+    while slot[h] >= 0 and table[slot[h]] != value:
+        h = (h + 1) & (VALUE_TABLE_SIZE - 1)
+    return <int64_t>h
+
+
+def distinct_values(const double[::1] data, int largest) -> Floats | None:
+    """The distinct values in order of first occurrence, or None if there are more than `most` (at
+    most 65,536).
+    """
+    cdef int64_t k, h, count = 0
+    cdef double value
+    slots = np.full(VALUE_TABLE_SIZE, -1, dtype=np.int32)
+    values = np.empty(largest)
+    cdef int32_t[::1] slot = slots
+    cdef double[::1] out = values
     with nogil:
-        for i in range(n):
-            for k in range(indptr[i], indptr[i + 1]):
-                below[i] += indices[k] < i
-                above[i] += indices[k] > i
-            a += below[i]
-            b += above[i]
-    cdef int32_t[::1] lower = np.empty(a, np.int32), upper = np.empty(b, np.int32)
-    cdef double[::1] lower_values = np.empty(a), upper_values = np.empty(b)
-    a = b = 0
+        for k in range(data.shape[0]):
+            value = data[k] + 0.0
+            h = _find_slot(value, &slot[0], &out[0])
+            if slot[h] < 0:
+                if count == largest:
+                    count = -1
+                    break
+                slot[h] = <int32_t>count
+                out[count] = value
+                count += 1
+    return None if count < 0 else values[:count].copy()
+
+
+def triangle_sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_t[::1] lower,
+                   int32_t[::1] upper) -> tuple[int, int]:
+    """Count the entries below and above the diagonal in each row (int32[n] each); returns the
+    totals.
+    """
+    cdef int64_t i, k, a = 0, b = 0
+    cdef int32_t x, y
     with nogil:
-        for i in range(n):
+        for i in range(lower.shape[0]):
+            x = y = 0
             for k in range(indptr[i], indptr[i + 1]):
+                x += indices[k] < i
+                y += indices[k] > i
+            lower[i] = x
+            upper[i] = y
+            a += x
+            b += y
+    return a, b
+
+
+def fill_triangles(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+                   const double[::1] table, int32_t[::1] lower_indices, Value[::1] lower_values,
+                   int32_t[::1] upper_indices, Value[::1] upper_values):
+    """Write the triangles of a matrix without its diagonal.
+
+    table: float64, the values of the codes (unused if the values are float64). lower_values,
+    upper_values: uint8, uint16 or float64.
+    """
+    cdef int64_t i, k, t, a = 0, b = 0
+    cdef Value code
+    slots = np.full(VALUE_TABLE_SIZE, -1, dtype=np.int32)
+    cdef int32_t[::1] slot = slots
+    with nogil:
+        if Value is not double:
+            for t in range(table.shape[0]):
+                slot[_find_slot(table[t], &slot[0], &table[0])] = <int32_t>t
+        for i in range(indptr.shape[0] - 1):
+            for k in range(indptr[i], indptr[i + 1]):
+                if indices[k] == i:
+                    continue
+                if Value is double:
+                    code = data[k]
+                else:
+                    code = <Value>slot[_find_slot(data[k] + 0.0, &slot[0], &table[0])]
                 if indices[k] < i:
-                    lower[a] = indices[k]
-                    lower_values[a] = data[k]
+                    lower_indices[a] = indices[k]
+                    lower_values[a] = code
                     a += 1
-                elif indices[k] > i:
-                    upper[b] = indices[k]
-                    upper_values[b] = data[k]
+                else:
+                    upper_indices[b] = indices[k]
+                    upper_values[b] = code
                     b += 1
-    return ((np.asarray(below), np.asarray(lower), np.asarray(lower_values)),
-            (np.asarray(above), np.asarray(upper), np.asarray(upper_values)))
 
 
 def diagonal(const int64_t[::1] indptr, const int32_t[::1] indices,
@@ -63,32 +128,36 @@ def diagonal(const int64_t[::1] indptr, const int32_t[::1] indices,
     return np.asarray(out)
 
 
-cdef inline double _row_product(const int32_t* indices, const double* values, const double* x,
-                                int64_t begin, int64_t end) noexcept nogil:
+cdef inline double _row_product(const int32_t* indices, const Value* values, const double* table,
+                                const double* x, int64_t begin, int64_t end) noexcept nogil:
     """The product of a row of a triangle and x."""
     cdef double total = 0.0
     cdef int64_t k
     for k in range(begin, end):
-        total = total + values[k] * x[indices[k]]
+        if Value is double:
+            total = total + values[k] * x[indices[k]]
+        else:
+            total = total + table[values[k]] * x[indices[k]]
     return total
 
 
-def solve_upper(const int32_t[::1] count, const int32_t[::1] indices, const double[::1] values,
-                const double[::1] scale, const double[::1] r, double[::1] p, const double[::1] v, double beta, double gamma, double[::1] t):
+def solve_upper(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
+                const double[::1] table, const double[::1] scale, const double[::1] r,
+                double[::1] p, const double[::1] v, double beta, double gamma, double[::1] t):
     """p = r + beta p - gamma v, and t = K2^-1 p. p may be r."""
     cdef int64_t i, k = indices.shape[0], m
     cdef const int32_t* e = &indices[0] if k else NULL
-    cdef const double* a = &values[0] if k else NULL
+    cdef const Value* a = &values[0] if k else NULL
     with nogil:
         for i in range(count.shape[0] - 1, -1, -1):
             m = k - count[i]
             p[i] = r[i] + beta * p[i] - gamma * v[i]
-            t[i] = p[i] + scale[i] * _row_product(e, a, &t[0], m, k)
+            t[i] = p[i] + scale[i] * _row_product(e, a, &table[0], &t[0], m, k)
             k = m
 
 
-def solve_lower(const int32_t[::1] count, const int32_t[::1] indices, const double[::1] values,
-                const double[::1] scale, const double[::1] v,
+def solve_lower(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
+                const double[::1] table, const double[::1] scale, const double[::1] v,
                 const double[::1] t, double[::1] w, double[::1] out,
                 const double[::1] other) -> tuple[float, float]:
     """out = t + w with w = K1^-1 (v - t), which is K1^-1 (I - A) t if v = K2 t.
@@ -98,11 +167,11 @@ def solve_lower(const int32_t[::1] count, const int32_t[::1] indices, const doub
     cdef int64_t i, k = 0, m
     cdef double total, dot = 0.0, square = 0.0
     cdef const int32_t* e = &indices[0] if indices.shape[0] else NULL
-    cdef const double* a = &values[0] if indices.shape[0] else NULL
+    cdef const Value* a = &values[0] if indices.shape[0] else NULL
     with nogil:
         for i in range(count.shape[0]):
             m = k + count[i]
-            total = v[i] - t[i] + scale[i] * _row_product(e, a, &w[0], k, m)
+            total = v[i] - t[i] + scale[i] * _row_product(e, a, &table[0], &w[0], k, m)
             k = m
             w[i] = total
             total = total + t[i]
