@@ -28,7 +28,7 @@ def blocks(page: str, language: str) -> list[str]:
     ]
 
 
-COMMANDS = [(page, block) for page in PAGES for block in blocks(page, "console")]
+COMMANDS = [(page, block) for page in (*PAGES, "../README.md") for block in blocks(page, "console")]
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,10 @@ def test_commands_print_what_the_page_says(
         assert any(other.startswith(line) or other.endswith(line) for other in lines), line
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if p != "tutorial.md" and blocks(p, "python")])
+@pytest.mark.parametrize(
+    "page",
+    [p for p in (*PAGES, "../README.md") if p != "tutorial.md" and blocks(p, "python")],
+)
 def test_python_prints_what_the_page_says(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     test = doctest.DocTestParser().get_doctest("\n".join(blocks(page, "python")), {}, page, page, 0)
