@@ -42,6 +42,7 @@ MIXED = Experiment(
 
 def test_a_data_frame(die: Experiment) -> None:
     frame = die.to_frame()
+    assert die.to_pandas().equals(frame)
     assert list(frame.columns) == [
         *("property", "k", "value", "lower", "upper", "accuracy"),
         *("states", "transitions", "build_seconds", "seconds", "error"),

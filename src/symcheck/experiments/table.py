@@ -80,6 +80,8 @@ class Experiment(Sequence[Row]):
         frame: DataFrame = optional_package("pandas", "frames").DataFrame(records(self.rows))
         return frame
 
+    to_pandas = to_frame  # the usual name of polars and pyarrow
+
     def plot(
         self, x: str | None = None, by: str | Sequence[str] | None = None, axes: Any = None
     ) -> Any:
