@@ -182,6 +182,8 @@ class Pane {
       const label = group.lastElementChild.tagName === "text" ? group.lastElementChild : [...group.querySelectorAll("text")].pop();
       label.textContent = bounds(low[i], high[i]);
       label.classList.add("value");
+      const moved = label.textContent ? "" : "translateY(0.55em)"; // the name in the middle of the box
+      for (const line of group.querySelectorAll("text")) if (line !== label) line.style.transform = moved;
       const shape = group.querySelector("ellipse, polygon, path");
       const middle = typeof low[i] === "number" ? (low[i] + (typeof high[i] === "number" ? high[i] : low[i])) / 2 : null;
       const share = middle === null || most === 0 ? 0 : Math.abs(middle) / most;
