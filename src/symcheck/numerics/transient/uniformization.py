@@ -373,11 +373,15 @@ def _sum_series(
             observer(Progress("uniformisation", k, high - low, len(start)))
         if k >= len(weights) or _close_enough(at_interest(below), at_interest(above), settings):
             return _result(below, above, k, len(weights), "")
-        if low <= high < np.inf and _worth_computing(
-            low, high, remaining_weight, at_interest(total), at_interest(y), settings
+        if (
+            low <= high < np.inf
+            and _worth_computing(
+                low, high, remaining_weight, at_interest(total), at_interest(y), settings
+            )
+            and math.isfinite(powers := weights.powers(k, high * (1.0 + rounding_error)))
         ):
             least = weights.powers(k, low * (1.0 - rounding_error))
-            greatest = weights.powers(k, high * (1.0 + rounding_error)) + 2.0 * window.missing
+            greatest = powers + 2.0 * window.missing
             kept = np.where(y > floor / (1.0 - rounding_error), y, 0.0)
             shortcut = (
                 below + least * kept * (1.0 - error),
