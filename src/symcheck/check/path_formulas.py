@@ -23,14 +23,9 @@ from symcheck.semantics.path_normal_form import (
 from symcheck.semantics.time_bounds import RewardWindow, Window
 from symcheck.syntax.ast import (
     Binary,
-    Call,
-    Conditional,
     Expression,
-    LabelReference,
-    Literal,
-    Name,
+    ExpressionNode,
     PathFormula,
-    StateOperator,
     Unary,
 )
 from symcheck.syntax.operators import UnaryOperator, connect
@@ -160,16 +155,7 @@ def _once(states_of: StatesOf) -> StatesOf:
                     known[formula] = ~find(operand)
                 case Binary(operator, left, right) if operator.is_logical and _is_added(formula):
                     known[formula] = connect(operator, find(left), find(right))
-                case (
-                    Literal()
-                    | Name()
-                    | Unary()
-                    | Binary()
-                    | Conditional()
-                    | Call()
-                    | LabelReference()
-                    | StateOperator()
-                ):
+                case ExpressionNode():
                     known[formula] = states_of(formula)
                 case _:
                     assert_never(formula)

@@ -15,22 +15,15 @@ from symcheck.errors import UnsupportedError
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import bound_value, window
 from symcheck.syntax.ast import (
-    Binary,
     BinaryTemporal,
-    Call,
-    Conditional,
     CumulativeReward,
     Eventually,
+    ExpressionNode,
     InstantaneousReward,
-    LabelReference,
-    Literal,
-    Name,
     PathFormula,
     RewardOperator,
-    StateOperator,
     SteadyStateReward,
     TotalReward,
-    Unary,
     UnaryTemporal,
 )
 
@@ -68,18 +61,7 @@ def reward_values(
             )
         case SteadyStateReward():
             return long_run_measures(context).steady_reward(context, reward, direction)
-        case (
-            Literal()
-            | Name()
-            | Unary()
-            | Binary()
-            | Conditional()
-            | Call()
-            | LabelReference()
-            | StateOperator()
-            | UnaryTemporal()
-            | BinaryTemporal()
-        ):
+        case ExpressionNode() | UnaryTemporal() | BinaryTemporal():
             return _until_shown(context, reward, query, states_of, direction)
         case _:
             assert_never(query)

@@ -25,20 +25,13 @@ from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.sampling import Sampler
 from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
 from symcheck.syntax.ast import (
-    Binary,
     Bound,
-    Call,
-    Conditional,
     ExpectedTime,
     Expression,
-    LabelReference,
-    Literal,
+    ExpressionNode,
     ModelType,
-    Name,
     ProbabilityOperator,
     RewardOperator,
-    StateOperator,
-    Unary,
 )
 from symcheck.syntax.printer import pretty
 
@@ -130,16 +123,7 @@ def _read_operator(
             return reward_monitor(query, model), operator_reward(formula, model), bound
         case ExpectedTime(_, bound, path):
             return reward_monitor(path, model), Time(), bound
-        case (
-            Literal()
-            | Name()
-            | Unary()
-            | Binary()
-            | Conditional()
-            | Call()
-            | LabelReference()
-            | StateOperator()
-        ):
+        case ExpressionNode():
             raise UnsupportedError(
                 f"-sim supports a single P, R or T operator, not '{pretty(formula)}'; "
                 "without -sim it is checked numerically"

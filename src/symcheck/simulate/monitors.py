@@ -28,24 +28,17 @@ from symcheck.semantics.time_bounds import Window, bound_value, window
 from symcheck.simulate import tuning
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.syntax.ast import (
-    Binary,
     BinaryTemporal,
-    Call,
-    Conditional,
     CumulativeReward,
     Eventually,
     Expression,
+    ExpressionNode,
     InstantaneousReward,
-    LabelReference,
-    Literal,
     ModelType,
-    Name,
     PathFormula,
     RewardQuery,
-    StateOperator,
     SteadyStateReward,
     TotalReward,
-    Unary,
     UnaryTemporal,
 )
 
@@ -334,18 +327,7 @@ def reward_monitor(query: RewardQuery, model: BoundModel) -> Monitor:
                 "infinite paths; C<=k or I=k with a large k approximates it, and without -sim it "
                 "is computed numerically"
             )
-        case (
-            Literal()
-            | Name()
-            | Unary()
-            | Binary()
-            | Conditional()
-            | Call()
-            | LabelReference()
-            | StateOperator()
-            | UnaryTemporal()
-            | BinaryTemporal()
-        ):
+        case ExpressionNode() | UnaryTemporal() | BinaryTemporal():
             raise UnsupportedError(
                 "-sim estimates expectations with C<=k, with I=k and until states are reached "
                 "(F states); without -sim, those until a path formula is satisfied are computed "

@@ -28,6 +28,7 @@ __all__ = [
     "Eventually",
     "ExpectedTime",
     "Expression",
+    "ExpressionNode",
     "Filter",
     "Globally",
     "InstantaneousReward",
@@ -90,8 +91,14 @@ class ModelType(Enum):
 # -------------------------------------------------------------------------------------- expressions
 
 
+class ExpressionNode(Node):
+    """What has a value in a state: an expression, or an operator over states."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
-class Literal(Node):
+class Literal(ExpressionNode):
     """A constant. The value of a double is the exact fraction that its digits write."""
 
     value: bool | int | Fraction
@@ -99,14 +106,14 @@ class Literal(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Name(Node):
+class Name(ExpressionNode):
     """A variable, constant or formula, by name."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Unary(Node):
+class Unary(ExpressionNode):
     """`-x` or `!x`."""
 
     operator: UnaryOperator
@@ -114,7 +121,7 @@ class Unary(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Binary(Node):
+class Binary(ExpressionNode):
     """`x op y`."""
 
     operator: Operator
@@ -123,7 +130,7 @@ class Binary(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Conditional(Node):
+class Conditional(ExpressionNode):
     """`condition ? then : otherwise`."""
 
     condition: Expression
@@ -132,7 +139,7 @@ class Conditional(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Call(Node):
+class Call(ExpressionNode):
     """A function applied to arguments (`func(min, x, y)` reads the same)."""
 
     function: Function
@@ -140,7 +147,7 @@ class Call(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class LabelReference(Node):
+class LabelReference(ExpressionNode):
     """`"name"`: a label, "init", "deadlock", or another property."""
 
     name: str
@@ -158,7 +165,7 @@ class Bound(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class StateOperator(Node):
+class StateOperator(ExpressionNode):
     """An operator whose value at a state depends on the paths from it, or on other states.
 
     The defaults of the attributes are safe for any operator.
