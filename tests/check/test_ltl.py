@@ -102,11 +102,10 @@ endrewards
         ("X X true", 2),
         ("s=0", 0),
         ("s=1 | (X true)", 1),
-        ("F<=4 s=0", 0),
         ("!(X false)", 1),
         ("!(G s!=1)", 2),
         ("X X (F s=2)", Fraction(3)),
-        ("F[2,2] s>=0", 2),
+        ("(F[2,2] s>=0) & (F s>=0)", 2),
         ("X (s=1 ? (X true) : true)", Fraction(3, 2)),
     ],
 )
@@ -120,7 +119,16 @@ def test_rewards_are_infinite_where_the_formula_may_fail():
     model = symcheck.loads(COINS, engine="explicit")
     assert model.check("R=? [ X s=1 ]").value == float("inf")
     assert model.check("R=? [ X false ]").value == float("inf")
-    assert model.check("R=? [ F<=3 s=1 ]").value == float("inf")
+    assert model.check("R=? [ (F<=3 s=1) | (X false) ]").value == float("inf")
+
+
+@pytest.mark.parametrize(
+    "formula",
+    ["R=? [ F<=3 s=1 ]", "R<4 [ s=0 U<=3 s=1 ]", 'T=? [ F{"r"}<=3 s=1 ]', "R=? [ F=3 s=1 ]"],
+)
+def test_expectations_take_no_bound_on_their_formula(formula):
+    with pytest.raises(InputError, match="takes no bound"):
+        symcheck.loads(COINS, engine="explicit").check(formula)
 
 
 @pytest.mark.parametrize("path", ["G s=0", "(F s=1) & (G s<2)", "s=0 W s=1", "!(F s=1)"])

@@ -12,18 +12,23 @@ from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import (
     Binary,
+    BinaryTemporal,
     Call,
     Conditional,
+    ExpectedTime,
     Expression,
     InstantaneousReward,
     Literal,
     Measure,
     ModelType,
+    PathFormula,
     RewardBound,
     RewardOperator,
+    RewardQuery,
     TimeBound,
     Type,
     Unary,
+    UnaryTemporal,
 )
 from symcheck.syntax.traversal import Tree, nodes
 
@@ -59,6 +64,9 @@ class _Conditions:
                 self._threshold(node)
                 if isinstance(node, RewardOperator):
                     self._structure(node.structure, node)
+                    self._unbounded(node, node.query)
+                elif isinstance(node, ExpectedTime):
+                    self._unbounded(node, node.path)
             case TimeBound():
                 self._time(node)
             case InstantaneousReward(time):
@@ -94,6 +102,18 @@ class _Conditions:
                 node.span,
                 hint,
             )
+
+    def _unbounded(self, node: Measure, until: PathFormula | RewardQuery) -> None:
+        """Refuse an expectation until a bounded formula: runs that miss the bound have none."""
+        if isinstance(until, UnaryTemporal | BinaryTemporal) and until.bound is not None:
+            letter, symbol = node.letter, until.symbol
+            hint = (
+                f"{letter} [ {symbol} … ] without the bound is the value until states are reached"
+            )
+            if letter == "R":
+                hint += ", and R [ C<=k ] is the reward of the first k steps or units of time"
+            message = f"{letter} takes no bound on {symbol}: a run that misses it has no value"
+            self.report.input("bound-reward", message, until.bound.span, hint)
 
     def _threshold(self, node: Measure) -> None:
         if node.bound is None:
