@@ -54,6 +54,11 @@ P=? [ F ("a" U "b") U "c" ]    : P=? [ (F ("a" U "b")) U "c" ]
 P=? [ a & b U c | d ]          : P=? [ (a & b) U (c | d) ]
 P=? [ X X a => b ]             : P=? [ X (X (a => b)) ]
 P=? [ G F a ]                  : P=? [ G (F a) ]
+P=? [ F a & F b | c ]          : P=? [ F (a & (F (b | c))) ]
+P=? [ a | b & X c ]            : P=? [ a | (b & (X c)) ]
+P=? [ a & X b U !F c ]         : P=? [ (a & (X b)) U (!(F c)) ]
+P=? [ !F a & b ]               : P=? [ !(F (a & b)) ]
+P=? [ G a => !!F<=3 b ]        : P=? [ G (a => (!(!(F<=3 b)))) ]
 P=? [ a ? b : c U d ]          : P=? [ (a ? b : c) U d ]
 P=? [ F<=T (a) ]               : P=? [ F<=(T) a ]
 P=? [ F<=2*T+1 a ]             : P=? [ F<=(2*T+1) a ]
@@ -90,8 +95,8 @@ def test_precedence(line: str) -> None:
 OUTSIDE = [
     "a U b",
     "P=? [ a U b U c ]",
-    "P=? [ a & F b ]",
-    "P=? [ !F b ]",
+    "P=? [ -F b ]",
+    "P=? [ a ? F b : c ]",
     "S=? [ F a ]",
     "x = !y",
     "f(x)",

@@ -264,6 +264,9 @@ class Builder:
     def operation(self, values: Values) -> Any:
         return self._resolved(values[0])
 
+    def chain_of_paths(self, values: Values) -> Any:
+        return self._resolved(self.chain(values))
+
     def _resolved(self, chain: Any) -> Any:
         """The tree of a chain of operands and operators; any other value as it is.
 
