@@ -49,7 +49,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     made = {
         "die": symcheck.load(MODELS / "die/die.pm").page(
-            ["P=? [ F d=6 ]", "P>=1/6 [ F d=6 ]", "P=? [ F d=nought ]"]
+            ["P=? [ F d=6 ]", "P>=1/6 [ F d=6 ]", "P=? [ F d=nought ]", "R=? [ F s=7 ]"]
         ),
         "robot": symcheck.loads(ROBOT).page(
             "Pmax=? [ F<=9 at=2 ]\nPmax=? [ F at=2 ]\nPmin=? [ G at!=3 ]"
@@ -144,6 +144,19 @@ def test_values_of_properties(opened: Callable, pages: dict[str, Path]) -> None:
     assert {("s=0, d=0", "0.1667"), ("s=2, d=0", "0.3333"), ("s=7, d=6", "1")} <= values
     page.all("#properties button")[1].click()
     assert page.marked("in") == {"s=0, d=0", "s=2, d=0", "s=6, d=0", "s=7, d=6"}
+
+
+def test_rewards_are_iterated(opened: Callable, pages: dict[str, Path]) -> None:
+    page = opened(pages["die"])
+    page.select("Optimistic")
+    assert "6 states have reward 0, the target, 0 have infinite reward, 7 are" in page.caption
+    page.at("last").click()
+    values = {
+        tuple(t.text for t in node.find_elements("css selector", "text"))
+        for node in page.all(".pane g.node")
+    }
+    assert ("s=7, d=1", "0") in values
+    assert any(name == "s=0, d=0" and number.startswith("3.66") for name, number, *_ in values)
 
 
 def test_iterations_have_both_bounds(opened: Callable, pages: dict[str, Path]) -> None:

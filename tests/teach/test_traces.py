@@ -10,7 +10,9 @@ import pytest
 
 import symcheck
 from symcheck import teach
+from symcheck.errors import UsageError
 from symcheck.options import Options
+from symcheck.semantics.rewards import Steps
 from symcheck.symbolic.build import construct
 from symcheck.symbolic.reachability.search import SCHEDULES
 from symcheck.syntax.parse import parse_expression
@@ -211,3 +213,51 @@ def test_iterates_of_end_components_are_those_of_their_states(method: str) -> No
         assert last.policy is not None
         # State 0 moves on to 1 by [a], and 1 leaves by [c].
         assert last.policy.tolist() == [0, 3, 4]
+
+
+def test_rewards_until_a_target() -> None:
+    """The gambler of fair bets with goal 20 plays i (20 - i) rounds from money i."""
+    model = symcheck.load(MODELS / "gambler/gambler.pm")
+    goal = "money=0 | money=goal"
+    seen = teach.reward_trace(model, goal, Steps(), Options(method="optimistic"))
+    assert (seen.target.count, seen.infinite.count, seen.unknown.count) == (2, 0, 19)
+    truth = np.array([i * (20 - i) for i in range(1, 20)])
+    last = seen.steps[-1]
+    assert last.lower is not None
+    assert last.lower == pytest.approx(truth, abs=1e-3)
+    assert seen.solution is not None
+    assert (seen.solution.lower <= truth).all()
+    assert (truth <= seen.solution.upper).all()
+
+
+def test_states_that_never_reach_the_target_have_infinite_reward() -> None:
+    model = symcheck.load(MODELS / "gambler/gambler.pm")
+    seen = teach.reward_trace(model, "money=goal", Steps())
+    assert (seen.target.count, seen.infinite.count, seen.unknown.count) == (1, 20, 0)
+    assert seen.problem is None
+
+
+@pytest.mark.parametrize("method", ["optimistic", "policy"])
+def test_least_rewards_leave_out_rows_that_may_be_infinite(method: str) -> None:
+    """State 0 may risk the end, but only [wait] reaches the target almost surely, in 2 steps."""
+    model = symcheck.loads(
+        """mdp
+        module m
+          x : [0..3];
+          [risk] x=0 -> 0.5 : (x'=2) + 0.5 : (x'=3);
+          [wait] x=0 -> 0.5 : true + 0.5 : (x'=2);
+          []     x>=2 -> true;
+        endmodule
+        """
+    )
+    seen = teach.reward_trace(model, "x=2", Steps(), Options(method=method), "min")  # type: ignore[arg-type]
+    assert seen.rows.tolist() == [1]
+    last = seen.steps[-1]
+    assert last.lower is not None
+    assert last.lower.tolist() == pytest.approx([2], abs=1e-4)
+
+
+def test_an_unknown_reward_structure_is_an_error() -> None:
+    model = symcheck.load(MODELS / "die/die.pm")
+    with pytest.raises(UsageError, match='has no reward structure "coins"; it has "tosses"'):
+        teach.reward_trace(model, "s=7", "coins")

@@ -11,13 +11,14 @@ from symcheck.teach.compare_orders import OrderFrame, compare_orders
 from symcheck.teach.construction import BuildFrame, construction
 from symcheck.teach.fixpoints import SetFrame, prob0, prob1
 from symcheck.teach.frontiers import SearchFrame, frontiers
-from symcheck.teach.vectors import UntilTrace, until_trace
+from symcheck.teach.vectors import RewardTrace, UntilTrace, reward_trace, until_trace
 
 __all__ = [
     "BlockStructure",
     "BuildFrame",
     "Level",
     "OrderFrame",
+    "RewardTrace",
     "SearchFrame",
     "SetFrame",
     "UntilTrace",
@@ -27,5 +28,6 @@ __all__ = [
     "frontiers",
     "prob0",
     "prob1",
+    "reward_trace",
     "until_trace",
 ]

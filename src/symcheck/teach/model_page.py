@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Unpack
-
-import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.path_formulas import UntilPath, resolve
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, show_value
+from symcheck.check.reward_queries import reward_of
 from symcheck.check.state_formulas import states_of
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.direction import Direction
-from symcheck.engines.base import Engine
+from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
 from symcheck.options import MethodName, Options, OptionValues
 from symcheck.page.document import document, fragment
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import ModelType, ProbabilityOperator
+from symcheck.syntax.ast import (
+    Eventually,
+    Measure,
+    ModelType,
+    ProbabilityOperator,
+    RewardOperator,
+)
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import parse_properties, parse_properties_file
 from symcheck.syntax.printer import pretty
@@ -32,7 +35,13 @@ from symcheck.teach.construction import construction, construction_show
 from symcheck.teach.fixpoints import fixpoint_show, prob0, prob1
 from symcheck.teach.frontiers import frontiers, search_show
 from symcheck.teach.source import symbolic_engine
-from symcheck.teach.vectors import until_show, until_trace
+from symcheck.teach.vectors import (
+    EquationsTrace,
+    equations_show,
+    plain,
+    reward_trace,
+    until_trace,
+)
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
@@ -203,7 +212,7 @@ class _Writer:
                 shows.append(self._on_states("Diagrams", "", frame))
         for instance, entry in zip(instances, properties, strict=True):
             if entry["value"] != "error":
-                stages = self._until(instance, symbolic)
+                stages = self._stages(instance, symbolic)
                 shows.extend({**show, "group": instance.title} for show in stages)
         choices = {} if bound.type is not ModelType.MDP else {"choices": f"{engine.choices:,}"}
         facts = {
@@ -260,7 +269,7 @@ class _Writer:
             return {"marks": self.board.marks("in", self.board.names(result.satisfying.mask))}
         if result.values is None:
             return None
-        frame: dict[str, Any] = {"low": [_plain(v) for v in result.values.array[drawn].tolist()]}
+        frame: dict[str, Any] = {"low": [plain(v) for v in result.values.array[drawn].tolist()]}
         if result.strategy is not None and result.strategy.memory is None:
             rows = result.strategy.rows[drawn].tolist()
             matters = result.strategy.matters[drawn].tolist()
@@ -291,25 +300,35 @@ class _Writer:
                     "frames": [frame],
                 }
 
-    def _until(self, instance: PropertyInstance, symbolic: SymbolicEngine | None) -> Iterator[Show]:
-        """prob0, prob1, value and policy iteration for a property `P [ left U right ]`."""
+    def _stages(
+        self, instance: PropertyInstance, symbolic: SymbolicEngine | None
+    ) -> Iterator[Show]:
+        """The stages of a property `P [ left U right ]` or `R [ F target ]`."""
+        bound, labels = instance.bind(self.model.bound)
+        context = Context(self._explicit, self.model.options, labels)
         try:
-            yield from self._until_stages(instance, symbolic)
+            match bound.formula:
+                case ProbabilityOperator() as formula:
+                    yield from self._until(context, formula, symbolic)
+                case RewardOperator(query=Eventually() as path) as formula:
+                    target = resolve(path, states_of(context), self._explicit)
+                    if isinstance(target, UntilPath) and target.window.trivial:
+                        yield from self._reward(context, formula, target.right)
         except SymcheckError as error:
             frame = {"title": "This trace ended with an error.", "note": str(error)}
             yield self._on_states("Trace", "", frame)
 
-    def _until_stages(
-        self, instance: PropertyInstance, symbolic: SymbolicEngine | None
+    @property
+    def _explicit(self) -> Engine:
+        assert self.board.engine is not None
+        return self.board.engine
+
+    def _until(
+        self, context: Context, formula: ProbabilityOperator, symbolic: SymbolicEngine | None
     ) -> Iterator[Show]:
-        bound, labels = instance.bind(self.model.bound)
-        formula = bound.formula
-        if not isinstance(formula, ProbabilityOperator):
-            return
-        explicit, of = self.board.engine, ""
-        assert explicit is not None
+        """prob0, prob1, value and policy iteration."""
+        explicit, of = self._explicit, ""
         direction = _direction(formula, self.model.bound)
-        context = Context(explicit, self.model.options, labels)
         path = resolve(formula.path, states_of(context), explicit)
         if not isinstance(path, UntilPath) or not path.window.trivial:
             return
@@ -324,20 +343,45 @@ class _Writer:
             for question, trace in (("prob0", prob0), ("prob1", prob1)):
                 frames = list(trace(symbolic, left, right, direction))
                 yield fixpoint_show(f"{question}{of}", frames, symbolic, self.board)
-        methods: dict[MethodName, str] = {"interval": "Interval iteration"}
-        if direction is not None:
-            methods["policy"] = "Policy iteration"
-        for method, what in methods.items():
-            options = Options(method=method, epsilon=1e-4)
-            seen = until_trace(
+        yield from self._iterations(
+            {"interval": f"Interval iteration{of}", "policy": f"Policy iteration{of}"},
+            direction,
+            lambda options: until_trace(
                 explicit, path.left, path.right, options, direction, max_steps=_MOST_STEPS
-            )
-            yield until_show(f"{what}{of}", seen, self.board)
+            ),
+        )
+
+    def _reward(
+        self, context: Context, formula: RewardOperator, target: StateSet
+    ) -> Iterator[Show]:
+        """Value and policy iteration of the expected reward until a target."""
+        direction = _direction(formula, self.model.bound)
+        reward = reward_of(context, formula)
+        yield from self._iterations(
+            {"optimistic": "Optimistic value iteration", "policy": "Policy iteration"},
+            direction,
+            lambda options: reward_trace(
+                self._explicit, target, reward, options, direction, max_steps=_MOST_STEPS
+            ),
+        )
+
+    def _iterations(
+        self,
+        methods: Mapping[MethodName, str],
+        direction: Direction | None,
+        trace: Callable[[Options], EquationsTrace],
+    ) -> Iterator[Show]:
+        """The iterations of each method; policy iteration needs choices."""
+        for method, title in methods.items():
+            if method == "policy" and direction is None:
+                continue
+            seen = trace(Options(method=method, epsilon=1e-4))
+            yield equations_show(title, seen, self.board)
             if not seen.unknown:
                 break
 
 
-def _direction(formula: ProbabilityOperator, model: BoundModel) -> Direction | None:
+def _direction(formula: Measure, model: BoundModel) -> Direction | None:
     """The direction of an operator; that of a bound is the one that decides it."""
     if model.type is not ModelType.MDP:
         return None
@@ -346,12 +390,6 @@ def _direction(formula: ProbabilityOperator, model: BoundModel) -> Direction | N
     if formula.bound is None:
         return None
     return Direction.MIN if formula.bound.operator in (">", ">=") else Direction.MAX
-
-
-def _plain(value: float | Fraction | np.floating[Any]) -> float | str:
-    """A number with six digits, or the text of one that JSON does not have."""
-    number = float(value)
-    return float(f"{number:.6g}") if isfinite(number) else "∞" if number > 0 else str(number)
 
 
 def _title(program: Program) -> str:

@@ -1,56 +1,123 @@
-"""The computation of until probabilities: prob0, prob1, and the iterates of the linear system."""
+"""The computation of until probabilities and of expected rewards: the states that graph analysis
+decides, and the iterates of the linear system of the others.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.base import Engine, Equations, StateSet
+from symcheck.errors import UsageError
 from symcheck.numerics.linear.mec_quotient import MecQuotient, collapse
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem, Progress, Solution
 from symcheck.options import Options
+from symcheck.semantics.rewards import Reward, Structure
 from symcheck.teach.board import Board, Show, played
 from symcheck.view.choice_graph import GivenModel, engine_of, set_of
 
 if TYPE_CHECKING:
+    from fractions import Fraction
+
     from symcheck.matrices.rows import Int64s
 
-__all__ = ["UntilTrace", "until_show", "until_trace"]
+__all__ = [
+    "EquationsTrace",
+    "RewardTrace",
+    "UntilTrace",
+    "equations_show",
+    "plain",
+    "reward_trace",
+    "until_trace",
+]
 
 _MOST_FRAMES = 40
 """Iterations that a page shows: the first ones, and later ones with growing gaps."""
 
 
 @dataclass(frozen=True, eq=False)
-class UntilTrace:
-    """The probability of an until formula in three steps.
+class Decided:
+    """States whose value graph analysis decides.
 
     Attributes:
-        zero, one: the states with probability 0 and 1, by graph analysis.
+        states: the states.
+        value: their value.
+        text: what they are, as "probability 0".
+        mark: how a page marks them.
+    """
+
+    states: StateSet
+    value: float
+    text: str
+    mark: str
+
+
+@dataclass(frozen=True, eq=False)
+class EquationsTrace:
+    """Graph analysis, the equations of the other states, and the iterations of their solution.
+
+    Attributes:
+        decided: the states that graph analysis decides.
         unknown: the other states.
         problem: x = A x + b over the unknown states (None if there are none).
         solution: the solution of the problem; None if the trace ended before.
         steps: the iterations of the numerical method, with copies of the vectors, float64[unknown],
             and of the policy, the chosen row of the problem for each unknown state.
+        rows: the row of the whole matrix for each row of the problem, int64[rows].
     """
 
-    zero: StateSet
-    one: StateSet
+    decided: tuple[Decided, Decided]
     unknown: StateSet
     problem: LinearProblem | None = field(repr=False)
     solution: Solution | None = field(repr=False)
     steps: tuple[Progress, ...] = field(repr=False)
+    rows: Int64s = field(repr=False)
     engine: Engine = field(repr=False)
+
+    title = "Equations, iteration by iteration"
 
     def _repr_html_(self) -> str:
         from symcheck.page.document import fragment
 
         board = Board(self.engine, numbers="0.000…0.000")
-        return fragment(played(board, until_show("Until, iteration by iteration", self, board)))
+        return fragment(played(board, equations_show(self.title, self, board)))
+
+
+class UntilTrace(EquationsTrace):
+    """The probability of an until formula in three steps (see `EquationsTrace`)."""
+
+    title = "Until, iteration by iteration"
+
+    @property
+    def zero(self) -> StateSet:
+        """The states with probability 0, by graph analysis."""
+        return self.decided[0].states
+
+    @property
+    def one(self) -> StateSet:
+        """The states with probability 1, by graph analysis."""
+        return self.decided[1].states
+
+
+class RewardTrace(EquationsTrace):
+    """The expected reward until a target in three steps (see `EquationsTrace`)."""
+
+    title = "Expected reward, iteration by iteration"
+
+    @property
+    def target(self) -> StateSet:
+        """The states to be reached: reward 0."""
+        return self.decided[0].states
+
+    @property
+    def infinite(self) -> StateSet:
+        """The states with infinite expected reward, by graph analysis."""
+        return self.decided[1].states
 
 
 class _EnoughError(Exception):
@@ -81,14 +148,90 @@ def until_trace(
     Raises:
         SymcheckError: as the method.
     """
-    engine = engine_of(model)
+    engine, direction = engine_of(model), direction and Direction(direction)
     left, right = set_of(engine, left), set_of(engine, right)
     zero = engine.graph.prob0(left, right, direction)
     one = engine.graph.prob1(left, right, direction)
     unknown = ~(zero | one)
-    if not unknown:
-        return UntilTrace(zero, one, unknown, None, None, (), engine)
-    problem = engine.system(unknown, direction).reachability(one).problem()
+    decided = (
+        Decided(zero, 0.0, "probability 0", "zero"),
+        Decided(one, 1.0, "probability 1", "one"),
+    )
+    equations = engine.system(unknown, direction).reachability(one)
+    return UntilTrace(
+        decided,
+        unknown,
+        *_iterations(equations, options or Options(method="interval"), max_steps),
+        engine,
+    )
+
+
+def reward_trace(
+    model: GivenModel | Engine,
+    target: str | StateSet,
+    reward: str | Reward = "",
+    options: Options | None = None,
+    direction: Direction | None = None,
+    *,
+    max_steps: int | None = None,
+) -> RewardTrace:
+    """Trace the computation of the expected reward until `target` is reached.
+
+    The trace keeps a copy of each iterate: use it for small models.
+
+    Args:
+        model: the model, or an engine.
+        target: a formula such as "s=7", or a set of states of the engine.
+        reward: the name of a reward structure ('': the first one), or `Steps()` or `Time()` of
+            `symcheck.semantics.rewards`.
+        options: `options.method` names the method; 'policy' has the policies of an MDP. None:
+            'optimistic'.
+        direction: minimise or maximise over strategies; None for a chain.
+        max_steps: the trace ends after so many iterations.
+
+    Raises:
+        SymcheckError: as the method.
+        UsageError: the model has no such reward structure.
+
+    Examples:
+        >>> teach.reward_trace(die, "s=7", "tosses").infinite  # doctest: +SKIP
+    """
+    engine, direction = engine_of(model), direction and Direction(direction)
+    wanted = _structure(engine, reward) if isinstance(reward, str) else reward
+    target = set_of(engine, target)
+    infinite = ~engine.finite_reward(wanted, target, direction)
+    unknown = ~(infinite | target)
+    decided = (
+        Decided(target - infinite, 0.0, "reward 0, the target", "one"),
+        Decided(infinite, np.inf, "infinite reward", "zero"),
+    )
+    equations = engine.system(unknown, direction).expected_reward(wanted, infinite=infinite)
+    return RewardTrace(
+        decided,
+        unknown,
+        *_iterations(equations, options or Options(method="optimistic"), max_steps),
+        engine,
+    )
+
+
+def _structure(engine: Engine, name: str) -> Structure:
+    names = [r.name for r in engine.model.rewards]
+    if names and not name:
+        return Structure(0)
+    if name not in names:
+        listed = ", ".join(f'"{n}"' for n in names if n) or "none with a name"
+        raise UsageError(f'the model has no reward structure "{name}"; it has {listed}')
+    return Structure(names.index(name))
+
+
+def _iterations(
+    equations: Equations, options: Options, max_steps: int | None
+) -> tuple[LinearProblem | None, Solution | None, tuple[Progress, ...], Int64s]:
+    """The problem of equations, its solution, the iterations, and the numbers of its rows."""
+    if not equations.n:
+        return None, None, (), np.zeros(0, np.int64)
+    problem, usable = equations.problem(), equations.usable_rows
+    rows = np.arange(len(problem.constant)) if usable is None else np.flatnonzero(usable)
     quotient = None if problem.matrix is None else collapse(problem)
     steps: list[Progress] = []
 
@@ -98,10 +241,10 @@ def until_trace(
             raise _EnoughError
 
     try:
-        solution = solve_linear(problem, options or Options(method="interval"), watch)
+        solution = solve_linear(problem, options, watch)
     except _EnoughError:
         solution = None
-    return UntilTrace(zero, one, unknown, problem, solution, tuple(steps), engine)
+    return problem, solution, tuple(steps), rows
 
 
 def _expanded(step: Progress, quotient: MecQuotient | None) -> Progress:
@@ -116,20 +259,27 @@ def _expanded(step: Progress, quotient: MecQuotient | None) -> Progress:
     return replace(step, lower=found.lower, upper=high, policy=found.strategy)
 
 
-def until_show(name: str, trace: UntilTrace, board: Board) -> Show:
-    """prob0, prob1 and the iterations on the state graph."""
+def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:
+    """Graph analysis and the iterations on the state graph."""
     engine, board_ids = trace.engine, board.drawn
-    zero, one, unknown = map(engine.to_bools, (trace.zero, trace.one, trace.unknown))
-    marks = [*board.marks("zero", board.names(zero)), *board.marks("one", board.names(one))]
-    start: list[float | None] = [1.0 if one[s] else 0.0 if zero[s] else None for s in board_ids]
-    counts = f"{trace.zero.count} states have probability 0, {trace.one.count} have probability 1"
+    unknown = engine.to_bools(trace.unknown)
+    start = np.full(engine.states, np.nan)
+    marks = []
+    for part in trace.decided:
+        members = engine.to_bools(part.states)
+        marks += board.marks(part.mark, board.names(members))
+        start[members] = part.value
+    first_part, second_part = trace.decided
+    counts = (
+        f"{first_part.states.count} states have {first_part.text}, "
+        f"{second_part.states.count} have {second_part.text}"
+    )
     first: dict[str, Any] = {
         "title": "Graph analysis",
         "note": f"{counts}, {trace.unknown.count} are unknown.",
         "marks": marks,
-        "low": start,
+        "low": [None if np.isnan(v) else plain(v) for v in start[board_ids]],
     }
-    place = np.cumsum(unknown) - 1
     rows = _rows(trace, board)
     frames = [first]
     for step in (trace.steps[i] for i in _spread(len(trace.steps), _MOST_FRAMES)):
@@ -141,10 +291,9 @@ def until_show(name: str, trace: UntilTrace, board: Board) -> Show:
             frame["note"] = f"width {step.width:.3g}"
         for key, vector in (("low", step.lower), ("high", step.upper)):
             if vector is not None:
-                frame[key] = [
-                    float(f"{vector[place[s]]:.5g}") if unknown[s] else known
-                    for s, known in zip(board_ids.tolist(), start, strict=True)
-                ]
+                values = start.copy()
+                values[unknown] = vector
+                frame[key] = [plain(v) for v in values[board_ids]]
         frames.append(frame)
     return {
         "name": name,
@@ -154,18 +303,24 @@ def until_show(name: str, trace: UntilTrace, board: Board) -> Show:
         "panes": board.panes,
         "frames": frames,
         "keys": [
-            ["zero", "probability 0"],
-            ["one", "probability 1"],
+            *([part.mark, part.text] for part in trace.decided),
             *([["chosen", "the policy"]] if any("rows" in f for f in frames) else []),
         ],
     }
 
 
-def _rows(trace: UntilTrace, board: Board) -> Int64s:
+def plain(value: float | Fraction | np.floating[Any]) -> float | str:
+    """A number with six digits, or the text of one that JSON does not have."""
+    number = float(value)
+    return float(f"{number:.6g}") if isfinite(number) else "∞" if number > 0 else str(number)
+
+
+def _rows(trace: EquationsTrace, board: Board) -> Int64s:
     """The row of the whole matrix for each row of the problem."""
     groups = board.graph.matrix.groups
     unknown = trace.engine.to_bools(trace.unknown)
-    return np.flatnonzero(unknown if groups is None else np.repeat(unknown, np.diff(groups)))
+    every = np.flatnonzero(unknown if groups is None else np.repeat(unknown, np.diff(groups)))
+    return every[trace.rows]
 
 
 def _spread(count: int, most: int) -> list[int]:
