@@ -18,7 +18,7 @@ from symcheck.numerics.linear.methods import METHODS, solve_linear
 from symcheck.numerics.linear.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy
 
-SOUND = [m.name for m in METHODS.values() if m.sound and m.numbers == "float64"]
+SOUND = [m.name for m in METHODS.values() if m.sound and not m.exact]
 TINY = Fraction(1, 10**300)
 
 
@@ -71,7 +71,7 @@ def test_probabilities_of_chains(method: str, chain: list[Row]) -> None:
     assert solution.width() <= 1e-6
 
 
-@pytest.mark.parametrize("method", [m for m in SOUND if "reward" in METHODS[m].kinds])
+@pytest.mark.parametrize("method", [m for m in SOUND if METHODS[m].rewards])
 @settings(max_examples=120, deadline=None)
 @given(chain=chains(reward=True))
 def test_rewards_of_chains(method: str, chain: list[Row]) -> None:
@@ -168,7 +168,7 @@ def attained(system: System, solution: Solution, values: list[Fraction], directi
 
 
 @pytest.mark.parametrize("direction", ["min", "max"])
-@pytest.mark.parametrize("method", [m for m in SOUND if "reward" in METHODS[m].kinds])
+@pytest.mark.parametrize("method", [m for m in SOUND if METHODS[m].rewards])
 @settings(max_examples=120, deadline=None)
 @given(system=mdps(reward=True))
 def test_rewards_of_mdps(method: str, direction: str, system: System) -> None:

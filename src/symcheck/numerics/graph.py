@@ -29,6 +29,7 @@ __all__ = [
     "accepting_end_components",
     "backward_reachable",
     "bsccs",
+    "exit_policy",
     "forward_reachable",
     "maximal_end_components",
     "prob0",
@@ -260,6 +261,21 @@ def prob1e_strategy(source: Source, left: Bools, right: Bools) -> tuple[Bools, I
         _mask(left),
     )
     return alive.view(np.bool_), rows
+
+
+def exit_policy(source: Source, exits: Bools) -> Int64s | None:
+    """A row per state by which rows of `exits` (bool[rows]) are taken almost surely, or None.
+
+    Each state takes such a row if it has one, and otherwise a row that nears such states.
+    """
+    graph = _incidence(source)
+    leaving = np.flatnonzero(exits)
+    owner = graph.owner_of_rows[leaving]
+    can_exit = np.zeros(graph.matrix.states, dtype=np.bool_)
+    can_exit[owner] = True
+    sure, rows = prob1e_strategy(graph, np.ones(len(can_exit), dtype=np.bool_), can_exit)
+    rows[owner] = leaving
+    return rows if sure.all() else None
 
 
 def maximal_end_components(

@@ -72,8 +72,6 @@ WEIGHT_RESIDUAL = 0.3
 """Relative residual of the weights of a certificate, which need to be approximate only."""
 POLICY_ROUNDS = 500
 """Policies that policy iteration evaluates."""
-WEIGHT_ROUNDS = 100
-"""Policies evaluated for the weights of a certificate."""
 
 # Linear systems: products only (linear/bellman.py, methods/interval.py, methods/optimistic.py).
 TWO_THREADS_STATES = 100_000

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +18,7 @@ from symcheck.numerics.linear.problem import (
 )
 from symcheck.numerics.settings import Settings
 
-__all__ = ["BellmanOperator", "iterate_bounds", "iterate_to_estimate"]
+__all__ = ["BellmanOperator", "iterate_bounds"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,28 +133,3 @@ def iterate_bounds(
     note += "" if width <= settings.epsilon else ", accuracy not reached"
     policy = bellman.greedy_policy(lower if problem.direction == Direction.MAX else upper)
     return Solution(lower, upper, name, False, True, count, note, policy)
-
-
-def iterate_to_estimate(
-    name: str,
-    step: Callable[[Floats], Floats],
-    problem: LinearProblem,
-    settings: Settings,
-    observer: Observer | None,
-) -> Solution:
-    """Iterate x ← step(x) from 0 until the change is at most epsilon.
-
-    The result is an estimate: a small change proves nothing about the error.
-    """
-    x = np.zeros(problem.n)
-    count, change = 0, np.inf
-    while count < settings.max_iterations and change > settings.epsilon:
-        previous, x = x, step(x)
-        change = largest_width(np.minimum(previous, x), np.maximum(previous, x), settings.relative)
-        count += 1
-        if observer is not None:
-            observer(Progress(name, count, change, problem.n, x))
-    note = f"{problem.n} states: {name}, {count} iterations; an estimate"
-    note += "" if change <= settings.epsilon else ", not converged"
-    policy = BellmanOperator.of(problem).greedy_policy(x)
-    return Solution(x, x.copy(), name, False, False, count, note, policy)

@@ -14,10 +14,19 @@ from functools import cached_property
 
 import numpy as np
 
+from symcheck.direction import Direction
 from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.kernels.solve.certificates import certify
 from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
-from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, first_best
+from symcheck.matrices.rows import (
+    Bools,
+    Floats,
+    Int32s,
+    Int64s,
+    SparseMatrix,
+    first_best,
+    starts_of,
+)
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, scaled
 from symcheck.numerics.linear.problem import LinearProblem, Solution
@@ -116,12 +125,10 @@ class LocalSystem:
         """The chain of a policy (rows of the block): its matrix and exit probabilities."""
         return self.matrix.choose(policy), self.exit[policy]
 
-    def problem(self, policy: Int64s, constant: Floats, probability: bool = False) -> LinearProblem:
+    def problem(self, policy: Int64s, constant: Floats) -> LinearProblem:
         """The chain of a policy as a problem, with the given constants per row of the block."""
         matrix, leave = self.chain(policy)
-        return LinearProblem(
-            constant=constant[policy], matrix=matrix, exit=leave, probability=probability
-        )
+        return LinearProblem(constant[policy], matrix, exit=leave, probability=False)
 
     def rows_of(self, x: Floats, constant: Floats) -> Floats:
         """The right-hand sides constant + A x, per row."""
@@ -247,7 +254,6 @@ def policy_iteration(
     local: LocalSystem,
     goal: float,
     evaluate: Evaluate,
-    rounds: int = tuning.POLICY_ROUNDS,
     observer: Callable[[int, Floats, Int32s], None] | None = None,
 ) -> Bounds | None:
     """Howard's policy iteration; the result is certified against all rows.
@@ -257,8 +263,7 @@ def policy_iteration(
     Args:
         local: the equations.
         goal: the requested width.
-        evaluate: solves the chain of a policy.
-        rounds: the largest number of policies.
+        evaluate: solves problems with non-negative rewards, and chains.
         observer: receives the number of each policy, its values, and the row of each state, counted
             from its first.
 
@@ -275,7 +280,7 @@ def policy_iteration(
     accurate = Accuracy(epsilon=min(goal * 0.1, 1e-9))
     middle = 0.5 * (local.low + local.high)
     count = 0
-    while count < rounds:
+    while count < tuning.POLICY_ROUNDS:
         count += 1
         x = evaluate(local.problem(policy, middle), accurate).middle
         if not np.all(np.isfinite(x)):
@@ -283,7 +288,7 @@ def policy_iteration(
         if observer is not None:
             observer(count, x, (policy - first).astype(np.int32))
         rows = local.rows_of(x, middle)
-        better = _improve_policy(local, policy, rows, local.mode)
+        better = _improve_policy(local, policy, rows)
         if better is None:
             break
         policy = better
@@ -321,24 +326,12 @@ def _proves_optimality(local: LocalSystem, policy: Int64s, values: Solution) -> 
 
 
 def make_proper(local: LocalSystem, policy: Int64s) -> Int64s | None:
-    """The policy, changed where it does not leave almost surely; None if no policy leaves."""
-    groups = local.matrix.groups
-    assert groups is not None
+    """The policy, changed where it does not leave almost surely; None if no policy does."""
     leaving = _leaves(local, policy)
     if leaving.all():
         return policy
-    # Choose rows that leave where there are some, and elsewhere rows towards such states.
-    owner = np.repeat(np.arange(local.n), np.diff(groups))
-    exit_rows = np.flatnonzero(local.exit > 0.0)
-    can_exit = np.zeros(local.n, dtype=np.bool_)
-    can_exit[owner[exit_rows]] = True
-    sure, rows = graph.prob1e_strategy(local.matrix, np.ones(local.n, dtype=np.bool_), can_exit)
-    if not sure.all():
-        return None
-    repaired = np.where(rows >= 0, rows, 0)
-    repaired[owner[exit_rows]] = exit_rows
-    repaired = np.where(leaving, policy, repaired)
-    return repaired if _leaves(local, repaired).all() else np.where(can_exit, repaired, rows)
+    exits = graph.exit_policy(local.matrix, local.exit > 0.0)
+    return None if exits is None else np.where(leaving, policy, exits)
 
 
 def _leaves(local: LocalSystem, policy: Int64s) -> Bools:
@@ -347,15 +340,11 @@ def _leaves(local: LocalSystem, policy: Int64s) -> Bools:
     return graph.backward_reachable(matrix, leave > 0.0)
 
 
-def _improve_policy(
-    local: LocalSystem, policy: Int64s, rows: Floats, mode: int, allowed: Bools | None = None
-) -> Int64s | None:
+def _improve_policy(local: LocalSystem, policy: Int64s, rows: Floats) -> Int64s | None:
     """The policy with clearly better rows where there are some; None if there are none."""
-    groups = local.matrix.groups
-    assert groups is not None
-    sign = 1.0 if mode == 2 else -1.0
-    values = sign * rows if allowed is None else np.where(allowed, sign * rows, -np.inf)
-    best, current = first_best(values, groups), values[policy]
+    assert local.matrix.groups is not None
+    values = rows if local.mode == 2 else -rows
+    best, current = first_best(values, local.matrix.groups), values[policy]
     change = values[best] > current + 1e-13 * np.abs(current) + 1e-300
     return np.where(change, best, policy) if change.any() else None
 
@@ -365,21 +354,17 @@ def _weights(
 ) -> Floats | None:
     """Weights w with A w + scale about w or less, along all rows that are as good as the policy's.
 
-    They are the maximal expected rewards `scale` per step over these rows.
+    They are the maximal expected rewards `scale` per step over these rows; None if some are
+    infinite.
     """
     groups = local.matrix.groups
     assert groups is not None
-    ties = np.abs(rows - np.repeat(x, np.diff(groups))) <= 1e-7 * np.repeat(scale, np.diff(groups))
+    owner = np.repeat(np.arange(local.n), np.diff(groups))
+    ties = np.abs(rows - x[owner]) <= 1e-7 * scale[owner]
     ties[policy] = True
-    constant = np.repeat(scale, np.diff(groups))
-    approximate = Accuracy(epsilon=1e-3)
-    for _ in range(tuning.WEIGHT_ROUNDS):
-        rewards = evaluate(local.problem(policy, constant, probability=False), approximate)
-        weight = rewards.upper
-        if not np.all(np.isfinite(weight)):
-            return None
-        better = _improve_policy(local, policy, local.rows_of(weight, constant), 2, ties)
-        if better is None:
-            break
-        policy = better
-    return weight
+    chosen = np.flatnonzero(ties)
+    matrix, leave = local.matrix.choose(chosen, starts_of(ties)[groups]), local.exit[chosen]
+    if graph.maximal_end_components(matrix, np.ones(local.n, np.bool_), leave <= 0.0).count:
+        return None
+    tied = LinearProblem(scale[owner[chosen]], matrix, None, leave, Direction.MAX, False)
+    return evaluate(tied, Accuracy(epsilon=1e-3)).upper

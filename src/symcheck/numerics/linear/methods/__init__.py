@@ -1,4 +1,4 @@
-"""Methods for x = opt(A x + b): one file and one line of METHODS each."""
+"""Methods for x = opt(A x + b): a function and an entry of METHODS each."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from symcheck.errors import UnsupportedError
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import (
-    gauss_seidel,
+    estimates,
     interval,
-    jacobi,
     optimistic,
     policy,
-    power_method,
     rational,
     topological,
 )
@@ -74,48 +72,79 @@ def _select(problem: LinearProblem, name: str) -> Method:
     method = METHODS.get(name)
     if method is None:
         raise UnsupportedError(f"there is no method '{name}'; there are {', '.join(METHODS)}")
-    if method.numbers == "rational" and not problem.exact:
+    if method.exact and not problem.exact:
         raise UnsupportedError(f"method '{name}' solves over the rationals\n  hint: use -exact")
     if method.requires == "rows" and problem.matrix is None:
         others = ", ".join(m.name for m in METHODS.values() if m.requires == "products")
         raise UnsupportedError(
             f"method '{name}' needs the rows of the matrix; with this engine use one of {others}"
         )
-    kinds = {"mdp" if problem.mode else "chain", "probability" if problem.probability else "reward"}
-    if not kinds <= method.kinds:
-        raise UnsupportedError(
-            f"method '{name}' does not solve {' '.join(sorted(kinds - method.kinds))} problems"
-        )
+    if not (method.rewards or problem.probability):
+        raise UnsupportedError(f"method '{name}' does not solve reward problems")
     return method
 
-
-_POLICY = Method(
-    "policy",
-    partial(policy.solve, chains=topological.solve),
-    "rows",
-    True,
-    "policy iteration; for values that converge slowly",
-)
-_RATIONAL = Method(
-    "rational",
-    partial(rational.solve, chooser=solve_linear),
-    "rows",
-    True,
-    "elimination and policy iteration over the rationals",
-    numbers="rational",
-)
 
 METHODS: Mapping[str, Method] = {
     method.name: method
     for method in (
-        topological.METHOD,
-        _POLICY,
-        interval.METHOD,
-        optimistic.METHOD,
-        gauss_seidel.METHOD,
-        jacobi.METHOD,
-        power_method.METHOD,
-        _RATIONAL,
+        Method(
+            "topological",
+            topological.solve,
+            "rows",
+            True,
+            "strong components in order, each by the cheapest certified means",
+        ),
+        Method(
+            "policy",
+            partial(policy.solve, chains=topological.solve),
+            "rows",
+            True,
+            "policy iteration; for values that converge slowly",
+        ),
+        Method(
+            "interval",
+            interval.solve,
+            "products",
+            True,
+            "lower and upper bounds from both sides",
+            rewards=False,
+        ),
+        Method(
+            "optimistic",
+            optimistic.solve,
+            "products",
+            True,
+            "lower bounds, then a guessed and verified upper bound",
+        ),
+        Method(
+            "gauss-seidel",
+            estimates.gauss_seidel,
+            "rows",
+            False,
+            "sweeps until the change is small: an estimate",
+        ),
+        Method(
+            "jacobi",
+            estimates.jacobi,
+            "rows",
+            False,
+            "products with self-loops divided out until the change is small: an estimate",
+        ),
+        Method(
+            "power",
+            estimates.power,
+            "products",
+            False,
+            "products until the change is small: an estimate",
+        ),
+        Method(
+            "rational",
+            partial(rational.solve, chooser=solve_linear),
+            "rows",
+            True,
+            "elimination and policy iteration over the rationals",
+            exact=True,
+        ),
     )
 }
 """All methods by name, as the option -method has them."""

@@ -11,11 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from symcheck.numerics.linear.bellman import BellmanOperator, iterate_bounds
-from symcheck.numerics.linear.methods.method import CHAINS_AND_MDPS, Method
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.settings import Settings
 
-__all__ = ["METHOD"]
+__all__ = ["solve"]
 
 
 def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
@@ -23,13 +22,3 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
     bellman = BellmanOperator.of(problem)
     lower, upper = np.zeros(problem.n), np.ones(problem.n)
     return iterate_bounds("interval iteration", bellman, lower, upper, 0, settings, observer)
-
-
-METHOD = Method(
-    "interval",
-    solve,
-    "products",
-    True,
-    "lower and upper bounds from both sides",
-    kinds=CHAINS_AND_MDPS - {"reward"},
-)

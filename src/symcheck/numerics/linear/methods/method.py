@@ -8,11 +8,7 @@ from typing import Literal, Protocol
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.settings import Settings
 
-__all__ = ["CHAINS_AND_MDPS", "Kind", "Method", "Solver"]
-
-Kind = Literal["chain", "mdp", "probability", "reward"]
-
-CHAINS_AND_MDPS: frozenset[Kind] = frozenset(("chain", "mdp", "probability", "reward"))
+__all__ = ["Method", "Solver"]
 
 
 class Solver(Protocol):
@@ -30,10 +26,10 @@ class Method:
     """A method to solve linear problems, and its requirements, which are checked before it runs.
 
     requires: 'rows' (a SparseMatrix) or 'products' (an operator suffices).
-    numbers: the number type of matrix, constants and values.
     sound: whether its bounds are proved.
-    kinds: the problems that it solves.
     description: one line for users.
+    rewards: whether it solves expected rewards as well as probabilities.
+    exact: whether it is for rationals, and for these only.
     """
 
     name: str
@@ -41,5 +37,5 @@ class Method:
     requires: Literal["rows", "products"]
     sound: bool
     description: str
-    kinds: frozenset[Kind] = CHAINS_AND_MDPS
-    numbers: Literal["float64", "rational"] = "float64"
+    rewards: bool = True
+    exact: bool = False

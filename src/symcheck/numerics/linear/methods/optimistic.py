@@ -15,7 +15,6 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.bellman import BellmanOperator, iterate_bounds
-from symcheck.numerics.linear.methods.method import Method
 from symcheck.numerics.linear.problem import (
     LinearProblem,
     Observer,
@@ -25,7 +24,7 @@ from symcheck.numerics.linear.problem import (
 )
 from symcheck.numerics.settings import Settings
 
-__all__ = ["METHOD"]
+__all__ = ["solve"]
 
 
 def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
@@ -73,12 +72,3 @@ def _verify(
             return None, count
         guess = following
     return None, rounds
-
-
-METHOD = Method(
-    "optimistic",
-    solve,
-    "products",
-    True,
-    "lower bounds, then a guessed and verified upper bound",
-)

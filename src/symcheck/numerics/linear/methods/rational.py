@@ -8,7 +8,6 @@ Sources: Howard (1960); Bertsekas & Tsitsiklis (1991) for least expected rewards
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -126,34 +125,16 @@ def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
     policy = groups[:-1].copy() if found is None else np.where(found >= 0, found, groups[:-1])
     if problem.probability or problem.direction is not Direction.MIN:
         return policy
-    chain = problem.rows.choose(policy)
-    leaving = np.asarray(problem.leaving[policy] > 0, dtype=np.bool_)
-    return policy if graph.backward_reachable(chain, leaving).all() else _proper_policy(problem)
+    leaving = np.asarray(problem.leaving > 0, dtype=np.bool_)
+    if graph.backward_reachable(problem.rows.choose(policy), leaving[policy]).all():
+        return policy
+    exits = graph.exit_policy(problem.rows, leaving)
+    if exits is None:
+        raise NumericalError("the expected reward is infinite")
+    return exits
 
 
 def _rounded_exits(problem: LinearProblem) -> Floats:
     """The probabilities of leaving as doubles, which are positive where the rationals are."""
     rounded = doubles(problem.leaving)
     return np.where((rounded == 0.0) & (problem.leaving > 0), 1e-300, rounded)
-
-
-def _proper_policy(problem: LinearProblem) -> Int64s:
-    """A policy that leaves the unknowns almost surely: every state takes a shortest path out."""
-    source = graph.Incidence(problem.rows)
-    owner = source.owner_of_rows
-    policy = np.full(problem.n, -1, dtype=np.int64)
-    queue: deque[int] = deque()
-
-    def take(rows: Int64s) -> None:
-        for r in rows.tolist():
-            if policy[owner[r]] < 0:
-                policy[owner[r]] = r
-                queue.append(int(owner[r]))
-
-    take(np.flatnonzero(problem.leaving > 0))
-    while queue:
-        s = queue.popleft()
-        take(source.rows_in[source.pre[s] : source.pre[s + 1]].astype(np.int64))
-    if (policy < 0).any():
-        raise NumericalError("the expected reward is infinite")
-    return policy

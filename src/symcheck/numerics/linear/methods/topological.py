@@ -23,7 +23,6 @@ from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.methods import policy
-from symcheck.numerics.linear.methods.method import Method
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.subsystem import (
     Bounds,
@@ -33,7 +32,7 @@ from symcheck.numerics.linear.subsystem import (
 )
 from symcheck.numerics.settings import Settings
 
-__all__ = ["METHOD", "solve", "solve_masked"]
+__all__ = ["solve", "solve_masked"]
 
 
 _COUNTERS = ("single", "eliminated", "swept", "sweeps", "largest_eliminated", "largest_swept")
@@ -355,12 +354,3 @@ def _explain(run: TopologicalRun, summary: str) -> str:
     if run.unfinished:
         done.append(f"{run.unfinished} without the requested accuracy")
     return f"{summary}: topological, " + ", ".join(done)
-
-
-METHOD = Method(
-    "topological",
-    solve,
-    "rows",
-    True,
-    "strong components in order, each by the cheapest certified means",
-)
