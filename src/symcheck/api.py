@@ -28,7 +28,7 @@ from symcheck.constant_values import ConstantValue, GivenConstants, constant_val
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
 from symcheck.engines.states import Named, States
-from symcheck.errors import UsageError
+from symcheck.errors import ResourceError, SymcheckError, UsageError
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options, OptionValues, make_options
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
+    from symcheck.check.property_tests import PropertyTests
     from symcheck.check.state_distributions import Distribution
     from symcheck.engines.transition_table import TransitionTable
     from symcheck.matrices.rows import Floats
@@ -353,19 +354,64 @@ class Model:
 
         With the option `bisim`, one quotient serves all of them if it is small enough.
         """
-        match properties:
-            case PropertiesFile():
-                file = properties
-            case str() if not _FILE_NAME.fullmatch(properties):
-                file = parse_properties(properties)
-            case str() | Path():
-                file = parse_properties_file(properties)
-            case _:
-                hint = "a text has several properties, with ; between them"
-                raise UsageError(
-                    f"properties are a text or a file, not {properties!r}\n  hint: {hint}"
-                )
-        return self._check_all(file, constants, None)
+        return self._check_all(_properties_file(properties), constants, None)
+
+    def test(
+        self,
+        properties: str | Path | PropertiesFile,
+        constants: GivenConstants | str | None = None,
+    ) -> PropertyTests:
+        r"""Compare the results of properties with the comments `// RESULT: …` above them.
+
+        An error of a property, or of building the model, is the result of the property. The
+        convention is that of PRISM's tests: see `symcheck.check.expected_results`.
+
+        Args:
+            properties: as for `check_all`.
+            constants: one value for each constant that the properties leave open.
+
+        Returns:
+            A sequence of one test per property, with a report: `ok`, `failed`, `save("t.xml")`.
+
+        Raises:
+            SyntaxFault: the text does not follow the grammar.
+            ResourceError: a limit was reached.
+
+        Examples:
+            >>> import symcheck
+            >>> model = symcheck.load("models/die/die.pm")
+            >>> model.test("// RESULT: 1/6\\nP=? [ F d=6 ]").ok
+            True
+        """
+        from symcheck.check.property_tests import PropertyTests, property_test
+
+        file = _properties_file(properties)
+        given = constant_values(constants)
+        tests = []
+        fault, model, shared = None, self, None
+        instances = self.instances(file, {n: (v,) for n, v in given.items()})
+        try:
+            model = self.reduced_for(instances)
+            shared = model.shared_quotient(instances)
+            _ = model.engine
+        except ResourceError:
+            raise
+        except SymcheckError as error:  # RESULT lines may expect it
+            fault = error
+        for instance in instances:
+            known = instance.bind(self.bound)[0].constants
+            outcome: Result | SymcheckError
+            try:
+                outcome = fault or model.check_instance(instance, shared=shared)
+            except ResourceError:
+                raise
+            except SymcheckError as error:
+                outcome = error
+            exact = self.options.exact
+            of_model = {n: str(v) for n, v in self.given_constants.items()}
+            tests.append(property_test(instance, outcome, of_model, known, exact=exact))
+        sources = (s.span.source.name for s in (self.program, *file.properties[:1]))
+        return PropertyTests(tuple(tests), " ".join(sources))
 
     def _check_all(
         self,
@@ -581,6 +627,20 @@ class ReducedModel(Model):
         """The reduced model."""
         assert self.reduction is not None
         return self.reduction.model
+
+
+def _properties_file(properties: str | Path | PropertiesFile) -> PropertiesFile:
+    """A file (a Path, or its name), a text, or parsed ones. Raises UsageError, SyntaxFault."""
+    match properties:
+        case PropertiesFile():
+            return properties
+        case str() if not _FILE_NAME.fullmatch(properties):
+            return parse_properties(properties)
+        case str() | Path():
+            return parse_properties_file(properties)
+        case _:
+            hint = "a text has several properties, with ; between them"
+            raise UsageError(f"properties are a text or a file, not {properties!r}\n  hint: {hint}")
 
 
 def _single_property(formula: str) -> PropertiesFile:

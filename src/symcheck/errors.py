@@ -11,6 +11,7 @@ The tree::
     ├── UsageError            a switch, option, file name or argument is wrong
     ├── UnsupportedError      the request is meaningful, but not supported; the message says what is
     ├── NumericalError        a computation did not reach the requested accuracy
+    ├── InternalError         a defect of symcheck
     └── ResourceError         the computation was stopped before its end
         ├── MemoryLimitError  by the memory limit, or because memory is exhausted
         ├── TimeLimitError    by the time limit
@@ -34,6 +35,7 @@ __all__ = [
     "SMALLER_ENGINES",
     "Diagnostic",
     "InputError",
+    "InternalError",
     "Interrupted",
     "MemoryLimitError",
     "ModelFault",
@@ -202,6 +204,10 @@ class UnsupportedError(SymcheckError):
 
 class NumericalError(SymcheckError):
     """A computation did not reach the requested accuracy."""
+
+
+class InternalError(SymcheckError):
+    """A defect of symcheck."""
 
 
 class ResourceError(SymcheckError):

@@ -8,8 +8,15 @@ from math import inf, nan
 import pytest
 
 from symcheck.check.expected_results import VerdictKind, expected_value, judge
-from symcheck.check.result import Certified, Exact, Result, SolverRun
-from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.check.result import Certified, Exact, Result, SolverRun, Statistical
+from symcheck.errors import (
+    InternalError,
+    ModelFault,
+    NumericalError,
+    TimeLimitError,
+    TypeFault,
+    UnsupportedError,
+)
 
 PASS, FAIL = VerdictKind.PASS, VerdictKind.FAIL
 SOLVED = (SolverRun("linear", "topological", 5, 1),)
@@ -99,9 +106,29 @@ def test_errors():
     assert judge(["RESULT: Error"], Result(True), {}).kind is FAIL
     assert judge(["RESULT: true"], error, {}).kind is FAIL
     assert judge(["RESULT: true"], unsupported, {}).kind is VerdictKind.UNSUPPORTED
-    assert judge(["RESULT: Error"], unsupported, {}).kind is VerdictKind.UNSUPPORTED
     assert judge(["RESULT: ?"], error, {}).kind is VerdictKind.NOT_TESTED
     assert judge([], Result(0.5, Certified(0.4, 0.6)), {}).kind is VerdictKind.NOT_TESTED
+
+
+@pytest.mark.parametrize("expected", ["Error", "Error:negative", "Error:fractional (remark)"])
+def test_a_refusal_is_an_expected_error_but_a_defect_and_a_limit_are_none(expected):
+    fitting = UnsupportedError("never"), TypeFault(), ModelFault(), NumericalError("no")
+    for error in fitting:
+        assert judge([f"RESULT: {expected}"], error, {}).kind is PASS
+    for error in (InternalError("broken"), TimeLimitError("late"), ValueError("broken")):
+        assert judge([f"RESULT: {expected}"], error, {}).kind is FAIL
+
+
+def test_what_is_not_tested_says_why():
+    sample = Result(0.5, Statistical(0.99, 0.4, 0.6, 100))
+    for comments, outcome, why in (
+        ([], Result(0.5), "no RESULT line"),
+        (["RESULT (N=2): 1"], Result(0.5), "no RESULT line has these constants"),
+        (["RESULT: ?"], Result(0.5), "the expected result is unknown"),
+        (["RESULT: 0.5"], sample, "the result is an estimate"),
+        ([], NumericalError("no"), "an error, and no RESULT line"),
+    ):
+        assert str(judge(comments, outcome, {"N": 1})) == f"NOT TESTED: {why}"
 
 
 def test_verdict_as_text():
@@ -110,4 +137,3 @@ def test_verdict_as_text():
         str(judge(["RESULT: true"], Result(False), {}))
         == "FAIL: true was expected, and the result is false"
     )
-    assert str(judge([], Result(False), {})) == "NOT TESTED"

@@ -2,8 +2,8 @@
 
 The convention is PRISM's. `RESULT (N=2,p=0.5): 0.25` holds for these values of constants only; the
 first line whose constants match is used. A value ends at the first blank. `?` means unknown,
-`Error…` an error of any wording, and a leading `~` that a number is approximate even if arithmetic
-is exact.
+`Error…` an error or a refusal of any wording, and a leading `~` that a number is approximate even
+if arithmetic is exact.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from fractions import Fraction
 from math import isfinite, isnan
 from typing import assert_never
 
-from symcheck.check.result import Number, Result, show_value
-from symcheck.errors import SymcheckError, UnsupportedError
+from symcheck.check.result import Number, Result, Statistical, show_value
+from symcheck.errors import InternalError, ResourceError, SymcheckError, UnsupportedError
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Value
 
@@ -29,7 +29,7 @@ _RELATIVE = 1e-5
 
 
 class VerdictKind(Enum):
-    """The kinds of verdicts."""
+    """The kinds of verdicts. `UNSUPPORTED` counts as a failure."""
 
     PASS = "PASS"
     FAIL = "FAIL"
@@ -102,14 +102,24 @@ def judge(
         exact: arithmetic was rational: numbers must be equal.
     """
     expected = expected_value(comments, constants)
-    if expected is None or expected == "?":
-        return Verdict(VerdictKind.NOT_TESTED)
+    if expected is None:
+        others = any(_LINE.search(comment) for comment in comments)
+        which = "no RESULT line has these constants" if others else "no RESULT line"
+        error = "an error, and " if isinstance(outcome, Exception) else ""
+        return Verdict(VerdictKind.NOT_TESTED, error + which)
+    if expected == "?":
+        return Verdict(VerdictKind.NOT_TESTED, "the expected result is unknown")
     wants_error = expected.startswith("Error")
-    if isinstance(outcome, UnsupportedError):
-        return Verdict(VerdictKind.UNSUPPORTED, _one_line(outcome))
     if isinstance(outcome, Exception):
-        kind = VerdictKind.PASS if wants_error else VerdictKind.FAIL
-        return Verdict(kind, "" if wants_error else _one_line(outcome))
+        # A defect or a limit says nothing about the property.
+        fault = isinstance(outcome, SymcheckError)
+        if wants_error and fault and not isinstance(outcome, InternalError | ResourceError):
+            return Verdict(VerdictKind.PASS)
+        refused = isinstance(outcome, UnsupportedError)
+        kind = VerdictKind.UNSUPPORTED if refused else VerdictKind.FAIL
+        return Verdict(kind, _one_line(outcome))
+    if isinstance(outcome.accuracy, Statistical):
+        return Verdict(VerdictKind.NOT_TESTED, "the result is an estimate")
     try:
         if wants_error:
             shown = show_value(outcome.value)

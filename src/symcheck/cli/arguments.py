@@ -39,7 +39,7 @@ Examples:
 Switches of PRISM that have no effect here (-javamaxmem, -nopre, -gs and others) are accepted and
 listed in the output. Every switch may be written with two dashes.
 
-Exit status: 0 every property was answered and every test passed; 1 an error in the input, an
+Exit status: 0 every property was answered (with -test: no test failed); 1 an error in the input, an
 unsupported property or a failed test; 2 the command line is wrong; 3 stopped by a limit of memory
 or time; 130 stopped by Ctrl-C.
 """
@@ -111,6 +111,7 @@ class Arguments(argparse.Namespace):
     nobuild: bool
     test: bool
     testall: bool
+    exporttests: str | None
     version: bool
 
     def __init__(self, adapted: Adapted) -> None:
@@ -568,6 +569,11 @@ def _output(parser: _Parser) -> None:
     )
     parser.add(
         "testall", action="store_true", help="compare with the RESULT lines; go on after a failure"
+    )
+    parser.add(
+        "exporttests",
+        metavar="FILE",
+        help="write the outcome of -test or -testall: .xml (JUnit) or .json",
     )
     parser.add("help", "?", action="help", help="this text")
     parser.add_argument("-version", "--version", action="store_true", help="the version")

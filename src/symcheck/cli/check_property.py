@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.api import Model
-from symcheck.check.expected_results import Verdict, VerdictKind, judge
+from symcheck.check.expected_results import Verdict, VerdictKind, expected_value, judge
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.result import Result, Statistical
+from symcheck.check.property_tests import PropertyTest, property_test
+from symcheck.check.result import Result
 from symcheck.cli.arguments import Arguments
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.properties_input import UnparsedProperty
 from symcheck.cli.run_state import RunState
-from symcheck.errors import ResourceError, SymcheckError
+from symcheck.errors import InternalError, ResourceError, SymcheckError
 from symcheck.experiments.rows import Row, error_text, row_of
 
 if TYPE_CHECKING:
@@ -79,21 +80,32 @@ def check_property(
     state.rows.append(row)
     if isinstance(outcome, Result):
         _write_files(state.arguments, state.output, outcome, varying)
-    if not state.testing:
-        return
-    if isinstance(outcome, Result) and isinstance(outcome.accuracy, Statistical):
-        state.conclude(Verdict(VerdictKind.NOT_TESTED, "the result is an estimate"))
-    else:
+    if state.testing:
         exact = state.options.exact
-        state.conclude(judge(bound.comments, outcome, bound.constants, exact=exact))
+        state.conclude(property_test(instance, outcome, of_model, bound.constants, exact=exact))
 
 
 def report_unparsed(state: RunState, property: UnparsedProperty) -> None:
-    """Report a property that does not follow the grammar."""
+    """Report a property that does not follow the grammar. Raises TestFailed as `check_property`.
+
+    A test of it fails, unless its RESULT line expects an error.
+    """
     state.output.property(property.text, None, {}, {})
     state.output.error(property.fault)
-    state.failures += 1
-    state.rows.append(Row(property.text, {}, error=error_text(property.fault)))
+    message = error_text(property.fault)
+    state.rows.append(Row(property.text, {}, error=message))
+    if not state.testing:
+        state.failures += 1
+        return
+    verdict = judge(property.comments, property.fault, {})
+    if verdict.kind is not VerdictKind.PASS:
+        verdict = Verdict(VerdictKind.FAIL, message)
+    expected = expected_value(property.comments, {})
+    place = property.fault.diagnostics[0].span
+    line = place.source.position(place.start)[0]
+    state.conclude(
+        PropertyTest(property.text, {}, expected, message, verdict, 0.0, place.source.name, line)
+    )
 
 
 def report_unbuilt_model(
@@ -110,7 +122,7 @@ def report_unbuilt_model(
         state.rows.append(replace(row, error=error_text(error)))
 
 
-def internal_error(error: Exception) -> SymcheckError:
+def internal_error(error: Exception) -> InternalError:
     """A defect of symcheck, as an error that can be reported."""
     import traceback
 
@@ -121,7 +133,7 @@ def internal_error(error: Exception) -> SymcheckError:
             "sources and compiled modules are of different versions: build again "
             "(pip install -e ., or make demo in a checkout)"
         )
-    return SymcheckError(
+    return InternalError(
         f"internal error: {type(error).__name__}: {error} "
         f"({Path(where.filename).name}:{where.lineno})"
         f"\n  hint: {hint}"

@@ -24,6 +24,7 @@ from symcheck.errors import (
     UsageError,
     out_of_memory,
 )
+from symcheck.experiments.rows import error_text
 
 __all__ = ["run_safely"]
 
@@ -121,7 +122,7 @@ def _working_folder(folder: str | None) -> Iterator[None]:
 def _after_export(state: RunState | None, error: SymcheckError) -> SymcheckError:
     """The error that ends a run, after the finished results were written if possible."""
     with suppress(UsageError):
-        _export(state)
+        _export(state, error)
     return error
 
 
@@ -151,7 +152,7 @@ def _as_resource_error(
 
 def _stopped(state: RunState | None, error: ResourceError, signals: StopSignals) -> int:
     """End a run that a limit or the user has stopped; finished results are written."""
-    _export(state)
+    _export(state, error)
     if state is not None and state.rows:
         print(
             f"{len(state.rows)} finished result{'s are' if len(state.rows) > 1 else ' is'} above",
@@ -160,10 +161,15 @@ def _stopped(state: RunState | None, error: ResourceError, signals: StopSignals)
     return _fail(error, signals.status if isinstance(error, Interrupted) else 3)
 
 
-def _export(state: RunState | None) -> None:
-    """Write the finished results to the file of -exportresults."""
-    if state is not None and state.arguments.exportresults and state.rows:
-        write_results(state.arguments.exportresults, state.rows, state.varying)
+def _export(state: RunState | None, error: SymcheckError | None = None) -> None:
+    """Write the files of -exportresults and -exporttests. error: what ended the run."""
+    if state is None:
+        return
+    a = state.arguments
+    if a.exporttests:
+        state.report(None if error is None else error_text(error)).save(a.exporttests)
+    if a.exportresults and state.rows:
+        write_results(a.exportresults, state.rows, state.varying)
 
 
 def _end_process(state: RunState | None) -> None:

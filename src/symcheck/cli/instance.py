@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 from symcheck.api import Model, ReducedModel
-from symcheck.check.expected_results import judge
 from symcheck.check.property_instance import PropertyInstance
+from symcheck.check.property_tests import property_test
 from symcheck.cli import exports
 from symcheck.cli.check_property import check_property, report_unbuilt_model
 from symcheck.cli.output_paths import ConstantTexts
@@ -78,7 +78,7 @@ def _check_instance(
     except ResourceError:
         raise
     except SymcheckError as error:
-        _report_fault(state, error, asked, constants, of_properties, alone=not varying)
+        _report_fault(state, error, asked, constants, alone=not varying)
         return
     shared = None
     if plan is None:
@@ -140,19 +140,22 @@ def _report_fault(
     error: SymcheckError,
     asked: Sequence[PropertyInstance],
     constants: ConstantTexts,
-    of_properties: GivenTexts,
     *,
     alone: bool,
 ) -> None:
-    """Report a model that cannot be bound or built. Raises the error if it ends the run."""
-    if state.testing:
-        # RESULT lines may expect an error; it is the result of every property.
-        state.output.error(error)
-        known = {**constants, **{n: v[0] for n, v in of_properties.items()}}
+    """Report a model that cannot be bound or built. Raises the error if it ends the run.
+
+    RESULT lines may expect it: then it is the result of every property.
+    """
+    tests = []
+    for instance in asked if state.testing else ():
+        known = {**constants, **{n: str(v) for n, v in instance.constants.items()}}
         values = {n: _plain_value(v) for n, v in known.items()}
-        for i in dict.fromkeys(instance.index for instance in asked):
-            comments = asked[0].file.properties[i].comments
-            state.conclude(judge(comments, error, values, exact=state.options.exact))
+        tests.append(property_test(instance, error, constants, values))
+    if any(test.expected is not None for test in tests):
+        state.output.error(error)
+        for test in tests:
+            state.conclude(test)
     elif alone or isinstance(error, UsageError):
         raise error
     else:

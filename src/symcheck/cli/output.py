@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import TextIO
 
 from symcheck import __version__
+from symcheck.check.property_tests import PropertyTests
 from symcheck.check.result import Estimate, Result
 from symcheck.engines.base import Engine
 from symcheck.engines.selection import Choice
@@ -134,6 +135,15 @@ class Output:
         """The comparison with a RESULT line."""
         self.line(f"Testing result: {verdict}")
         self.out.flush()
+
+    def tests(self, tests: PropertyTests) -> None:
+        """The summary of the tests, and those that failed."""
+        self.line()
+        self.line(_RULE)
+        self.line()
+        self.line(f"Tests: {tests.summary}")
+        for test in tests.failed:
+            self.line(f"  {test.title}: {test.verdict}")
 
     def end(self) -> None:
         """The number of warnings, at the end of a run."""

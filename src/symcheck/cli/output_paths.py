@@ -58,14 +58,28 @@ def check_files(a: Arguments) -> None:
         from symcheck.exchange.strategies import strategy_target
 
         strategy_target(a.exportstrat)
+    if a.exporttests is not None:
+        from symcheck.check.property_tests import check_report_file
+
+        try:
+            check_report_file(a.exporttests)
+        except UsageError as error:
+            raise UsageError(f"-exporttests: {error}") from None
+        if not (a.test or a.testall):
+            raise UsageError("-exporttests needs tests\n  hint: add -testall")
+        _check_folder("-exporttests", Path(a.exporttests))
     if a.exportpage is not None:
         page = Path(a.exportpage)
         if page.suffix.lower() not in (".html", ".htm"):
             raise UsageError(
                 f"-exportpage: '{page}' is no HTML file\n  hint: -exportpage {page.stem}.html"
             )
-        if not page.parent.is_dir():
-            raise UsageError(f"-exportpage: there is no folder '{page.parent}'")
+        _check_folder("-exportpage", page)
+
+
+def _check_folder(switch: str, path: Path) -> None:
+    if not path.parent.is_dir():
+        raise UsageError(f"{switch}: there is no folder '{path.parent}'")
 
 
 def check_results_file(argument: str) -> None:
@@ -79,8 +93,7 @@ def check_results_file(argument: str) -> None:
         raise UsageError(f"-exportresults: '{argument}' names no file")
     if path.is_dir():
         raise UsageError(f"-exportresults: '{path}' is a folder")
-    if not path.parent.is_dir():
-        raise UsageError(f"-exportresults: there is no folder '{path.parent}'")
+    _check_folder("-exportresults", path)
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise UsageError(f"-exportresults: '{path}' may not be written")
     if not kinds:

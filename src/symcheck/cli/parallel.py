@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from io import StringIO
 
+from symcheck.check.property_tests import PropertyTest
 from symcheck.cli.arguments import Arguments
 from symcheck.cli.check_property import report_unbuilt_model
 from symcheck.cli.instance import InstancesTask
@@ -29,6 +30,7 @@ class _Outcome:
 
     text: str
     rows: list[Row] = field(default_factory=list)
+    tests: list[PropertyTest] = field(default_factory=list)
     failures: int = 0
     warnings: int = 0
     error: Exception | None = None
@@ -44,7 +46,8 @@ def _check(work: bytes, constants: Mapping[str, str]) -> _Outcome:
         task.run(state, constants, constants)
     except (SymcheckError, TestFailed, MemoryError) as found:
         error = found
-    return _Outcome(out.getvalue(), state.rows, state.failures, state.output.warnings, error)
+    counts = state.failures, state.output.warnings
+    return _Outcome(out.getvalue(), state.rows, state.tests, *counts, error)
 
 
 @lru_cache(maxsize=1)
@@ -100,6 +103,7 @@ def _report(
 
 def _add(state: RunState, outcome: _Outcome) -> None:
     state.rows += outcome.rows  # first: Ctrl-C may come while the text is printed
+    state.tests += outcome.tests
     state.failures += outcome.failures
     state.output.warnings += outcome.warnings
     print(outcome.text, end="", file=state.output.out, flush=True)

@@ -15,6 +15,7 @@ from pathlib import Path
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_properties, parse_properties_file
+from symcheck.syntax.tree_builder import comments_above
 
 __all__ = ["PropertiesInput", "UnparsedProperty", "read_properties"]
 
@@ -25,10 +26,17 @@ _COMMENT = re.compile(r"//[^\n]*")
 
 @dataclass(frozen=True)
 class UnparsedProperty:
-    """A property that does not follow the grammar: its text on one line, and the fault."""
+    """A property that does not follow the grammar.
+
+    Attributes:
+        text: on one line.
+        fault: what does not follow the grammar.
+        comments: the comment lines directly above.
+    """
 
     text: str
     fault: SyntaxFault
+    comments: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -102,7 +110,9 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
                     declarations.append(SyntaxFault(*own))
                 else:
                     removed[start + place] = UnparsedProperty(
-                        " ".join(_bare(whole).split()), SyntaxFault(*own)
+                        " ".join(_bare(whole).split()),
+                        SyntaxFault(*own),
+                        comments_above(source.text, start + place),
                     )
         try:
             file = parse_properties(text, source.name, shown=source.text)

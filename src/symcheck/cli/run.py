@@ -48,6 +48,8 @@ def run(state: RunState) -> int:
         of_properties = {n: given[n] for n in split.of_properties}
         state.varying = tuple(n for n, values in given.items() if len(values) > 1)
         _check_instances(state, model, properties, indices, of_model, of_properties)
+        if state.testing:
+            state.output.tests(state.report())
     state.output.end()
     return 1 if state.failures else 0
 
@@ -64,13 +66,13 @@ def _check_instances(
     for fault in properties.declarations:
         state.output.error(fault)
         state.failures += 1
-    for i in indices:
-        if i in properties.unparsed:
-            report_unparsed(state, properties.unparsed[i])
     parsed = [i for i in indices if i not in properties.unparsed]
     task = InstancesTask(model, properties.file, parsed, of_properties)
     choices = list(combinations(of_model))
     try:
+        for i in indices:
+            if i in properties.unparsed:
+                report_unparsed(state, properties.unparsed[i])
         if state.arguments.jobs > 1 and len(choices) > 1 and not state.arguments.step:
             from symcheck.cli.parallel import check_in_processes
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from symcheck.check.expected_results import Verdict, VerdictKind
+from symcheck.check.expected_results import VerdictKind
+from symcheck.check.property_tests import PropertyTest, PropertyTests
 from symcheck.cli.arguments import Arguments
 from symcheck.cli.output import Output
 from symcheck.experiments.rows import Row
@@ -29,6 +30,7 @@ class RunState:
     arguments: Arguments
     output: Output
     rows: list[Row] = field(default_factory=list)
+    tests: list[PropertyTest] = field(default_factory=list)
     failures: int = 0
     varying: tuple[str, ...] = ()
     build_seconds: float = 0.0
@@ -43,13 +45,18 @@ class RunState:
         """Whether results are compared with RESULT lines."""
         return self.arguments.test or self.arguments.testall
 
-    def conclude(self, verdict: Verdict) -> None:
+    def conclude(self, test: PropertyTest) -> None:
         """Print and count the comparison with a RESULT line.
 
         Raises TestFailed if -test ends with it.
         """
-        self.output.verdict(verdict)
-        if verdict.kind in (VerdictKind.FAIL, VerdictKind.UNSUPPORTED):
-            self.failures += 1
-        if verdict.kind is VerdictKind.FAIL and self.arguments.test:
+        self.output.verdict(test.verdict)
+        self.tests.append(test)
+        self.failures += test.failed
+        if test.verdict.kind is VerdictKind.FAIL and self.arguments.test:
             raise TestFailed
+
+    def report(self, error: str | None = None) -> PropertyTests:
+        """The tests so far. error: what ended the run."""
+        files = filter(None, (self.arguments.model, self.arguments.properties))
+        return PropertyTests(tuple(self.tests), " ".join(files), error)
