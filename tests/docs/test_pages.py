@@ -6,6 +6,7 @@ import doctest
 import re
 import runpy
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -35,10 +36,15 @@ COMMANDS = [(page, block) for page in (*PAGES, "../README.md") for block in bloc
     ("page", "block"), COMMANDS, ids=[f"{p}-{i}" for i, (p, _) in enumerate(COMMANDS)]
 )
 def test_commands_print_what_the_page_says(
-    page: str, block: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    page: str,
+    block: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Each line of the block begins or ends a line of the output, in this order; between them others may stand."""
-    monkeypatch.chdir(ROOT)
+    (tmp_path / "models").symlink_to(ROOT / "models")
+    monkeypatch.chdir(tmp_path)
     command, *shown = block.splitlines()
     assert command.startswith("$ symcheck ")
     main(shlex.split(command)[2:])
@@ -59,6 +65,13 @@ def test_python_prints_what_the_page_says(page: str, monkeypatch: pytest.MonkeyP
     assert doctest.DocTestRunner(verbose=False).run(test, out=said.append).failed == 0, "".join(
         said
     )
+
+
+@pytest.mark.parametrize("page", [*PAGES, "../README.md", "../CONTRIBUTING.md"])
+def test_installations_name_existing_extras(page: str) -> None:
+    known = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    named = re.findall(r"'(?:symcheck|\.)\[([^]]*)\]'", (DOCS / page).read_text())
+    assert {extra for extras in named for extra in extras.split(",")} <= set(known)
 
 
 def test_every_switch_is_explained() -> None:
