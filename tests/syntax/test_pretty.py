@@ -91,6 +91,11 @@ def properties(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expres
         EXPRESSIONS.map(ast.InstantaneousReward),
         st.just(ast.TotalReward()),
         st.just(ast.SteadyStateReward()),
+        st.builds(
+            ast.DiscountedReward,
+            st.one_of(st.none(), EXPRESSIONS.map(lambda e: ast.TimeBound(upper=e))),
+            EXPRESSIONS,
+        ),
     )
     structures = st.one_of(st.none(), NAMES, EXPRESSIONS)
     operators = st.one_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import assert_never
 
 from symcheck.check.context import Context
@@ -12,12 +13,15 @@ from symcheck.check.path_formulas import StatesOf, UntilPath, resolve, temporal
 from symcheck.direction import Direction
 from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import bound_value, window
 from symcheck.syntax.ast import (
     BinaryTemporal,
     CumulativeReward,
+    DiscountedReward,
     Eventually,
+    Expression,
     ExpressionNode,
     InstantaneousReward,
     PathFormula,
@@ -27,7 +31,7 @@ from symcheck.syntax.ast import (
     UnaryTemporal,
 )
 
-__all__ = ["expected_time", "reward_of", "reward_values"]
+__all__ = ["discount_of", "expected_time", "reward_of", "reward_values"]
 
 
 def reward_of(context: Context, formula: RewardOperator) -> Reward:
@@ -50,6 +54,11 @@ def reward_values(
             if time.upper is None or time.lower or time.lower_strict:
                 raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
             return timed_measures(context).cumulative_reward(context, reward, time, direction)
+        case DiscountedReward(bound, factor):
+            from symcheck.check.measures.discounted import discounted_reward
+
+            steps = None if bound is None else window(bound).steps().upper
+            return discounted_reward(context, reward, discount_of(factor), steps, direction)
         case TotalReward():
             # Fairness affects only the least value: staying where no reward is earned is unfair.
             if direction is Direction.MIN:
@@ -65,6 +74,11 @@ def reward_values(
             return _until_shown(context, reward, query, states_of, direction)
         case _:
             assert_never(query)
+
+
+def discount_of(factor: Expression) -> Fraction:
+    """The discount of a query, which binding has checked to be from 0 to less than 1."""
+    return Fraction(evaluate(factor, {}, exact=True))
 
 
 def expected_time(

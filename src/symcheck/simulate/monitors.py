@@ -30,6 +30,7 @@ from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.syntax.ast import (
     BinaryTemporal,
     CumulativeReward,
+    DiscountedReward,
     Eventually,
     Expression,
     ExpressionNode,
@@ -320,6 +321,11 @@ def reward_monitor(query: RewardQuery, model: BoundModel) -> Monitor:
             target := normal_form(operand, model), StateFormula
         ):
             return _ReachabilityMonitor(target.formula)
+        case DiscountedReward():
+            raise UnsupportedError(
+                "-sim does not estimate discounted rewards; without -sim they are computed "
+                "numerically"
+            )
         case SteadyStateReward() | TotalReward():
             raise UnsupportedError(
                 "-sim does not estimate R [ "

@@ -25,6 +25,7 @@ __all__ = [
     "Call",
     "Conditional",
     "CumulativeReward",
+    "DiscountedReward",
     "Eventually",
     "ExpectedTime",
     "Expression",
@@ -411,6 +412,14 @@ class TotalReward(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class DiscountedReward(Node):
+    """`C discount=g`, `C<=k discount=g`: the reward of step i counts g^i times, from i = 0."""
+
+    bound: TimeBound | None
+    discount: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class InstantaneousReward(Node):
     """`I=k`."""
 
@@ -438,4 +447,11 @@ Expression = (
     | MultiObjective
 )
 PathFormula = Expression | Next | Eventually | Globally | Until | WeakUntil | Release
-RewardQuery = CumulativeReward | TotalReward | InstantaneousReward | SteadyStateReward | PathFormula
+RewardQuery = (
+    CumulativeReward
+    | TotalReward
+    | DiscountedReward
+    | InstantaneousReward
+    | SteadyStateReward
+    | PathFormula
+)

@@ -117,6 +117,8 @@ def _text(node: Tree) -> tuple[str, int]:
             return _limit(node), _ATOM
         case ast.CumulativeReward(bound):
             return f"C{_limit(bound)}", _PATH
+        case ast.DiscountedReward(bound, discount):
+            return f"C{_limit(bound)} discount={_tree(discount)}", _PATH
         case ast.TotalReward():
             return "C", _PATH
         case ast.InstantaneousReward(time):

@@ -585,6 +585,11 @@ class PropertiesBuilder(Builder):
     def cumulative(self, values: Values) -> ast.CumulativeReward:
         return ast.CumulativeReward(self.time_bound(values[1:]), span=self._span(values))
 
+    def discounted(self, values: Values) -> ast.DiscountedReward:
+        _, sign, limit, _, _, discount = values
+        bound = None if sign is None else self.time_bound([sign, limit])
+        return ast.DiscountedReward(bound, discount, span=self._span(values))
+
     # -------------------------------------------------------------------------------------- filters
 
     def filter(self, values: Values) -> ast.Filter:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import assert_never
 
 import numpy as np
@@ -33,7 +34,7 @@ from symcheck.check.path_formulas import (
     resolve,
     temporal,
 )
-from symcheck.check.reward_queries import reward_of
+from symcheck.check.reward_queries import discount_of, reward_of
 from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet
@@ -45,6 +46,7 @@ from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import (
+    DiscountedReward,
     Eventually,
     Expression,
     ModelType,
@@ -138,11 +140,17 @@ def _reward(
     context: Context, formula: RewardOperator, states_of: StatesOf, direction: Direction
 ) -> Strategy:
     query = formula.query
+    builder = _StrategyBuilder(context, direction)
+    reward = reward_of(context, formula)
+    if isinstance(query, DiscountedReward) and query.bound is None:
+        builder.discounted(reward, discount_of(query.discount))
+        return builder.strategy(direction)
     path = resolve(query, states_of, context.engine) if isinstance(query, Eventually) else None
     if not isinstance(path, UntilPath) or not path.window.trivial:
-        raise UnsupportedError("strategies for rewards are supported with R [ F states ] only")
-    builder = _StrategyBuilder(context, direction)
-    builder.reward(reward_of(context, formula), path.right)
+        raise UnsupportedError(
+            "strategies for rewards are supported with R [ F states ] and R [ C discount=… ] only"
+        )
+    builder.reward(reward, path.right)
     return builder.strategy(direction)
 
 
@@ -226,6 +234,15 @@ class _StrategyBuilder:
         usable = equations.usable_rows
         origin = None if usable is None else np.flatnonzero(usable)
         self._solve(system.states, equations.problem(), origin)
+
+    def discounted(self, reward: Reward, discount: Fraction) -> None:
+        """Choose rows with maximal (minimal) discounted reward over all steps."""
+        from symcheck.check.measures.discounted import discounted_problem
+
+        system = self.engine.system(self.engine.all, self.direction)
+        rewards = system.step_rewards(reward)
+        problem = discounted_problem(system, rewards, discount, self.direction)
+        self._solve(self.engine.all, problem)
 
     def _take(self, where: Bools, rows: Int64s) -> None:
         """Set the rows of some states; -1 for none."""

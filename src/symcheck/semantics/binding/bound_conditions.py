@@ -15,6 +15,7 @@ from symcheck.syntax.ast import (
     BinaryTemporal,
     Call,
     Conditional,
+    DiscountedReward,
     ExpectedTime,
     Expression,
     InstantaneousReward,
@@ -69,6 +70,8 @@ class _Conditions:
                     self._unbounded(node, node.path)
             case TimeBound():
                 self._time(node)
+            case DiscountedReward(_, discount):
+                self._discount(discount)
             case InstantaneousReward(time):
                 self._moment(time, "the time of I=")
             case RewardBound():
@@ -125,6 +128,16 @@ class _Conditions:
                 f"{node.letter} is compared with {format_value(value)}, which is not a probability"
             )
             self.report.input("threshold", message, threshold.span)
+
+    def _discount(self, discount: Expression) -> None:
+        value = self._constant(discount, "the discount")
+        if value is not None and not 0 <= value < 1:
+            self.report.input(
+                "discount",
+                f"the discount must be at least 0 and less than 1, not {format_value(value)}",
+                discount.span,
+                "R [ C ] without a discount is the total reward",
+            )
 
     def _structure(self, structure: str | Expression | None, node: Tree) -> None:
         rewards = self.model.rewards

@@ -16,6 +16,7 @@ from symcheck.syntax.ast import (
     Call,
     Conditional,
     CumulativeReward,
+    DiscountedReward,
     Expression,
     Filter,
     InstantaneousReward,
@@ -408,6 +409,9 @@ class Typer:
         match query:
             case CumulativeReward(bound):
                 self._limits(bound)
+            case DiscountedReward(bound, discount):
+                self._limits(bound)
+                self.numeric(discount, "the discount")
             case InstantaneousReward(time):
                 self.numeric(time, "the time of I=")
             case TotalReward() | SteadyStateReward():

@@ -1,0 +1,185 @@
+"""Discounted rewards of DTMCs and MDPs: the reward of step i counts discount^i times (from i = 0).
+
+The total discounted reward is the only solution of x = opt(r + discount P x), a contraction. Where
+rows are available, its equations are solved as other linear problems; otherwise values are
+iterated, and the bounds of MacQueen end the iteration.
+
+Sources: Puterman (1994), Markov Decision Processes, section 6.3 and theorem 6.6.3 (the bounds).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.step_bounded import best
+from symcheck.check.result import SolverRun
+from symcheck.direction import Direction
+from symcheck.engines.base import ROUNDING, System, Values
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.numbers import Numbers, full
+from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.rewards import Reward
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["discounted_problem", "discounted_reward"]
+
+
+def discounted_reward(
+    context: Context,
+    reward: Reward,
+    discount: Fraction,
+    steps: int | None,
+    direction: Direction | None,
+) -> Values:
+    """Expected discounted reward of the first steps, from each state.
+
+    Args:
+        context: the engine, the options and the log.
+        reward: what is counted: of step i, the state that is left and the transition.
+        discount: the factor per step, at least 0 and less than 1.
+        steps: the number of steps; None: all of them.
+        direction: minimise or maximise over strategies; None for a chain.
+
+    Returns:
+        Certified values, rationals on the exact engine.
+
+    Raises:
+        UnsupportedError: the model is a CTMC, or the reward of a step is infinite.
+    """
+    engine = context.engine
+    if engine.model.type is ModelType.CTMC:
+        raise UnsupportedError(
+            "discounted rewards are supported for DTMCs and MDPs, where a factor applies to each "
+            "step; in a CTMC, R [ C<=t ] and R [ S ] are supported"
+        )
+    system = engine.system(engine.all, direction)
+    rewards = system.step_rewards(reward)
+    if np.isinf(np.asarray(rewards, dtype=np.float64)).any():
+        raise UnsupportedError("discounted rewards need finite rewards, and one of a step is not")
+    if discount == 0 and steps is None:
+        steps = 1  # and 0^0 is 1
+    if steps is not None:
+        return _iterated(context, system, rewards, discount, steps, direction)
+    if not (system.has_rows or engine.exact):
+        return _iterated(context, system, rewards, discount, None, direction)
+    from symcheck.numerics.linear.methods import solve_linear
+
+    solution = solve_linear(
+        discounted_problem(system, rewards, discount, direction), context.options, context.observer
+    )
+    context.log.runs.append(
+        SolverRun(
+            "linear",
+            solution.method,
+            system.n,
+            solution.iterations,
+            solution.explanation,
+            solution.certified,
+        )
+    )
+    if engine.exact or not solution.certified:
+        return system.lift(solution.middle, None, exact=True)
+    margin = _rounding(context, rewards, discount, None)
+    return _lifted(context, system, rewards, (solution.lower, solution.upper), margin)
+
+
+def discounted_problem(
+    system: System, rewards: Numbers, discount: Fraction, direction: Direction | None
+) -> LinearProblem:
+    """The equations x = opt(rewards + discount P x): each step ends with probability 1 - discount.
+
+    Args:
+        system: the equations over all states.
+        rewards: the reward of a step by each row.
+        discount: between 0 and 1.
+        direction: minimise or maximise; None for a chain.
+    """
+    matrix, exact = system.matrix, system.matrix.exact
+    factor = discount if exact else float(discount)
+    end = full(len(rewards), 1 - discount, exact=exact)
+    data = matrix.data * factor
+    return LinearProblem(
+        rewards, replace(matrix, data=data), None, end, direction, probability=False
+    )
+
+
+def _iterated(
+    context: Context,
+    system: System,
+    rewards: Numbers,
+    discount: Fraction,
+    steps: int | None,
+    direction: Direction | None,
+) -> Values:
+    """The values after some steps, or bounds on those of infinitely many, by iteration."""
+    exact, options = context.engine.exact, context.options
+    factors = full(1, discount, exact=exact)
+    factor = factors[0]
+    margin = 0.0 if exact else _rounding(context, rewards, discount, steps)
+    # What is earned later changes nothing beyond rounding.
+    negligible = 0.0 if exact else UNIT_ROUNDOFF * float(1 - discount)
+    x = lower = upper = system.full(0)
+    remaining, taken, width = 1.0, 0, np.inf
+    while taken < (options.max_iterations if steps is None else steps):
+        y = best(factors * system.operator.multiply(x) + rewards, system, direction)
+        change, x, taken, remaining = y - x, y, taken + 1, remaining * float(factor)
+        if steps is None:
+            later = factor / (1 - factor)
+            lower, upper = x + later * change.min(), x + later * change.max()
+            width = largest_width(lower, upper, options.relative)
+        if context.observer is not None:
+            context.observer(Progress("step by step", taken, width, system.n))
+        if steps is None and (width <= 0.5 * options.epsilon or (upper - lower).max() <= margin):
+            break
+        if steps is not None and (not change.any() or (not exact and remaining <= negligible)):
+            break
+    name, about = ("step by step", "") if steps is not None else ("value iteration", "MacQueen")
+    context.log.runs.append(
+        SolverRun("linear" if steps is None else "steps", name, system.n, taken, about)
+    )
+    if exact:
+        return system.lift(x, None, exact=True)
+    return _lifted(context, system, rewards, (x, x) if steps else (lower, upper), margin)
+
+
+def _rounding(context: Context, rewards: Numbers, discount: Fraction, steps: int | None) -> float:
+    """A bound on the rounding errors of the discount, of products and of the iteration.
+
+    An error of c max|x| in each step amounts to c max|x| / (1 - discount) over all steps.
+    """
+    horizon = 1 / float(1 - discount)
+    if steps is not None:
+        horizon = min(horizon, float(steps))
+    entries = context.engine.transitions / max(1, context.engine.choices)
+    largest = float(np.abs(rewards).max(initial=0.0)) * horizon
+    return 2 * (entries + 5) * UNIT_ROUNDOFF * largest * horizon
+
+
+def _lifted(
+    context: Context,
+    system: System,
+    rewards: Numbers,
+    bounds: tuple[Numbers, Numbers],
+    margin: float,
+) -> Values:
+    """Bounds as values, widened by the rounding errors."""
+    lower, upper = bounds
+    context.warn_if_wide(
+        0.0
+        if (upper - lower).max(initial=0.0) <= margin
+        else largest_width(lower, upper, context.options.relative),
+        "discounted rewards",
+    )
+    if rewards.min(initial=0.0) >= 0:  # sums of zeros have no error
+        margins = np.where(upper == 0.0, 0.0, margin)
+        low, high = np.maximum(lower - margins, 0.0), upper + margins
+    else:
+        low, high = lower - margin, upper + margin
+    if largest_width(low, high, relative=True) <= ROUNDING:
+        return system.lift(0.5 * (lower + upper), None, exact=True)
+    return system.lift(low, high)
