@@ -487,7 +487,7 @@ def _exports(parser: _Parser) -> None:
     )
     parser.add("exportrows", action="store_true", help="write transitions with a line per row")
     parser.add(
-        "noexportheaders", action="store_true", help="no comments at the top of reward files"
+        "noexportheaders", action="store_true", help="no comments at the top of exported files"
     )
     parser.add(
         "exportmatlab",

@@ -165,7 +165,7 @@ def _write_strategy(argument: str, output: Output, result: Result, varying: Cons
 
 def _write_vector(path: str, output: Output, result: Result, precision: int) -> None:
     """Write the value (a number or bool) in each state, in the order of exported states."""
-    from symcheck.exchange.explicit_export import state_order
+    from symcheck.engines.transition_actions import state_order
     from symcheck.exchange.text import lines, write_text
 
     engine = result.engine

@@ -58,7 +58,7 @@ def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target
 
     options = ExportOptions(
         precision=a.exportprecision,
-        headers=not a.noexportheaders,
+        headers=False if a.noexportheaders else None,
         rows=a.exportrows,
         proplabels=any(e.kind == "proplab" and not e.argument for e in a.exports),
         matlab=a.exportmatlab,
@@ -244,7 +244,7 @@ def _print_distribution(
     output: Output, kind: str, distribution: Distribution, precision: int
 ) -> None:
     """Print the states with positive probability, numbered as exported states are."""
-    from symcheck.exchange.explicit_export import state_order
+    from symcheck.engines.transition_actions import state_order
     from symcheck.exchange.text import number_text
 
     output.line(f"\nPrinting {kind} probabilities in plain text format below:")
@@ -258,7 +258,7 @@ def _write_distribution(
     path: str, output: Output, distribution: Distribution, precision: int
 ) -> None:
     """Write a probability per state, in the order of exported states."""
-    from symcheck.exchange.explicit_export import state_order
+    from symcheck.engines.transition_actions import state_order
     from symcheck.exchange.text import lines, write_text
 
     order = state_order(distribution.engine)

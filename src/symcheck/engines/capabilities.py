@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from symcheck.engines.base import CapabilityT, Engine
+from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Int32s, SparseMatrix
 from symcheck.syntax.ast import Expression
 
@@ -98,3 +99,5 @@ class HasImportedStates(Protocol):
     """Per reward structure the reward of each transition (None: those of its row are all the
     row's).
     """
+    contributions: Contributions | None
+    """What each action contributes to the transitions of a chain; None without actions."""

@@ -13,6 +13,7 @@ import numpy as np
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import HasActions
 from symcheck.engines.states import State, States, refuse_many
+from symcheck.engines.transition_actions import transition_parts
 from symcheck.matrices.rows import Int64s, SparseMatrix
 from symcheck.syntax.ast import ModelType
 from symcheck.tables import SHOWN_ROWS, Table, Tabular, optional_package
@@ -26,8 +27,9 @@ __all__ = ["Transition", "TransitionTable"]
 
 
 class Transition(NamedTuple):
-    """A transition. action: of the choice in an MDP, None for none. probability: a rate in a CTMC,
-    a Fraction in rational arithmetic.
+    """A transition. action: None for none; the names of several actions that contribute to a
+    transition of a chain are joined by commas. probability: a rate in a CTMC, a Fraction in
+    rational arithmetic.
     """
 
     source: State
@@ -76,11 +78,14 @@ class TransitionTable(Tabular):
 
     @property
     def action(self) -> list[str | None]:
-        """The action of each transition of an MDP; None for none, and in a chain."""
-        known = self.engine.capability(HasActions)
-        if self.engine.model.type is not ModelType.MDP or known is None:
-            return [None] * self.matrix.entries
-        names = np.array([*self.engine.model.actions, None])
+        """The action of each transition, None for none; those of a chain's are joined by commas."""
+        model, known = self.engine.model, self.engine.capability(HasActions)
+        if model.type is not ModelType.MDP:
+            parts = transition_parts(self.engine)
+            joined = [] if parts is None else parts.joined(model.actions, self.matrix.entries)
+            return [text or None for text in joined] or [None] * self.matrix.entries
+        assert known is not None
+        names = np.array([*model.actions, None])
         found: list[str | None] = names[known.row_actions()[self.choice]].tolist()
         return found
 

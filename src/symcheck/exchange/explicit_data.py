@@ -19,6 +19,7 @@ from symcheck.engines.rational.explore import RationalModel, StateList
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, converts_memory_error
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import StateLayout, StateTable
+from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.numbers import Numbers, Rationals, doubles, is_exact, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.options import Options
@@ -106,6 +107,8 @@ class ExplicitData:
         row_actions: per row an index into `actions`, or -1, int32[rows].
         labels: bool[n] each; "init" and "deadlock" may be among them.
         rewards: the reward structures, float64 or Fractions.
+        contributions: what each action contributes to the transitions of a chain; None without
+            actions.
     """
 
     type: ModelType
@@ -115,6 +118,7 @@ class ExplicitData:
     row_actions: Int32s
     labels: Mapping[str, Bools]
     rewards: Sequence[ExplicitRewards]
+    contributions: Contributions | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -138,11 +142,14 @@ class ImportedEngine(ExplicitEngine, HasImportedStates):
         entry_rewards: per reward structure the reward of each transition, or None if the
             transitions of each row share one.
         given: matrix and rewards as they were given, deadlocks fixed.
+        contributions: what each action contributes to the transitions of a chain; None without
+            actions.
     """
 
     members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
     entry_rewards: Sequence[Any] = field(default=(), repr=False)
     given: tuple[SparseMatrix, Sequence[ExplicitRewards]] | None = field(default=None, repr=False)
+    contributions: Contributions | None = field(default=None, repr=False)
 
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy an expression over the variables, or that have a label."""
@@ -161,6 +168,10 @@ class ImportedEngine(ExplicitEngine, HasImportedStates):
         assert self.given is not None
         explored, (matrix, rewards) = self.explored, self.given
         matrix = replace(matrix, data=_rationals(matrix.data))
+        of_actions = self.contributions
+        if of_actions is not None:  # the parts of a transition are rounded, not their sum
+            of_actions = of_actions._replace(weight=_rationals(of_actions.weight))
+            matrix = replace(matrix, data=of_actions.totals(matrix))
         if self.model.type is not ModelType.CTMC and any(
             s != 1 for s in sum_segments(matrix.data, matrix.indptr)
         ):
@@ -178,7 +189,15 @@ class ImportedEngine(ExplicitEngine, HasImportedStates):
             [_rationals(r.rows) for r in rewards],
         )
         entries = [None if r.entries is None else _rationals(r.entries) for r in rewards]
-        return erased(replace(self, explored=exact, name="exact", entry_rewards=entries))
+        return erased(
+            replace(
+                self,
+                explored=exact,
+                name="exact",
+                entry_rewards=entries,
+                contributions=of_actions,
+            )
+        )
 
 
 def _rationals(values: Numbers) -> Rationals:
@@ -235,6 +254,7 @@ def _explicit(given: ExplicitData, fix_deadlocks: bool) -> ImportedEngine:
         members={marks[name]: found for name, found in members.items()},
         entry_rewards=[None if r.entries is None else doubles(r.entries) for r in rewards],
         given=(fixed, rewards),
+        contributions=given.contributions,
     )
 
 

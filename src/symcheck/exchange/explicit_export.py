@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines.base import Engine, StateSet
-from symcheck.engines.capabilities import HasActions, HasExploredModel, HasImportedStates
+from symcheck.engines.capabilities import HasActions, HasImportedStates
+from symcheck.engines.transition_actions import contributions, state_columns, state_order
+from symcheck.matrices.contributions import Contributions, TransitionParts
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.semantics.model import Variable
 from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import ModelType, Type
 
-__all__ = ["ExplicitExport", "Rewards", "explicit_export", "state_order"]
+__all__ = ["ExplicitExport", "Rewards", "explicit_export"]
 
 SetOf = Callable[[str], StateSet]
 
@@ -56,6 +58,8 @@ class ExplicitExport:
         property_labels: the names of labels that come from a properties file.
         apart: computes the transition rewards of a chain, per structure. None if the transitions
             of each row share one reward.
+        contributions: what each action contributes to the transitions of a chain; None if no
+            transition has an action.
     """
 
     type: ModelType
@@ -69,6 +73,7 @@ class ExplicitExport:
     rewards: Sequence[Rewards] = field(repr=False)
     property_labels: frozenset[str] = frozenset()
     apart: Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None = field(default=None, repr=False)
+    contributions: Callable[[], Contributions | None] = field(default=lambda: None, repr=False)
 
     @property
     def n(self) -> int:
@@ -106,6 +111,23 @@ class ExplicitExport:
             if self.matrix.rows
             else np.empty(0)
         )
+
+    @cached_property
+    def parts(self) -> TransitionParts:
+        """The transitions, each divided among its actions."""
+        found = self.contributions()
+        if found is not None:
+            return TransitionParts.of(replace(self.matrix, data=self.values), found, self.actions)
+        rows = np.full(self.matrix.rows, -1, np.int32)
+        actions = rows if self.row_actions is None else self.row_actions
+        return TransitionParts(
+            np.arange(self.matrix.entries), actions[self.row_of_entry], self.values
+        )
+
+    def without_actions(self) -> ExplicitExport:
+        """The model without the names of actions."""
+        none = None if self.row_actions is None else np.full_like(self.row_actions, -1)
+        return replace(self, actions=(), row_actions=none, contributions=lambda: None)
 
     def action_texts(self) -> list[str]:
         """The action name of each row; empty for none."""
@@ -175,7 +197,7 @@ def explicit_export(
         property_labels: the names of labels of a properties file.
     """
     model = engine.model
-    columns = _columns(engine)
+    columns = state_columns(engine)
     members = {
         "init": engine.to_bools(engine.initial),
         "deadlock": engine.to_bools(engine.deadlocks),
@@ -199,6 +221,7 @@ def explicit_export(
         ],
         frozenset(property_labels),
         _rewards_of_commands(engine),
+        partial(contributions, engine),
     )
     return _sorted(found, state_order(engine, columns))
 
@@ -225,31 +248,6 @@ def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[ND
         return transition_rewards(engine, matrix)
 
     return find
-
-
-def state_order(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int64s | None:
-    """The permutation that orders the states lexicographically; None if they are ordered.
-
-    A model that was read keeps the order of its files.
-    """
-    if engine.capability(HasImportedStates) is not None:
-        return None
-    columns = _columns(engine) if columns is None else columns
-    order = np.lexsort(list(columns)[::-1]) if columns else np.arange(engine.states)
-    return None if np.array_equal(order, np.arange(engine.states)) else order
-
-
-def _columns(engine: Engine) -> list[Int64s]:
-    explicit = engine.capability(HasExploredModel)
-    count = len(engine.model.variables)
-    if explicit is not None:
-        return [explicit.explored.states.column(i) for i in range(count)]
-    flat = np.fromiter(
-        (int(x) for state in engine.valuations(engine.all) for x in state),
-        np.int64,
-        engine.states * count,
-    )
-    return list(flat.reshape(engine.states, count).T)
 
 
 def _row_actions(engine: Engine) -> Int32s | None:

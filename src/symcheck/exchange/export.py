@@ -28,7 +28,8 @@ class ExportOptions:
 
     Attributes:
         precision: significant digits.
-        actions, headers: write action names, header comments.
+        actions: write action names.
+        headers: write header comments; None: those that a reader needs.
         rows: write one line per row of a matrix.
         states: show the values of states in the nodes of a graph.
         proplabels: write the labels of the properties file too.
@@ -38,7 +39,7 @@ class ExportOptions:
 
     precision: int = FULL_PRECISION
     actions: bool = True
-    headers: bool = True
+    headers: bool | None = None
     rows: bool = False
     states: bool = True
     proplabels: bool = False
@@ -142,7 +143,9 @@ def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Ite
         UsageError: a file cannot be written.
         UnsupportedError: a format cannot hold the model.
     """
+    whole = model
     for target in targets:
+        model = whole if target.options.actions else whole.without_actions()
         if target.kind == "umb":
             if target.path == "stdout":
                 raise UsageError("a UMB file is binary and cannot go to the standard output")
@@ -180,7 +183,7 @@ def _texts(model: ExplicitExport, target: Target) -> Iterator[tuple[str, Iterabl
             yield (
                 path,
                 prism_writer.transitions_file(
-                    model, precision=o.precision, actions=o.actions, rows=o.rows, headers=o.headers
+                    model, precision=o.precision, rows=o.rows, headers=o.headers
                 ),
             )
         case "sta":
@@ -212,12 +215,12 @@ def _rewards(model: ExplicitExport, kind: str, number: int, o: ExportOptions) ->
         if o.matlab:
             return matlab.state_rewards(model, number, precision=o.precision)
         return prism_writer.state_rewards_file(
-            model, model.rewards[number], precision=o.precision, headers=o.headers
+            model, model.rewards[number], precision=o.precision, headers=o.headers is not False
         )
     if o.matlab:
         return matlab.transition_rewards(model, number, precision=o.precision)
     return prism_writer.transition_rewards_file(
-        model, number, precision=o.precision, headers=o.headers, rows=o.rows
+        model, number, precision=o.precision, headers=o.headers is not False, rows=o.rows
     )
 
 

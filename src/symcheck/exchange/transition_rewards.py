@@ -7,7 +7,6 @@ mean, weighted with their probabilities (rates): the expected reward of the row 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -15,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.engines.base import Engine
+from symcheck.engines.transition_actions import commands_apart
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
-from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["transition_rewards"]
 
@@ -40,11 +38,10 @@ def transition_rewards(engine: Engine, matrix: SparseMatrix) -> list[NDArray[Any
 
 
 def _doubles(model: BoundModel, matrix: SparseMatrix) -> list[NDArray[Any]]:
-    from symcheck.explicit.build import explore
     from symcheck.explicit.model import evaluate_states
     from symcheck.explicit.tables import total_reward
 
-    apart = explore(replace(model, type=ModelType.MDP), Options(check_sums=False))
+    apart = commands_apart(model)
     own = apart.matrix
     assert own.groups is not None
     row = np.repeat(np.arange(own.rows), np.diff(own.indptr))

@@ -310,7 +310,8 @@ const walk = {
     this.show();
   },
 
-  /** The choices of the current state: [row, action, [[target, probability or rate], …]]. */
+  /** The choices of the current state: [row, action, [[target, probability or rate, action], …]],
+   * where a chain has the action of a transition and an MDP that of a choice. */
   choices() {
     return model.rows[this.path[index].state];
   },
@@ -325,7 +326,8 @@ const walk = {
     const total = successors.reduce((sum, [, p]) => sum + p, 0);
     const stay = model.kind === "CTMC" ? -Math.log(1 - Math.random()) / total : 1;
     this.path = this.path.slice(0, index + 1);
-    this.path.push({ state: target, time: here.time + stay, by: action, row });
+    const by = action || successors.find(([to]) => to === target)?.[2];
+    this.path.push({ state: target, time: here.time + stay, by, row });
     this.show();
   },
 
@@ -367,9 +369,9 @@ const walk = {
       const [row, action, successors] = choice;
       const group = make("span", "", { class: "choice" });
       if (action) group.append(make("em", action));
-      for (const [target, p] of successors) {
+      for (const [target, p, by] of successors) {
         const to = target < 0 ? "states that are not shown" : model.states[target];
-        const button = make("button", `${number(p)} → ${to}`, { type: "button", "data-row": row });
+        const button = make("button", `${by ? `${by}: ` : ""}${number(p)} → ${to}`, { type: "button", "data-row": row });
         button.disabled = target < 0;
         button.addEventListener("click", () => this.take(choice, target));
         group.append(button);

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import HasExploredModel, HasImportedStates
+from symcheck.engines.transition_actions import transition_parts
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import StateLayout
+from symcheck.matrices.contributions import TransitionParts
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import State, choices, state_rewards, valuation
 from symcheck.semantics.model import BoundCommand, BoundModel, Value
@@ -126,7 +128,7 @@ class Steps:
             ModelFault: the next state has a reward that is not finite.
         """
         kind = self.model.type
-        share = 1 if kind is ModelType.CTMC else len(enabled)
+        share = self._share(enabled)
         moves = [(c, b) for c in enabled for b in c.branches] if allowed is None else list(allowed)
         duration = 1.0
         if kind is ModelType.CTMC:
@@ -147,6 +149,10 @@ class Steps:
             branch.rewards,
         )
 
+    def _share(self, enabled: Sequence[Choice]) -> int:
+        """By what the probabilities of choices are divided: how many are equally likely."""
+        return 1 if self.model.type is ModelType.CTMC else len(enabled)
+
 
 class TableSteps(Steps):
     """The steps of a model from explicit files or from Python, read from its rows."""
@@ -162,23 +168,41 @@ class TableSteps(Steps):
         self._explored, self._imported = explored.explored, imported
         self._states: list[State] = list(self._explored.states)
         self._numbers = {state: i for i, state in enumerate(self._states)}
+        self._parts = transition_parts(engine)
 
     def initial(self) -> Sequence[State]:
         """The initial states."""
         return [self._states[i] for i in self._explored.initial.tolist()]
 
     def choices(self, state: State) -> tuple[Choice, ...]:
-        """The enabled choices; none in a deadlock."""
+        """The enabled choices, in a chain the actions; none in a deadlock."""
         explored, number = self._explored, self._numbers[state]
         matrix = explored.matrix
         if number in explored.deadlocks:
             return ()
+        if self._parts is not None:
+            return self._of_actions(number, self._parts)
         rows = [number] if matrix.groups is None else range(*matrix.groups[number : number + 2])
         actions = explored.choice_actions[list(rows)].tolist()
         return tuple(
             Choice(None if a < 0 else self.model.actions[a], None, self._branches(row))
             for a, row in zip(actions, rows, strict=True)
         )
+
+    def _share(self, enabled: Sequence[Choice]) -> int:
+        return len(enabled) if self.model.type is ModelType.MDP else 1
+
+    def _of_actions(self, row: int, parts: TransitionParts) -> tuple[Choice, ...]:
+        """The transitions of a row of a chain, by action."""
+        first, last = self._explored.matrix.indptr[row : row + 2].tolist()
+        whole, values = self._branches(row), parts.values.tolist()
+        found: dict[int, list[Branch]] = {}
+        for i in range(*np.searchsorted(parts.entry, (first, last)).tolist()):
+            branch = whole[int(parts.entry[i]) - first]
+            part = replace(branch, probability=values[i])
+            found.setdefault(int(parts.action[i]), []).append(part)
+        names = (*self.model.actions, None)
+        return tuple(Choice(names[a], None, tuple(b)) for a, b in sorted(found.items()))
 
     def _branches(self, row: int) -> tuple[Branch, ...]:
         explored = self._explored

@@ -167,9 +167,19 @@ class Board:
         if self.engine is None:
             return {"graphs": self.graphs}
         place = {s: i for i, s in enumerate(self.drawn.tolist())}
+        of_chain = {s: self.graph.actions_to(s) for s in place} if self.graph.is_chain else {}
+
+        def named(source: int, target: int) -> list[str]:
+            """The action of a chain's transition, if it has one."""
+            return list(filter(None, [of_chain.get(source, {}).get(target)]))
+
         rows = [
             [
-                [c.row, c.action, [[place.get(t, -1), float(p)] for t, p in c.successors]]
+                [
+                    c.row,
+                    c.action,
+                    [[place.get(t, -1), float(p), *named(s, t)] for t, p in c.successors],
+                ]
                 for c in self.graph.choices(s)
             ]
             for s in place

@@ -14,9 +14,10 @@ from symcheck.check.context import Context
 from symcheck.check.result import Result
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, EngineOf, S, StateSet, V, erased
-from symcheck.engines.capabilities import HasActions
+from symcheck.engines.capabilities import HasActions, HasBlocks
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.states import States as NamedStates
+from symcheck.engines.transition_actions import transition_parts
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
@@ -25,6 +26,7 @@ from symcheck.semantics.binding.bind import bind_properties
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.simulate.path import PathStep
+from symcheck.simulate.steps import Steps
 from symcheck.syntax.parse import parse_properties
 
 if TYPE_CHECKING:
@@ -178,6 +180,41 @@ class ChoiceGraph:
     def names(self) -> tuple[str, ...]:
         """The variables of a state."""
         return tuple(v.name for v in self.engine.model.variables)
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether each state has a single row."""
+        return self.matrix.groups is None
+
+    @cached_property
+    def _steps(self) -> Steps | None:
+        """The commands of a chain with actions."""
+        engine, model = self.engine, self.engine.model
+        if not self.is_chain or engine.capability(HasBlocks) is not None:
+            return None
+        if len(self._numbers) < engine.states:  # a product with an automaton
+            return None
+        return Steps(model, check_sums=False) if model.actions and model.events else None
+
+    def actions_to(self, state: int) -> Mapping[int, str]:
+        """The actions of a chain's transitions from a state, joined by commas, by target."""
+        if self._steps is not None:
+            found: dict[int, set[str]] = {}
+            for choice in self._steps.choices(self.valuations[state]):
+                for branch in choice.branches:
+                    to = self._numbers.get(branch.state, -1)
+                    found.setdefault(to, set()).add(choice.action or "")
+            return {t: ", ".join(sorted(filter(None, names))) for t, names in found.items()}
+        part = range(*self.matrix.indptr[state : state + 2].tolist())
+        return {int(self.matrix.indices[i]): self._read_actions[i] for i in part}
+
+    @cached_property
+    def _read_actions(self) -> Sequence[str]:
+        """The actions of each entry of the matrix of a chain that was read; empty for none."""
+        model, entries = self.engine.model, self.matrix.entries
+        read = self.is_chain and model.actions and model.builder is not None
+        parts = transition_parts(self.engine) if read else None
+        return [""] * entries if parts is None else parts.joined(model.actions, entries)
 
     def choices(self, state: int) -> list[Choice]:
         """The choices of a state."""

@@ -174,6 +174,7 @@ def draw_states(
             label += f"\n{numbers[s]}"
         fill = next((c for c, (_, members) in keys.items() if members[s]), "")
         nodes.append(Node(f"s{s}", label, layer[s], _kind(graph, s, marked), fill))
+        of_chain = {} if choices else graph.actions_to(s)
         for number, choice in enumerate(graph.choices(s)):
             emphasis: Emphasis = ""
             if rows is not None and rows[s] >= 0:
@@ -193,6 +194,7 @@ def draw_states(
                     rest += float(p)
                     continue
                 text = choice.action if choices and source == f"s{s}" else number_text(p)
+                text = f"{text} {of_chain[t]}" if of_chain.get(t) else text
                 kind: Emphasis = "path" if (s, t) in taken else emphasis
                 edges.append(Edge(source, f"s{t}", text, False, kind, f"{row} t{t}"))
             if rest:

@@ -17,7 +17,8 @@ def dot_file(
 ) -> Iterator[str]:
     """The state graph as text chunks in DOT.
 
-    Nodes are states. In an MDP, a point between a state and its successors stands for a choice.
+    Nodes are states. In an MDP, a point between a state and its successors stands for a choice. In
+    a chain, a transition has an edge for each action that contributes to it.
 
     Args:
         model: the exported model.
@@ -36,12 +37,15 @@ def dot_file(
             labels = [f"{s}\\n{text}" for s, text in zip(labels, names, strict=True)]
         yield from lines('%d [label="%s"];', stop - start, states_here, labels)
     if m.groups is None:
+        parts = model.parts
+        actions = [f":{name}" if name else "" for name in parts.texts(model.actions)]
         yield from lines(
-            '%d -> %d [label="%s"];',
-            m.entries,
-            model.row_of_entry,
-            m.indices,
-            model.values,
+            '%d -> %d [label="%s%s"];',
+            len(parts.entry),
+            model.row_of_entry[parts.entry],
+            m.indices[parts.entry],
+            parts.values,
+            actions,
             precision=precision,
         )
     else:

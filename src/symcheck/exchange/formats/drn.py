@@ -44,7 +44,7 @@ def _states(model: ExplicitExport, start: int, stop: int, precision: int) -> Ite
     entries = [
         f"\t\t{t} : {v}\n" for t, v in zip(m.indices[begin:end].tolist(), values, strict=True)
     ]
-    actions = _actions(model, first, last)
+    actions = _actions(model, first, last, begin, end)
     rewards = [_rewards(model, r, start, stop, first, last, precision) for r in model.rewards]
     rates = (
         number_texts(model.row_sums[first:last], precision)
@@ -68,13 +68,27 @@ def _states(model: ExplicitExport, start: int, stop: int, precision: int) -> Ite
             yield from entries[indptr[r] - begin : indptr[r + 1] - begin]
 
 
-def _actions(model: ExplicitExport, first: int, last: int) -> list[str]:
-    if model.row_actions is None:
+def _actions(model: ExplicitExport, first: int, last: int, begin: int, end: int) -> list[str]:
+    """The action of some rows. A row of a chain has all its actions, in one word as in Storm.
+
+    first, last: the rows. begin, end: their entries.
+    """
+    if model.row_actions is not None:
+        return [
+            model.actions[a] if a >= 0 else "__NOLABEL__"
+            for a in model.row_actions[first:last].tolist()
+        ]
+    if not model.actions:
         return ["0"] * (last - first)
-    return [
-        model.actions[a] if a >= 0 else "__NOLABEL__"
-        for a in model.row_actions[first:last].tolist()
-    ]
+    parts = model.parts
+    some = slice(*np.searchsorted(parts.entry, (begin, end)).tolist())
+    found: list[set[str]] = [set() for _ in range(last - first)]
+    for row, a in zip(
+        model.row_of_entry[parts.entry[some]].tolist(), parts.action[some].tolist(), strict=True
+    ):
+        if a >= 0:
+            found[row - first].add(model.actions[a])
+    return ["_".join(sorted(own)) or "__NOLABEL__" for own in found]
 
 
 def _rewards(

@@ -13,6 +13,7 @@ import numpy as np
 from symcheck.errors import UsageError
 from symcheck.exchange.column_reader import Columns, number_table, read_columns
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
+from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
@@ -40,12 +41,13 @@ class ModelFiles:
 
 @dataclass(frozen=True, eq=False)
 class _Transitions:
-    """What a .tra file holds: the matrix, and per row its action."""
+    """What a .tra file holds: the matrix, and the action of each row, or of parts of a chain."""
 
     type: ModelType
     matrix: SparseMatrix
     actions: tuple[str, ...]
     row_actions: Int32s
+    contributions: Contributions | None = None
 
 
 def model_files(argument: str) -> ModelFiles:
@@ -127,7 +129,14 @@ def read_model(
     labels = _read_labels(files.labels, n) if files.labels else {}
     rewards = [_read_rewards(pair, result) for pair in files.rewards]
     return ExplicitData(
-        result.type, columns, result.matrix, result.actions, result.row_actions, labels, rewards
+        result.type,
+        columns,
+        result.matrix,
+        result.actions,
+        result.row_actions,
+        labels,
+        rewards,
+        result.contributions,
     )
 
 
@@ -161,11 +170,17 @@ def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _
     choice = file.integers(1, _INT_LIMIT, "choice") if has_choices else np.zeros_like(source)
     order = np.lexsort((target, choice, source))
     # A chain with actions may have several lines for a pair of states, one per action.
-    if has_choices or file.table is not None or all(len(row) == 3 for row in file.rows[1:]):
+    contributions: Contributions | None = None
+    actions: tuple[str, ...] = ()
+    if has_choices or file.table is not None:
         _unique(file, order, source, choice, target)
+    else:
+        actions, codes = _action_codes(file, 3)
+        by = np.lexsort((codes, target, source))
+        _unique(file, by, source, target, codes.astype(np.int64))
+        contributions = Contributions(source, target, codes, weights) if actions else None
     source, target, values = source[order], target[order], weights[order]
     row, rows, groups = source, n, None
-    actions: tuple[str, ...] = ()
     row_actions: Int32s = np.full(n, -1, np.int32)
     if has_choices:
         rows = size[1]
@@ -187,7 +202,7 @@ def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _
     indptr = starts_of(np.bincount(entries // n, minlength=rows))
     total: Floats = np.bincount(place, values[keep], len(entries)).astype(np.float64)
     matrix = SparseMatrix(indptr, (entries % n).astype(np.int32), total, n, groups)
-    return _Transitions(told, matrix, actions, row_actions)
+    return _Transitions(told, matrix, actions, row_actions, contributions)
 
 
 def _choices(
@@ -232,10 +247,8 @@ def _read_actions(
     file: Columns, order: Int64s, row: Int64s, rows: int
 ) -> tuple[tuple[str, ...], Int32s]:
     """The actions in order of appearance, and the action of each row (its lines must agree)."""
-    texts = [r[4] if len(r) > 4 else "" for r in file.rows[1:]]
-    names = tuple(dict.fromkeys(t for t in texts if t))
-    number = {"": -1} | {name: i for i, name in enumerate(names)}
-    codes = np.array([number[t] for t in texts], np.int32)[order]
+    names, codes = _action_codes(file, 4)
+    codes = codes[order]
     first = np.searchsorted(row, np.arange(rows))
     result: Int32s = codes[first]
     for i in np.flatnonzero(codes != result[row])[:1].tolist():
@@ -243,6 +256,17 @@ def _read_actions(
             int(order[i]) + 1, "the transitions of one choice have different actions", "action"
         )
     return names, result
+
+
+def _action_codes(file: Columns, word: int) -> tuple[tuple[str, ...], Int32s]:
+    """The actions in order of appearance, and the index of that of each line, -1 for none.
+
+    word: the place of the action in a line.
+    """
+    texts = [r[word] if len(r) > word else "" for r in file.rows[1:]]
+    names = tuple(dict.fromkeys(t for t in texts if t))
+    number = {"": -1} | {name: i for i, name in enumerate(names)}
+    return names, np.array([number[t] for t in texts], np.int32)
 
 
 def _told_type(file: Columns) -> ModelType | None:

@@ -36,53 +36,46 @@ def transitions_file(
     model: ExplicitExport,
     *,
     precision: int = FULL_PRECISION,
-    actions: bool = True,
     rows: bool = False,
-    headers: bool = True,
+    headers: bool | None = None,
 ) -> Iterator[str]:
     """`.tra`: the size of the model, then one line per transition.
 
-    Lines of an MDP hold the number of the choice and its action too.
+    Lines of an MDP hold the number of the choice too. A transition of a chain to which several
+    actions contribute has one line per action, with the part of this action.
 
     Args:
         model: the exported model.
         precision: significant digits.
-        actions: write action names.
-        rows: write one line per row of the matrix instead of one per transition.
-        headers: write a comment with the model type where a reader could not infer it.
+        rows: write one line per row of the matrix instead of one per transition; the rows of a
+            chain have no action.
+        headers: write a comment with the model type; None: where a reader could not infer it.
     """
     m = model.matrix
-    if (
-        headers
-        and model.type is ModelType.CTMC
-        and bool(np.all(np.abs(model.row_sums - 1) <= SUM_TOLERANCE))
-    ):
-        yield "# Transitions (CTMC)\n"  # otherwise a reader infers a DTMC
-    yield f"{_size(model)} {m.entries}\n"
+    ambiguous = model.type is ModelType.CTMC and bool(
+        np.all(np.abs(model.row_sums - 1) <= SUM_TOLERANCE)
+    )  # without a comment, a reader infers a DTMC
+    if headers or (headers is None and ambiguous):
+        yield f"# Transitions ({model.type.name})\n"
     if rows:
-        yield from _row_lines(model, model.values, np.ones(m.entries, bool), precision, actions)
+        yield f"{_size(model)} {m.entries}\n"
+        yield from _row_lines(
+            model, model.values, np.ones(m.entries, bool), precision, actions=True
+        )
         return
-    of = model.row_of_entry
-    if m.groups is None:
-        yield from lines("%d %d %s", m.entries, of, m.indices, model.values, precision=precision)
-        return
-    names = np.array(
-        [f" {name}" if name and actions else "" for name in model.action_texts()], dtype=object
-    )
-
-    def action(start: int, stop: int) -> list[str]:
-        result: list[str] = names[of[start:stop]].tolist()
-        return result
-
-    source, choice = model.state_of_row[of], model.choice_of_row[of]
+    parts = model.parts
+    yield f"{_size(model)} {len(parts.entry)}\n"
+    of = model.row_of_entry[parts.entry]
+    chain = m.groups is None
+    actions = [f" {name}" if name else "" for name in parts.texts(model.actions)]
+    columns = (model.state_of_row[of], *(() if chain else (model.choice_of_row[of],)))
     yield from lines(
-        "%d %d %d %s%s",
-        m.entries,
-        source,
-        choice,
-        m.indices,
-        model.values,
-        action,
+        f"{'%d ' * len(columns)}%d %s%s",
+        len(of),
+        *columns,
+        m.indices[parts.entry],
+        parts.values,
+        actions,
         precision=precision,
     )
 

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
+from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
@@ -74,23 +75,49 @@ def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> ExplicitD
     n = int(raw.index.transition_system.num_states)
     if n == 0:
         raise UsageError(f"'{path}' has no states")
-    matrix, row_of_branch, by = _matrix(raw, kind, n, path)
+    matrix, branches = _matrix(raw, kind, n, path)
     if check_sums and kind is not ModelType.CTMC:
         _check_sums(matrix, path)
     actions, row_actions = _actions(raw, matrix, kind)
+    contributions = None
+    if kind is not ModelType.MDP and raw.branch_to_branch_action is not None:
+        actions, codes = _named(raw.branch_to_branch_action, raw.branch_action_to_string)
+        row = np.repeat(np.arange(matrix.rows), matrix.lengths)[branches.entry]
+        target = matrix.indices[branches.entry].astype(np.int64)
+        if actions:
+            contributions = Contributions(row, target, codes[branches.number], branches.weight)
     labels = {"init": _bools(raw.state_is_initial, n, "initial states", path)}
     for name, values in _annotations(raw, "aps").items():
         if "states" in values:
             labels[name] = _bools(values["states"], n, f'label "{name}"', path)
     rewards = [
-        _rewards(name, values, matrix, kind, row_of_branch[by], by)
+        _rewards(name, values, matrix, kind, branches)
         for name, values in _annotations(raw, "rewards").items()
     ]
-    return ExplicitData(kind, _columns(raw, n), matrix, actions, row_actions, labels, rewards)
+    columns = _columns(raw, n)
+    return ExplicitData(kind, columns, matrix, actions, row_actions, labels, rewards, contributions)
 
 
-def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix, Int64s, Int64s]:
-    """The matrix, the row of each branch, and the branches of nonzero probability by entry."""
+class _Branches(NamedTuple):
+    """The branches of nonzero probability: number, entry of the matrix, probability (rate)."""
+
+    number: Int64s
+    entry: Int64s
+    weight: Floats
+
+    def means(self, values: Floats) -> Floats:
+        """The mean of the values of each entry's branches, weighted with their probabilities."""
+        if len(np.unique(self.entry)) == len(self.entry):
+            return values
+        total = np.bincount(self.entry, self.weight)
+        return np.asarray(np.bincount(self.entry, self.weight * values) / total, np.float64)
+
+
+def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix, _Branches]:
+    """The matrix, and the branches in its order.
+
+    Branches of a chain to the same state with different actions are parts of one entry.
+    """
     choices, branches = (
         np.asarray(raw.state_to_choices, np.int64),
         np.asarray(raw.choice_to_branches, np.int64),
@@ -118,12 +145,15 @@ def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix
         raise UsageError(f"'{path}': {values[i]:g} is not a probability or rate (branch {i})")
     by = np.lexsort((targets, row))
     by = by[values[by] > 0]  # a matrix holds no zeros
-    keys = row[by] * n + targets[by]
-    if np.any(np.diff(keys) == 0):
+    keys, entry = np.unique(row[by] * n + targets[by], return_inverse=True)
+    divided = kind is not ModelType.MDP and raw.branch_to_branch_action is not None
+    if len(keys) < len(by) and not divided:
         raise UnsupportedError(f"'{path}' has several branches of one choice to one state")
-    indptr = starts_of(np.bincount(row[by], minlength=rows))
+    indptr = starts_of(np.bincount(keys // n, minlength=rows))
     groups = choices if kind is ModelType.MDP else None
-    return SparseMatrix(indptr, targets[by].astype(np.int32), values[by], n, groups), row, by
+    data = np.bincount(entry, values[by], len(keys)).astype(np.float64)
+    matrix = SparseMatrix(indptr, (keys % n).astype(np.int32), data, n, groups)
+    return matrix, _Branches(by, entry, values[by])
 
 
 def _check_sums(matrix: SparseMatrix, path: Path) -> None:
@@ -139,12 +169,15 @@ def _actions(raw: Any, matrix: SparseMatrix, kind: ModelType) -> tuple[tuple[str
     none = np.full(matrix.rows, -1, np.int32)
     if kind is not ModelType.MDP or raw.choice_to_choice_action is None:
         return (), none
-    names: Sequence[str] = raw.choice_action_to_string or [
-        f"a{i}" for i in range(int(max(raw.choice_to_choice_action)) + 1)
-    ]
+    return _named(raw.choice_to_choice_action, raw.choice_action_to_string)
+
+
+def _named(numbers: Sequence[int], texts: Sequence[str] | None) -> tuple[tuple[str, ...], Int32s]:
+    """The names of actions, and the index of the name for each number, -1 for none."""
+    names = texts or [f"a{i}" for i in range(int(max(numbers)) + 1)]
     kept = tuple(name for name in dict.fromkeys(names) if name)
-    number = np.array([kept.index(name) if name else -1 for name in names], np.int32)
-    return kept, number[np.asarray(raw.choice_to_choice_action, np.int64)]
+    index = np.array([kept.index(name) if name else -1 for name in names], np.int32)
+    return kept, index[np.asarray(numbers, np.int64)]
 
 
 def _annotations(raw: Any, group: str) -> Mapping[str, Mapping[str, Any]]:
@@ -168,12 +201,12 @@ def _rewards(
     values: Mapping[str, Any],
     matrix: SparseMatrix,
     kind: ModelType,
-    row_of_entry: Int64s,
-    by: Int64s,
+    branches: _Branches,
 ) -> ExplicitRewards:
     """A reward structure. Rewards of choices and of branches are both transition rewards.
 
-    In a CTMC, they are weighted with the rate of the transition.
+    In a CTMC, they are weighted with the rate of the transition. A transition of several branches
+    has the mean of their rewards, weighted with their probabilities.
     """
 
     def numbers(part: str, count: int) -> Floats:
@@ -182,14 +215,15 @@ def _rewards(
     states = numbers("states", matrix.states)
     if not values.get("choices") and not values.get("branches"):
         return ExplicitRewards(name, states, np.zeros(matrix.rows))
+    row_of_entry = np.repeat(np.arange(matrix.rows), matrix.lengths)
     choices = numbers("choices", matrix.rows)
     if len(choices) != matrix.rows:  # a chain's states without a choice are rows here
         filled = np.zeros(matrix.rows)
         filled[np.unique(row_of_entry)] = choices
         choices = filled
-    entries = choices[row_of_entry] + (
-        numbers("branches", 0)[by] if values.get("branches") else 0.0
-    )
+    entries = choices[row_of_entry]
+    if values.get("branches"):
+        entries = entries + branches.means(numbers("branches", 0)[branches.number])
     return ExplicitRewards(name, states, row_rewards(kind, matrix, entries), entries)
 
 

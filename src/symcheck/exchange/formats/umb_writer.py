@@ -45,33 +45,42 @@ def _written(made: Any, path: Path) -> None:
 
 
 def umb_model(model: ExplicitExport) -> Any:
-    """The model as a `umbi.umb.ExplicitUmb`. A CTMC is stored as probabilities and exit rates."""
+    """The model as a `umbi.umb.ExplicitUmb`. A CTMC is stored as probabilities and exit rates.
+
+    The actions of an MDP belong to choices, those of a chain to branches.
+    """
     import umbi.umb
 
-    m, timed = model.matrix, model.type is ModelType.CTMC
+    m, timed, parts = model.matrix, model.type is ModelType.CTMC, model.parts
     made = umbi.umb.ExplicitUmb()
     system = made.index.transition_system
     made.index.file_data = umbi.umb.index.FileData(tool="symcheck", tool_version=__version__)
     system.time = "stochastic" if timed else "discrete"
     system.num_players = 1 if model.type is ModelType.MDP else 0
-    system.num_states, system.num_choices, system.num_branches = model.n, m.rows, m.entries
+    system.num_states, system.num_choices, system.num_branches = model.n, m.rows, len(parts.entry)
     made.state_is_initial = model.labels["init"].tolist()
     system.num_initial_states = sum(made.state_is_initial)
     made.state_to_choices = (np.arange(model.n + 1) if m.groups is None else m.groups).tolist()
     made.state_to_player = [0] * model.n if model.type is ModelType.MDP else None
     made.state_is_markovian = [timed] * model.n
-    made.choice_to_branches, made.branch_to_target = m.indptr.tolist(), m.indices.tolist()
-    values = model.values / model.row_sums[model.row_of_entry] if timed else model.values
+    made.choice_to_branches = np.searchsorted(parts.entry, m.indptr).tolist()
+    made.branch_to_target = m.indices[parts.entry].tolist()
+    of = model.row_of_entry[parts.entry]
+    values = parts.values / model.row_sums[of] if timed else parts.values
     system.branch_probability_type, made.branch_to_probability = _numbers(values)
     if timed:
         system.exit_rate_type, made.state_to_exit_rate = _numbers(model.row_sums)
-    if model.row_actions is not None and model.actions:
+    if model.actions:
         # The last action stands for none.
-        made.choice_action_to_string = [*model.actions, ""]
-        made.choice_to_choice_action = np.where(
-            model.row_actions < 0, len(model.actions), model.row_actions
-        ).tolist()
-        system.num_choice_actions = len(model.actions) + 1
+        names, count = [*model.actions, ""], len(model.actions)
+        if model.row_actions is not None:
+            made.choice_action_to_string, system.num_choice_actions = names, count + 1
+            made.choice_to_choice_action = np.where(
+                model.row_actions < 0, count, model.row_actions
+            ).tolist()
+        else:
+            made.branch_action_to_string, system.num_branch_actions = names, count + 1
+            made.branch_to_branch_action = np.where(parts.action < 0, count, parts.action).tolist()
     _annotate(model, made)
     _valuations(model, made)
     made.validate()
@@ -121,7 +130,7 @@ def _transition_rewards(model: ExplicitExport, number: int) -> tuple[str, NDArra
     first = entries[model.matrix.indptr[:-1]] if rows else entries
     if np.array_equal(first[model.row_of_entry], entries):
         return "choices", first
-    return "branches", entries
+    return "branches", entries[model.parts.entry]
 
 
 def _valuations(model: ExplicitExport, made: Any) -> None:
