@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from symcheck.experiments.run import experiment as experiment
     from symcheck.explicit.build import explore as explore
     from symcheck.options import Options as Options
+    from symcheck.peers.compare import compare as compare
     from symcheck.semantics.binding.bind import bind as bind
     from symcheck.semantics.binding.bind import bind_properties as bind_properties
     from symcheck.semantics.model import BoundModel as BoundModel
@@ -56,6 +57,7 @@ _MODULES = {
     "experiments.run": "experiment",
     "explicit.build": "explore",
     "options": "Options",
+    "peers.compare": "compare",
     "semantics.binding.bind": "bind bind_properties",
     "semantics.model": "BoundModel",
     "symbolic.build": "build",

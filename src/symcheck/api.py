@@ -77,6 +77,7 @@ __all__ = [
     "load",
     "loads",
     "model_type",
+    "properties_file",
     "takes_options",
 ]
 
@@ -354,7 +355,7 @@ class Model:
 
         With the option `bisim`, one quotient serves all of them if it is small enough.
         """
-        return self._check_all(_properties_file(properties), constants, None)
+        return self._check_all(properties_file(properties), constants, None)
 
     def test(
         self,
@@ -385,7 +386,7 @@ class Model:
         """
         from symcheck.check.property_tests import PropertyTests, property_test
 
-        file = _properties_file(properties)
+        file = properties_file(properties)
         given = constant_values(constants)
         tests = []
         fault, model, shared = None, self, None
@@ -629,7 +630,7 @@ class ReducedModel(Model):
         return self.reduction.model
 
 
-def _properties_file(properties: str | Path | PropertiesFile) -> PropertiesFile:
+def properties_file(properties: str | Path | PropertiesFile) -> PropertiesFile:
     """A file (a Path, or its name), a text, or parsed ones. Raises UsageError, SyntaxFault."""
     match properties:
         case PropertiesFile():

@@ -34,6 +34,7 @@ Examples:
   symcheck die.pm                                  build the model, count its states
   symcheck die.pm die.pctl                         check every property of the file
   symcheck die.pm -pf 'P=? [ F d=6 ]'              check one property
+  symcheck compare die.pm die.pctl -with storm     compare the answers with those of Storm
   symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv
 
 Switches of PRISM that have no effect here (-javamaxmem, -nopre, -gs and others) are accepted and
@@ -113,6 +114,7 @@ class Arguments(argparse.Namespace):
     testall: bool
     exporttests: str | None
     version: bool
+    peer: str | None
 
     def __init__(self, adapted: Adapted) -> None:
         super().__init__()
@@ -575,6 +577,13 @@ def _output(parser: _Parser) -> None:
         metavar="FILE",
         help="write the outcome of -test or -testall: .xml (JUnit) or .json",
     )
+    parser.add(
+        "with",
+        dest="peer",
+        metavar="PEER",
+        help="symcheck compare MODEL PROPERTIES -with PEER: compare the answers with those of "
+        "storm or prism, if it is installed ('prism -s' gives it switches)",
+    )
     parser.add("help", "?", action="help", help="this text")
     parser.add_argument("-version", "--version", action="store_true", help="the version")
 
@@ -608,5 +617,11 @@ def make_parser() -> _Parser:
 def parse_arguments(words: Sequence[str]) -> Arguments:
     """The parsed command line. Raises UsageError; `--help` prints the switches and exits with 0."""
     parser = make_parser()
-    adapted = adapt(words, parser.counts())
-    return parser.parse_args(adapted.words, Arguments(adapted))
+    compares = bool(words) and words[0] == "compare"
+    adapted = adapt(words[1:] if compares else words, parser.counts())
+    arguments = parser.parse_args(adapted.words, Arguments(adapted))
+    if compares != (arguments.peer is not None):
+        hint = "symcheck compare MODEL PROPERTIES -with storm (or -with prism)"
+        missing = "compare needs a peer" if compares else "-with is a switch of compare"
+        raise UsageError(f"{missing}\n  hint: {hint}")
+    return arguments

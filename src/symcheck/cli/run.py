@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from symcheck.api import Model
 from symcheck.cli import exports
@@ -17,6 +18,9 @@ from symcheck.errors import Diagnostic, NameFault
 from symcheck.semantics.binding.bind import split_constants
 from symcheck.syntax.declarations import PropertiesFile
 
+if TYPE_CHECKING:
+    from symcheck.peers.programs import Peer
+
 __all__ = ["run"]
 
 
@@ -28,6 +32,11 @@ def run(state: RunState) -> int:
     a = state.arguments
     source = choose_model_file(a)
     exports.check_targets(a)
+    peer = None
+    if a.peer is not None:
+        from symcheck.peers.programs import find_peer
+
+        peer = find_peer(a.peer)
     given = parse_constants(a.const)
     files = [f'Reading model file "{source}"']
     if a.properties:
@@ -47,7 +56,7 @@ def run(state: RunState) -> int:
         of_model = {n: given[n] for n in split.of_model}
         of_properties = {n: given[n] for n in split.of_properties}
         state.varying = tuple(n for n, values in given.items() if len(values) > 1)
-        _check_instances(state, model, properties, indices, of_model, of_properties)
+        _check_instances(state, model, properties, indices, of_model, of_properties, peer)
         if state.testing:
             state.output.tests(state.report())
     state.output.end()
@@ -61,6 +70,7 @@ def _check_instances(
     indices: Sequence[int],
     of_model: GivenTexts,
     of_properties: GivenTexts,
+    peer: Peer | None,
 ) -> None:
     """Check the properties for every combination of the constants."""
     for fault in properties.declarations:
@@ -73,6 +83,11 @@ def _check_instances(
         for i in indices:
             if i in properties.unparsed:
                 report_unparsed(state, properties.unparsed[i])
+        if peer is not None:
+            from symcheck.cli.comparing import compare_answers
+
+            compare_answers(state, task, choices, peer)
+            return
         if state.arguments.jobs > 1 and len(choices) > 1 and not state.arguments.step:
             from symcheck.cli.parallel import check_in_processes
 

@@ -1,0 +1,1 @@
+"""Other model checkers, run on the same model and properties to compare their answers."""

@@ -1,0 +1,207 @@
+"""Answers of other model checkers beside ours. Storm is asked itself; PRISM is a script that prints what we want."""
+
+from __future__ import annotations
+
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+
+import symcheck
+from symcheck.check.result import Certified, Estimate, Exact, Result
+from symcheck.cli import main
+from symcheck.errors import UnsupportedError, UsageError
+from symcheck.peers.compare import Agreement, _relation
+from symcheck.peers.programs import PeerError, _read
+
+MODELS = Path(__file__).parents[2] / "models"
+DIE = MODELS / "die/die.pm"
+SAME, DIFFERENT, UNANSWERED = Agreement
+
+
+@pytest.fixture
+def prism(tmp_path, monkeypatch):
+    """Makes a program `prism` that runs a script of the shell; its words are appended to a file."""
+
+    def install(script: str) -> Path:
+        program, log = tmp_path / "prism", tmp_path / "log"
+        program.write_text(f'#!/bin/sh\necho "$@" >> {log}\n{script}\n')
+        program.chmod(0o755)
+        monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+        return log
+
+    return install
+
+
+def test_storm_agrees_about_the_die():
+    pytest.importorskip("stormpy")
+    text = """const int k; label "six" = d=6; "face": P=? [ F d=k ];
+      P>=1/6 [ F "six" ]; R{"tosses"}=? [ F "done" ]; "likely": P>=1/6 [ F<=k "six" ]; P=? [ F "likely" ];"""
+    found = symcheck.compare(DIE, text, "k=6")
+    assert found.summary == "5 same, 0 different, 0 unanswered"
+    assert [p.peer_value for p in found][1:2] == [True]
+    frame = found.to_frame()
+    assert frame["k"].fillna("").tolist() == ["6", "", "", "6", "6"]
+    assert frame["peer"].tolist()[0] == pytest.approx(1 / 6)
+    assert frame["difference"].abs().max() < 1e-12
+
+
+def test_constants_have_several_values():
+    pytest.importorskip("stormpy")
+    found = symcheck.compare(
+        MODELS / "crowds/crowds.pm",
+        "const int c; P=? [ F<=c phase=0 & runs=0 ]",
+        "TotalRuns=2:3,CrowdSize=3,c={5,20}",
+    )
+    assert [p.constants for p in found] == [
+        {"TotalRuns": r, "CrowdSize": "3", "c": c} for r in "23" for c in ("5", "20")
+    ]
+    assert {p.agreement for p in found} == {SAME}
+
+
+def test_what_one_of_the_two_does_not_answer_is_no_difference(capsys):
+    pytest.importorskip("stormpy")
+    words = [
+        "compare",
+        str(DIE),
+        "-pf",
+        "E [ F d=6 ]; P=? [ F nowhere ]; P=? [ F d=2 ]",
+        "-with",
+        "storm",
+    ]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "1 same, 0 different, 2 unanswered" in out
+    assert "Could not parse formula: E [ F d=6 ]" in out
+    assert "symcheck: -pf:1:22: error" in out
+
+
+@pytest.mark.parametrize("text", ["ctmc", "mdp"])
+def test_a_model_is_given_with_the_type_that_it_is_read_as(text):
+    pytest.importorskip("stormpy")
+    model = (
+        symcheck.load(MODELS / "queue/queue.sm", type="dtmc", check_sums=False)
+        if text == "mdp"
+        else symcheck.load(MODELS / "queue/queue.sm")
+    )
+    query = "P=? [ F<=3 n=2 ]" if text == "ctmc" else "n=0"
+    assert symcheck.compare(model, query)[0].agreement is SAME
+
+
+def test_prism_reads_the_files_themselves(prism, tmp_path):
+    log = prism("echo 'Result: 0.1666666 (exact floating point)'")
+    properties = tmp_path / "p.pctl"
+    properties.write_text('const int k; "a": P=? [ F d=1 ];\n"b": P=? [ F d=k ];')
+    found = symcheck.compare(DIE, properties, "k=2:3", peer="prism -s -epsilon 1e-9")
+    assert [p.title for p in found] == ["a", "b (k=2)", "b (k=3)"]
+    asked = [line.split() for line in log.read_text().splitlines()]
+    assert [words[2:] for words in asked] == [
+        ["-prop", "1", "-s", "-epsilon", "1e-9"],
+        ["-prop", "2", "-const", "k=2", "-s", "-epsilon", "1e-9"],
+        ["-prop", "2", "-const", "k=3", "-s", "-epsilon", "1e-9"],
+    ]
+    assert all(not Path(words[0]).exists() for words in asked)
+
+
+def test_a_wrong_answer_is_found_and_named(prism, capsys):
+    prism("echo 'Result: 0.16666 (value in the initial state)'")
+    words = ["compare", str(DIE), "-pf", "P=? [ F d=6 ]; d=0", "--with", "prism"]
+    assert main(words) == 1
+    out = capsys.readouterr().out
+    assert "PRISM is too low: at least 0.1666666667 is proved up to rounding" in out
+    assert "PRISM answers in another form" in out
+    prism("echo 'Result: false'")
+    assert main(["compare", str(DIE), "-pf", "P>=1/6 [ F d=6 ]", "-with", "prism"]) == 1
+    assert "PRISM is wrong: the answer of symcheck is proved" in capsys.readouterr().out
+
+
+def test_a_peer_without_an_answer(prism):
+    prism("echo 'Error: Out of memory.'; exit 1")
+    assert symcheck.compare(DIE, "d=0", peer="prism")[0].explanation == "PRISM: Out of memory."
+    prism("exit 3")
+    found = symcheck.compare(DIE, "d=0", peer="prism")[0]
+    assert found.explanation == "PRISM: it ended with status 3 and without a result"
+    prism("sleep 60 & wait")
+    found = symcheck.compare(DIE, "d=0", peer="prism", time_limit=0.2)[0]
+    assert (found.agreement, found.explanation) == (UNANSWERED, "PRISM: no answer in 0.2 seconds")
+
+
+def test_a_missing_peer_is_told_first(monkeypatch, capsys):
+    monkeypatch.setenv("PATH", "")
+    assert main(["compare", "nowhere.pm", "-pf", "true", "-with", "prism"]) == 2
+    assert (
+        capsys.readouterr().err
+        == "error: prism is not installed: there is no program prism in PATH\n"
+    )
+    monkeypatch.setattr("symcheck.peers.programs.find_spec", lambda name: None)
+    with pytest.raises(UsageError, match="no program storm in PATH, and no Python package stormpy"):
+        symcheck.compare(DIE, "true")
+    monkeypatch.undo()
+    with pytest.raises(UsageError, match="there is no peer 'spin'; there are storm, prism"):
+        symcheck.compare(DIE, "true", peer="spin")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["compare", str(DIE), "-pf", "true"], "compare needs a peer"),
+        ([str(DIE), "-pf", "true", "-with", "storm"], "-with is a switch of compare"),
+    ],
+)
+def test_compare_and_its_switch_belong_together(words, message, capsys):
+    assert main(words) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_model_without_commands_is_refused(prism):
+    prism("echo 'Result: true'")
+    with pytest.raises(UnsupportedError, match="this model has none"):
+        symcheck.compare(symcheck.from_matrix([[1.0]]), "true", peer="prism")
+
+
+@pytest.mark.parametrize(
+    ("value", "accuracy", "theirs", "agreement", "explanation"),
+    [
+        (0.5, Certified(0.4, 0.6), (0.55, 0.55), SAME, "P is within the proved bounds"),
+        (0.5, Certified(0.4, 0.6), (0.7, 0.7), DIFFERENT, "P is too high: at most 0.6 is proved"),
+        (0.5, Certified(0.4, 0.6), (nan, nan), DIFFERENT, "P is too low: at least 0.4 is proved"),
+        (0.5, Estimate(), (0.6, 0.6), DIFFERENT, "undecided: the value of symcheck is an estimate"),
+        (0.5, Exact(), (0.5000004, 0.5000004), SAME, ""),
+        (inf, Exact(), (inf, inf), SAME, ""),
+        (inf, Exact(), (9.0, 9.0), DIFFERENT, "P is too low: at least inf is proved"),
+        (nan, Exact(), (nan, nan), SAME, ""),
+        ((0.1, 0.5), Exact(), (0.1, 0.5), SAME, ""),
+        ((0.1, 0.5), Exact(), (0.1, 0.6), DIFFERENT, "P is too high: at most 0.5 is proved"),
+        ((0.1, 0.5), Exact(), (0.2, 0.5), DIFFERENT, "undecided: the proved bounds enclose both intervals"),
+        ([(0.1, 0.5)], Exact(), (0.1, 0.6), UNANSWERED, "P answers in another form"),
+    ],
+)  # fmt: skip
+def test_bounds_decide(value, accuracy, theirs, agreement, explanation):
+    ours = Result(value, accuracy)
+    bounds = None if isinstance(accuracy, Estimate) or isinstance(value, list) else ours.bounds
+    assert _relation(ours, bounds, theirs, "P", 1e-6) == (agreement, explanation)
+
+
+@pytest.mark.parametrize(
+    ("output", "answer"),
+    [
+        ("Result: true (property satisfied in the initial state)", True),
+        ("Result: 0.25 (+/- 1.0E-7 estimated; rel err 4.0E-7)", (0.25, 0.25)),
+        ("Result (for initial states): 0.25", (0.25, 0.25)),
+        ("Result: [0.25,0.5] (range of values over initial states)", (0.25, 0.5)),
+        ("Result: Infinity", (inf, inf)),
+        ("Result (for initial states): inf", (inf, inf)),
+    ],
+)
+def test_results_are_read(output, answer):
+    assert _read(f"Model checking: x\n\n{output}\n", 0) == answer
+
+
+def test_results_that_are_none():
+    for output, message in (
+        ("Result: [(1,2)]", "its result is not a number"),
+        ("ERROR (x.cpp:3): no such thing", "no such thing"),
+        ("Segmentation fault", "status 139"),
+    ):
+        with pytest.raises(PeerError, match=message):
+            _read(output, 139)
