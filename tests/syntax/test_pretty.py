@@ -101,6 +101,7 @@ def properties(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expres
     operators = st.one_of(
         st.builds(ast.ProbabilityOperator, DIRECTIONS, BOUNDS, paths),
         st.builds(ast.RewardOperator, DIRECTIONS, BOUNDS, structures, queries),
+        st.builds(ast.ConditionalProbability, DIRECTIONS, BOUNDS, temporal(paths), temporal(paths)),
         st.builds(ast.ExpectedTime, DIRECTIONS, BOUNDS, paths),
         st.builds(ast.SteadyState, DIRECTIONS, BOUNDS, inner),
     )

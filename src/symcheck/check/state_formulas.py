@@ -26,6 +26,7 @@ from symcheck.syntax.ast import (
     Bound,
     Call,
     Conditional,
+    ConditionalProbability,
     ExpectedTime,
     Expression,
     Filter,
@@ -196,14 +197,19 @@ def _comparison(context: Context, formula: Binary, matter: StateSet) -> StateSet
             formula.operator.value,
             threshold,
             matter,
-            partial(_exactly, context, formula),
+            partial(_exactly, context, formula, matter),
         )
 
     def difference(c: Context) -> Values:
         return numbers(c, left, matter).map("-", numbers(c, right, matter))
 
     return decide(
-        context, difference, formula.operator.value, 0, matter, partial(_exactly, context, formula)
+        context,
+        difference,
+        formula.operator.value,
+        0,
+        matter,
+        partial(_exactly, context, formula, matter),
     )
 
 
@@ -220,7 +226,7 @@ def _bounded(context: Context, formula: AnyMeasure, bound: Bound, matter: StateS
         compute = partial(probability, path=path, direction=direction)
     else:
         compute = _measured(context, formula, direction)
-    exactly = partial(_exactly, context, formula)
+    exactly = partial(_exactly, context, formula, matter)
     return decide(context.relevant_at(matter), compute, operator, threshold, matter, exactly)
 
 
@@ -232,6 +238,10 @@ def _measured(
         case ProbabilityOperator(_, _, path):
             read = resolve(path, states_of(context), context.engine)
             return lambda c: probability(c, read, direction)
+        case ConditionalProbability():
+            from symcheck.check.conditional import conditional_probability
+
+            return lambda c: conditional_probability(c, formula, states_of(c), direction)
         case ExpectedTime(_, _, path):
             return lambda c: expected_time(c, path, states_of(c), direction)
         case RewardOperator():
@@ -244,15 +254,16 @@ def _measured(
             assert_never(formula)
 
 
-def _exactly(context: Context, formula: Expression) -> StateSet:
-    """The states that satisfy a part of the formula that is being checked, in rational arithmetic.
+def _exactly(context: Context, formula: Expression, matter: StateSet) -> StateSet:
+    """The states that satisfy a part of the checked formula in rational arithmetic.
+
+    It is right at the states that matter.
 
     Raises UnsupportedError where the formula cannot be evaluated exactly.
     """
     exact, twin = exact_twin(context, formula)
-    return context.engine.from_bools(
-        exact.engine.to_bools(satisfying(exact, twin, exact.engine.all))
-    )
+    asked = exact.engine.from_bools(context.engine.to_bools(matter))
+    return context.engine.from_bools(exact.engine.to_bools(satisfying(exact, twin, asked)))
 
 
 def _threshold(bound: Bound) -> Fraction:

@@ -26,6 +26,7 @@ from symcheck.simulate.sampling import Sampler
 from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
 from symcheck.syntax.ast import (
     Bound,
+    ConditionalProbability,
     ExpectedTime,
     Expression,
     ExpressionNode,
@@ -123,6 +124,11 @@ def _read_operator(
             return reward_monitor(query, model), operator_reward(formula, model), bound
         case ExpectedTime(_, bound, path):
             return reward_monitor(path, model), Time(), bound
+        case ConditionalProbability():
+            raise UnsupportedError(
+                "-sim does not estimate conditional probabilities; without -sim they are computed "
+                "numerically"
+            )
         case ExpressionNode():
             raise UnsupportedError(
                 f"-sim supports a single P, R or T operator, not '{pretty(formula)}'; "

@@ -24,6 +24,7 @@ __all__ = [
     "Bound",
     "Call",
     "Conditional",
+    "ConditionalProbability",
     "CumulativeReward",
     "DiscountedReward",
     "Eventually",
@@ -209,6 +210,19 @@ class ProbabilityOperator(PathMeasure):
     is_probability = True
     counts_steps = False
     reads_rewards = False
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionalProbability(Measure):
+    """`P bound [ path || condition ]`: the probability of a path formula given another one."""
+
+    letter = "P"
+    is_probability = True
+    counts_steps = False
+    reads_rewards = False
+
+    path: PathFormula
+    condition: PathFormula
 
 
 @dataclass(frozen=True, slots=True)
@@ -431,7 +445,9 @@ class SteadyStateReward(Node):
     """`S`."""
 
 
-AnyMeasure = ProbabilityOperator | ExpectedTime | RewardOperator | SteadyState
+AnyMeasure = (
+    ProbabilityOperator | ConditionalProbability | ExpectedTime | RewardOperator | SteadyState
+)
 Expression = (
     Literal
     | Name

@@ -246,6 +246,8 @@ def _measure(node: ast.AnyMeasure, tail: str = "") -> str:
     match node:
         case ast.PathMeasure(path=operand):
             text = _tree(operand, _PATH)
+        case ast.ConditionalProbability(path=path, condition=condition):
+            text = f"{_tree(path, _PATH)} || {_tree(condition, _PATH)}"
         case ast.RewardOperator(structure=structure, query=query):
             head, text = head + _structure(structure), _tree(query, _PATH)
         case ast.SteadyState(formula=formula):

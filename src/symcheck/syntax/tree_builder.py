@@ -12,7 +12,7 @@ import re
 import sys
 from collections.abc import Callable
 from fractions import Fraction
-from functools import partialmethod
+from functools import partial, partialmethod
 from typing import Any, NamedTuple, cast
 
 from symcheck.errors import NO_SPAN, Diagnostic, Source, Span
@@ -27,7 +27,7 @@ from symcheck.syntax.operators import (
     UnaryOperator,
     function_hint,
 )
-from symcheck.syntax.traversal import Tree, children
+from symcheck.syntax.traversal import Tree, children, nodes
 
 __all__ = [
     "FILTERS",
@@ -568,6 +568,16 @@ class PropertiesBuilder(Builder):
         return node if old is None else ast.StateFilter(old[1], node, old[0], span=node.span)
 
     probability = partialmethod(_measure, ast.ProbabilityOperator)
+
+    def conditional_probability(self, values: Values) -> Expression:
+        *head, bound, opening, path, sign, condition, old, closing = values
+        if not (_is_temporal(path) and _is_temporal(condition)):
+            hint = "or is written |; P=? [ F a || F b ] is the probability of F a given F b"
+            span = self._words([sign])
+            self._wrong("'||' is not an operator of expressions", span, "syntax", hint)
+        kind = partial(ast.ConditionalProbability, condition=condition)
+        return self._measure(kind, [*head, bound, opening, path, old, closing])
+
     reward = partialmethod(_measure, ast.RewardOperator)
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)
@@ -603,6 +613,10 @@ class PropertiesBuilder(Builder):
 
     def old_filter(self, values: Values) -> tuple[Expression, tuple[Any, ...]]:
         return values[1], tuple(v.value for v in values[4::3])
+
+
+def _is_temporal(path: ast.PathFormula) -> bool:
+    return any(isinstance(n, ast.UnaryTemporal | ast.BinaryTemporal) for n in nodes(path))
 
 
 _MODEL_TYPES = {"probabilistic": "dtmc", "stochastic": "ctmc", "nondeterministic": "mdp"}

@@ -80,7 +80,9 @@ def strategy_of(
     if context.engine.exact or context.options.fairness:
         raise UnsupportedError("strategies are not supported with -exact or -fair")
     if not isinstance(formula, ProbabilityOperator | RewardOperator):
-        raise UnsupportedError("strategies are supported for P and R formulas")
+        raise UnsupportedError(
+            "strategies are supported for P and R formulas, without conditions (||)"
+        )
     context = to_explicit(context)
     asked: str | None = formula.direction
     if asked is None and formula.bound is not None:

@@ -23,14 +23,15 @@ from symcheck.errors import MemoryLimitError
 from symcheck.kernels.solve.reward_epochs import EpochSolver
 from symcheck.matrices.numbers import Numbers, numbers
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans, starts_of
-from symcheck.numerics import graph, tuning
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
+from symcheck.numerics import tuning
+from symcheck.numerics.linear.problem import Observer, Progress
+from symcheck.numerics.linear.until import until_bounds
 from symcheck.numerics.reward_bounds.epoch_system import (
     EpochSystem,
     RewardBoundedReachability,
     epoch_system,
 )
-from symcheck.numerics.settings import ROUNDING, Settings
+from symcheck.numerics.settings import Settings
 
 __all__ = ["EpochValues", "solve_epochs", "unfold_reward_dimension"]
 
@@ -167,30 +168,14 @@ def _masked(system: EpochSystem) -> EpochSystem:
 
 def _unbounded(problem: RewardBoundedReachability, settings: Settings) -> tuple[Numbers, Numbers]:
     """Bounds on the probability of `left U right` without bounds on rewards."""
-    from symcheck.numerics.linear.methods import solve_linear
-
-    source = graph.Incidence(problem.matrix)
-    # Rows that leave do not sum to 1, as the analysis of probability 1 assumes.
-    yes = problem.right
-    if not (problem.exit > 0).any():
-        yes = graph.prob1(source, problem.left, problem.right, problem.direction)
-    no = graph.prob0(source, problem.left, problem.right, problem.direction)
-    exact = problem.matrix.exact
-    low = numbers(yes, exact=exact)
-    high = low.copy()
-    unknown = ~(yes | no)
-    if unknown.any():
-        enter, leave = (problem.matrix.sums(unknown, target) for target in (yes, ~unknown))
-        part = problem.matrix.among(unknown)
-        found = solve_linear(
-            LinearProblem(enter, part, None, leave, problem.direction, True), settings
-        )
-        rounding_error = ROUNDING if found.exact and not exact else 0
-        low[unknown], high[unknown] = (
-            found.lower * (1 - rounding_error),
-            np.minimum(found.upper * (1 + rounding_error), 1),
-        )
-    return low, high
+    return until_bounds(
+        problem.matrix,
+        problem.left,
+        problem.right,
+        problem.direction,
+        settings,
+        closed=not (problem.exit > 0).any(),
+    )
 
 
 def unfold_reward_dimension(

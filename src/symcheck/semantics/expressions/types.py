@@ -15,6 +15,7 @@ from symcheck.syntax.ast import (
     Bound,
     Call,
     Conditional,
+    ConditionalProbability,
     CumulativeReward,
     DiscountedReward,
     Expression,
@@ -310,6 +311,10 @@ class Typer:
         match node:
             case PathMeasure(_, bound, path):
                 self.path(path)
+                return self._bounded(bound)
+            case ConditionalProbability(_, bound, path, condition):
+                self.path(path)
+                self.path(condition)
                 return self._bounded(bound)
             case RewardOperator(_, bound, structure, query):
                 self._structure(structure)

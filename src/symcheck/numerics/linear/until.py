@@ -1,0 +1,61 @@
+"""Bounds on unbounded until probabilities of a matrix: graph analysis, then linear equations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.matrices.numbers import Numbers, numbers
+from symcheck.matrices.rows import Bools, SparseMatrix
+from symcheck.numerics import graph
+from symcheck.numerics.linear.problem import LinearProblem, Observer
+from symcheck.numerics.settings import ROUNDING, Settings
+
+__all__ = ["until_bounds"]
+
+
+def until_bounds(
+    matrix: SparseMatrix,
+    left: Bools,
+    right: Bools,
+    direction: Direction | None,
+    settings: Settings,
+    *,
+    closed: bool = True,
+    observer: Observer | None = None,
+) -> tuple[Numbers, Numbers]:
+    """Proved bounds on the probability of `left U right` from each state, rounding included.
+
+    Args:
+        matrix: one-step probabilities among n states; its groups are the choices.
+        left, right: bool[n].
+        direction: minimise or maximise; None without choices.
+        settings: accuracy and method.
+        closed: whether each row sums to 1; if not, what is missing leaves and fails.
+        observer: receives the progress.
+
+    Returns:
+        Lower and upper bounds, float64[n], or the same rationals twice.
+    """
+    from symcheck.numerics.linear.methods import solve_linear
+
+    source = graph.Incidence(matrix)
+    # The analysis of probability 1 assumes rows that sum to 1.
+    yes = graph.prob1(source, left, right, direction) if closed else right
+    no = graph.prob0(source, left, right, direction)
+    exact = matrix.exact
+    low = numbers(yes, exact=exact)
+    high = low.copy()
+    unknown = ~(yes | no)
+    if unknown.any():
+        enter, leave = (matrix.sums(unknown, target) for target in (yes, ~unknown))
+        part = matrix.among(unknown)
+        found = solve_linear(
+            LinearProblem(enter, part, None, leave, direction, True), settings, observer
+        )
+        rounding_error = ROUNDING if found.exact and not exact else 0
+        low[unknown], high[unknown] = (
+            found.lower * (1 - rounding_error),
+            np.minimum(found.upper * (1 + rounding_error), 1),
+        )
+    return low, high
