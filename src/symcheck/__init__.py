@@ -9,8 +9,8 @@ The names here are looked up when they are used, so that importing symcheck cost
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # for type checkers; the module `typing` takes ten milliseconds
 if TYPE_CHECKING:
     from symcheck import teach as teach
     from symcheck import view as view

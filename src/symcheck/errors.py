@@ -12,6 +12,7 @@ The tree::
     ├── UnsupportedError      the request is meaningful, but not supported; the message says what is
     ├── NumericalError        a computation did not reach the requested accuracy
     ├── InternalError         a defect of symcheck
+    ├── OutputError           what is written does not arrive: a full disk, a closed pipe
     └── ResourceError         the computation was stopped before its end
         ├── MemoryLimitError  by the memory limit, or because memory is exhausted
         ├── TimeLimitError    by the time limit
@@ -41,6 +42,7 @@ __all__ = [
     "ModelFault",
     "NameFault",
     "NumericalError",
+    "OutputError",
     "ResourceError",
     "Source",
     "Span",
@@ -208,6 +210,10 @@ class NumericalError(SymcheckError):
 
 class InternalError(SymcheckError):
     """A defect of symcheck."""
+
+
+class OutputError(SymcheckError):
+    """What is written does not arrive: the disk is full, or the reader has closed the pipe."""
 
 
 class ResourceError(SymcheckError):

@@ -1,25 +1,132 @@
-"""The memory that this process may use."""
+"""The memory that this process may still take."""
 
 from __future__ import annotations
 
+import errno
 import os
-from collections.abc import Sequence
+import re
+import resource
+from collections.abc import Iterator
+from pathlib import Path
 
-__all__ = ["memory"]
+__all__ = ["FREE_MEMORY", "available_memory", "limit_memory", "memory_ended", "read_bytes"]
 
-_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
-"""Files with the limit of a container, in the second and first version of control groups."""
+FREE_MEMORY = "SYMCHECK_MEMORY"
+"""The environment variable with the amount that counts as free, instead of what is measured."""
+
+_WORDS = (
+    "failed to map segment",
+    "cannot map zero-fill pages",
+    "annot allocate memory",
+    "can't start new thread",
+)
+"""What the loader of libraries, the system and Python say when memory ends."""
+
+_UNITS = {"": 1 << 10, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
 
 
-def memory(limits: Sequence[str] = _LIMITS) -> int:
-    """Bytes of memory that this process may use: those of the machine, or the limit of its
-    container.
+def read_bytes(text: str) -> int:
+    """Bytes from PRISM's notation: 512m, 4g, 100k, or a plain number of kilobytes.
+
+    Raises ValueError.
     """
-    size = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    for name in limits:
-        try:
-            with open(name, encoding="ascii") as file:
-                size = min(size, int(file.read()))
-        except (OSError, ValueError):  # no such file, or no limit in it
-            pass
-    return size
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)b?", text.lower())
+    if match is None:
+        raise ValueError(f"'{text}' is not an amount of memory such as 512m or 4g")
+    return int(float(match[1]) * _UNITS[match[2]])
+
+
+def available_memory(root: str = "/") -> int:
+    """Bytes that this process may still take, without being killed for it.
+
+    That is the least of what is free on the machine, in each of its control groups (version 1 or
+    2), and below the limits of the process. The environment variable SYMCHECK_MEMORY replaces the
+    first two.
+
+    Args:
+        root: the folder with `proc` and `sys`.
+    """
+    given = os.environ.get(FREE_MEMORY)
+    try:
+        free = [] if given is None else [read_bytes(given)]
+    except ValueError:  # a message would have no reader here
+        free = []
+    free = free or [_free_on_machine(Path(root)), *_free_in_groups(Path(root))]
+    return max(0, min([*free, *_below_limits()]))
+
+
+def limit_memory(size: int) -> None:
+    """Let an allocation that would exceed so many more bytes fail, which is a MemoryError.
+
+    A stricter limit of the process stays. Without this limit the kernel would kill the process,
+    because it grants more memory than there is.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    limit = _pages()[1] + size
+    if all(limit < bound for bound in (soft, hard) if bound != resource.RLIM_INFINITY):
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+
+
+def _free_on_machine(root: Path) -> int:
+    """The kernel's estimate of what can be allocated without swapping."""
+    match = re.search(r"^MemAvailable:\s+(\d+) kB", _text(root / "proc/meminfo"), re.MULTILINE)
+    if match is None:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return int(match[1]) << 10
+
+
+def _free_in_groups(root: Path) -> Iterator[int]:
+    """What is free in each control group with a limit; file caches give way to data.
+
+    The path of a group leads out of a container: only the folders that are visible count.
+    """
+    for line in _text(root / "proc/self/cgroup").splitlines():
+        _, controllers, path = line.split(":", 2)
+        if controllers and "memory" not in controllers.split(","):
+            continue
+        mount = root / ("sys/fs/cgroup/memory" if controllers else "sys/fs/cgroup")
+        group = Path(path.lstrip("/"))
+        limit, used, cache = (
+            ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+            if controllers
+            else ("memory.max", "memory.current", "inactive_file")
+        )
+        for folder in (mount / group, *(mount / parent for parent in group.parents)):
+            bound, taken = _text(folder / limit), _text(folder / used)
+            if bound.strip().isdecimal() and taken.strip().isdecimal():
+                match = re.search(rf"^{cache} (\d+)$", _text(folder / "memory.stat"), re.MULTILINE)
+                yield int(bound) - int(taken) + (int(match[1]) if match else 0)
+
+
+def _below_limits() -> Iterator[int]:
+    """What the limits of the process leave: of its addresses, and of its data."""
+    for kind, taken in zip((resource.RLIMIT_AS, resource.RLIMIT_DATA), _pages(), strict=True):
+        limit = resource.getrlimit(kind)[0]
+        if limit != resource.RLIM_INFINITY:
+            yield limit - taken
+
+
+def memory_ended(error: BaseException) -> bool:
+    """Whether an error means that memory ended: libraries and threads have other words for it."""
+    match error:
+        case MemoryError():
+            return True
+        case OSError(errno=errno.ENOMEM):
+            return True
+        case ImportError() | RuntimeError():
+            return any(words in str(error) for words in _WORDS)
+    return False
+
+
+def _pages() -> tuple[int, int]:
+    """Bytes of addresses and of data that the process has."""
+    fields = _text(Path("/proc/self/statm")).split() or ["0"] * 7
+    size = os.sysconf("SC_PAGE_SIZE")
+    return int(fields[0]) * size, int(fields[5]) * size
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError):
+        return ""

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Literal, NamedTuple, TypedDict, TypeVar, cast, get_args
 
 from symcheck.errors import UsageError
+from symcheck.machine import read_bytes
 
 __all__ = [
     "ENGINES",
@@ -28,6 +29,7 @@ __all__ = [
     "read_count",
     "read_fraction",
     "read_number",
+    "read_seconds",
 ]
 
 T = TypeVar("T")
@@ -48,7 +50,6 @@ AutomatonSyntax = Literal["lbt", "spin", "spot", "rabinizer"]
 ENGINES: tuple[str, ...] = get_args(EngineName)
 METHODS: tuple[str, ...] = get_args(MethodName)
 
-_MEMORY_UNITS = {"": 1 << 10, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
 _TIME_UNITS = {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}
 
 
@@ -92,15 +93,7 @@ def read_fraction(text: str) -> float:
     return value
 
 
-def _read_memory(text: str) -> int:
-    """Bytes from PRISM's notation: 512m, 4g, 100k, or a plain number of kilobytes."""
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmg]?)b?", text.lower())
-    if match is None:
-        raise ValueError(f"'{text}' is not an amount of memory such as 512m or 4g")
-    return int(float(match[1]) * _MEMORY_UNITS[match[2]])
-
-
-def _read_seconds(text: str) -> float:
+def read_seconds(text: str) -> float:
     """Seconds from 90, 90s, 5m, 1h or 1d."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smhd]?)", text.lower())
     if match is None:
@@ -151,13 +144,13 @@ _COUNT = ValueType("a whole number from 0", _is_count, read_count, "N")
 _BYTES = ValueType(
     "a number of bytes, or None",
     lambda value: value is None or _is_count(value),
-    _read_memory,
+    read_bytes,
     "SIZE",
 )
 _SECONDS = ValueType(
     "a number of seconds above 0, or None",
     lambda value: value is None or (_is_number(value) and cast(float, value) > 0),
-    _read_seconds,
+    read_seconds,
     "TIME",
 )
 _ORDER = ValueType(

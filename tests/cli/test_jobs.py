@@ -153,5 +153,8 @@ def test_ctrl_c_writes_finished_rows(model: str, tmp_path: Path) -> None:
     assert run.returncode == 130
     rows = len((tmp_path / "r.csv").read_text().splitlines()) - 1
     assert 4 <= rows < 32 * 4
-    assert err.splitlines()[0] == f"{rows} finished results are above"
+    assert err.splitlines() == [
+        "error: interrupted by Ctrl-C",
+        f"  note: {rows} finished results are above",
+    ]
     assert "Traceback" not in err

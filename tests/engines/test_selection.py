@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import islice
 from types import SimpleNamespace
 
@@ -152,9 +153,29 @@ def test_arrays_beyond_the_memory_end_with_advice(monkeypatch):
     def too_large(*_):
         np.empty(2**62, dtype=np.uint8)
 
-    monkeypatch.setattr(selection, "_explicit_engine", too_large)
+    monkeypatch.setattr(selection, "_explicit_engine", too_large)  # diagrams are tried next
+    monkeypatch.setattr(selection, "_symbolic_engine", too_large)
     with pytest.raises(MemoryLimitError, match="hint: the engines -h and -m"):
         build(bind(parse_model(COUNTER), {}), Options())
+
+
+def test_states_beyond_the_memory_limit_become_a_diagram():
+    """500 500 states take more than 8 MB, and their diagram less."""
+    text = "dtmc module m x:[0..999]; y:[0..999]; [] x<999 -> (x'=x+1); [] y<x -> (y'=y+1); [] x=999 & y=x -> true; endmodule"
+    options = Options(max_memory=8 << 20)
+    chosen: list[object] = []
+    engine = build(bind(parse_model(text), {}), options, chosen.append)
+    assert engine.states == 500_500
+    (choice,) = [c for c in chosen if isinstance(c, selection.Choice)]
+    assert "exceed the memory limit" in choice.reason
+    with pytest.raises(MemoryLimitError, match="of 8 MB is reached"):
+        build(bind(parse_model(text), {}), replace(options, engine="explicit"))
+
+
+def test_integers_without_bounds_leave_the_memory_limit_an_error():
+    text = "dtmc module m x : int init 0; [] true -> 0.5 : (x'=x+1) + 0.5 : (x'=x-1); endmodule"
+    with pytest.raises(MemoryLimitError, match="explicit exploration"):
+        build(bind(parse_model(text), {}), Options(max_memory=8 << 20))
 
 
 def test_rounding_of_very_many_bits_is_not_tried_on_diagrams_at_first(monkeypatch):

@@ -4,19 +4,72 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
+import sys
+from itertools import pairwise
+from time import perf_counter
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # the module `typing` takes ten milliseconds, in which Ctrl-C is not handled
+    from typing import NoReturn
 
 __all__ = ["main"]
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status (see `symcheck --help`)."""
+    """Run the command line; returns the exit status (see `symcheck --help`).
+
+    Without `words`, the process is that of the command line: it ends here, without teardown.
+    """
+    started = perf_counter()
+    if words is None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, _end)
+        _limit_time(sys.argv[1:])
     # Matrices are small for a BLAS: its threads wait longer than they compute. numpy reads this
     # variable when it is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Modules live as long as the process: the garbage collector need not visit them.
     gc.disable()
-    from symcheck.cli.entry_point import run_safely
+    try:
+        from symcheck.cli.entry_point import run_safely
 
-    gc.freeze()
-    gc.enable()
-    return run_safely(words)
+        gc.freeze()
+        gc.enable()
+        return run_safely(words, started)
+    except Exception as error:  # the errors of a run are reported there
+        from symcheck.machine import memory_ended
+
+        if words is None and memory_ended(error):
+            _leave("there is not enough memory", 3)
+        raise
+
+
+def _end(number: int, _: object) -> None:
+    """End the process at once: before a run and after it, there is nothing to keep."""
+    message, status = {
+        signal.SIGINT: ("interrupted by Ctrl-C", 130),
+        signal.SIGTERM: ("interrupted by SIGTERM", 143),
+        signal.SIGALRM: ("the time limit was reached", 3),
+    }[signal.Signals(number)]
+    _leave(message, status)
+
+
+def _leave(message: str, status: int) -> NoReturn:
+    try:
+        os.write(2, f"error: {message}\n".encode())
+    finally:
+        os._exit(status)
+
+
+def _limit_time(words: list[str]) -> None:
+    """Start the time limit, which counts from here on, before the imports of a run."""
+    for switch, value in pairwise(words):
+        if switch in ("-timeout", "--timeout"):
+            from contextlib import suppress
+
+            from symcheck.options import read_seconds
+
+            with suppress(ValueError):  # reported with the other switches
+                signal.setitimer(signal.ITIMER_REAL, read_seconds(value))

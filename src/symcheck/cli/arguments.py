@@ -41,8 +41,8 @@ Switches of PRISM that have no effect here (-javamaxmem, -nopre, -gs and others)
 listed in the output. Every switch may be written with two dashes.
 
 Exit status: 0 every property was answered (with -test: no test failed); 1 an error in the input, an
-unsupported property or a failed test; 2 the command line is wrong; 3 stopped by a limit of memory
-or time; 130 stopped by Ctrl-C.
+unsupported property, a failed test, or an output that cannot be written; 2 the command line is
+wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C, 143 by SIGTERM.
 """
 
 

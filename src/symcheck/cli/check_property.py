@@ -19,8 +19,9 @@ from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.properties_input import UnparsedProperty
 from symcheck.cli.run_state import RunState
-from symcheck.errors import InternalError, ResourceError, SymcheckError
+from symcheck.errors import InternalError, OutputError, ResourceError, SymcheckError
 from symcheck.experiments.rows import Row, error_text, row_of
+from symcheck.machine import memory_ended
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
@@ -45,7 +46,7 @@ def check_property(
 
     Raises:
         ResourceError, MemoryError: a limit was reached.
-        UsageError: a file cannot be written.
+        UsageError, OutputError: a file cannot be written.
         TestFailed: a test failed, and -test ends the run.
     """
     bound, _ = instance.bind(model.bound)
@@ -60,9 +61,11 @@ def check_property(
         else:
             outcome = model.check_instance(instance, shared=shared)
         state.output.result(outcome)
-    except (ResourceError, MemoryError):
+    except (ResourceError, OutputError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not stop the others
+        if memory_ended(error):
+            raise
         outcome = error if isinstance(error, SymcheckError) else internal_error(error)
         state.output.error(outcome)
         state.failures += not state.testing

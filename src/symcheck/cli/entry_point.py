@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from typing import NoReturn, assert_never
+from io import TextIOWrapper
+from threading import Lock, Thread
+from time import perf_counter
+from typing import NoReturn
 
 from symcheck import __version__
 from symcheck.cli.arguments import parse_arguments
@@ -15,33 +18,52 @@ from symcheck.cli.output import Output
 from symcheck.cli.output_paths import check_files, check_results_file, write_results
 from symcheck.cli.run import run
 from symcheck.cli.run_state import RunState
-from symcheck.cli.signals import StopSignals, limited
+from symcheck.cli.signals import StopSignals
 from symcheck.errors import (
     Interrupted,
+    OutputError,
     ResourceError,
     SymcheckError,
-    TimeLimitError,
     UsageError,
     out_of_memory,
 )
 from symcheck.experiments.rows import error_text
+from symcheck.machine import available_memory, limit_memory, memory_ended
+from symcheck.whole_file import output_fault, remove_unfinished
 
 __all__ = ["run_safely"]
 
+_LAST_WORDS = 0.3  # seconds for the last message of a run that does not end by itself
+_LAST_FILES = 20.0  # the same, if finished results are still to be written to a file
 
-def run_safely(words: list[str] | None = None) -> int:
-    """Run the command line.
+
+_RESERVE = 4 << 20  # bytes that are kept for the end of a run whose memory is exhausted
+
+
+def run_safely(words: Sequence[str] | None = None, started: float | None = None) -> int:
+    """Run the command line; see `symcheck.cli.main`.
 
     Every error ends in a message on standard error and an exit status, never in a traceback.
+
+    Args:
+        words: the command line; None: that of this process, which ends here.
+        started: when the run started, by `perf_counter`; the time limit counts from then.
     """
     # The caller may have closed one of them.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
-    with ExitStack() as stack:
-        status = _guarded(sys.argv[1:] if words is None else words, stack)
-    if words is None:
-        _leave(status)
-    return status
+    started = perf_counter() if started is None else started
+    if words is not None:
+        with ExitStack() as stack:
+            return _Session(StopSignals(), started, own_process=False).run(words, stack)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout = _StandardOutput(sys.stdout)
+    session = _Session(StopSignals(lambda: session.end()), started, own_process=True)
+    try:
+        status = session.run(sys.argv[1:], ExitStack())
+    except KeyboardInterrupt:  # between the end of the run and that of the signals
+        status = _fail(session.signals.error, session.signals.status)
+    return _leave(status)
 
 
 def _leave(status: int) -> NoReturn:
@@ -50,53 +72,155 @@ def _leave(status: int) -> NoReturn:
     After an interrupt within exec() Python would otherwise end by the signal, and not with the
     status 130.
     """
-    try:
-        print(end="", flush=True)
-    except BrokenPipeError:
-        status = 1  # the reader of the output has closed it
-    except OSError as error:
-        status = (
-            _fail(SymcheckError(f"the output cannot be written: {error.strerror}"), 1)
-            if status == 0
-            else status
-        )
+    if status == 0:
+        try:
+            sys.stdout.flush()
+        except OutputError as error:
+            status = _fail(error, 1)
     with suppress(OSError):
-        print(end="", file=sys.stderr, flush=True)
+        sys.stderr.flush()
+    remove_unfinished()
     os._exit(status)
 
 
-def _guarded(words: list[str], stack: ExitStack) -> int:
-    """The exit status of a run. The caller closes `stack` after the results are written."""
-    state: RunState | None = None
-    signals = StopSignals()
+class _StandardOutput(TextIOWrapper):
+    """The standard output. What does not arrive is an OutputError."""
+
+    def __init__(self, stream: TextIOWrapper) -> None:
+        encoding, errors, by_line = stream.encoding, stream.errors, stream.line_buffering
+        super().__init__(stream.detach(), encoding, errors, line_buffering=by_line)
+
+    def write(self, text: str) -> int:
+        with _output_faults():
+            return super().write(text)
+
+    def flush(self) -> None:
+        with _output_faults():
+            super().flush()
+
+
+@contextmanager
+def _output_faults() -> Iterator[None]:
     try:
+        yield
+    except OSError as error:
+        raise OutputError(str(output_fault("the output", error))) from None
+
+
+class _Session:
+    """A run, and how it ends.
+
+    Args:
+        signals: those that stop the run.
+        started: when the time limit starts, by `perf_counter`.
+        own_process: whether the process has this run only.
+    """
+
+    def __init__(self, signals: StopSignals, started: float, *, own_process: bool) -> None:
+        self.signals = signals
+        self._own_process = own_process
+        self._started = started
+        self._state: RunState | None = None
+        self._ending = Lock()
+        self._reserve = [bytearray(_RESERVE)]
+
+    def run(self, words: Sequence[str], stack: ExitStack) -> int:
+        """The exit status of a run. The caller closes `stack` after the results are written."""
+        with self.signals:
+            try:
+                return self._run(words, stack)
+            except BaseException as error:
+                self.signals.acknowledge()
+                with self._ending:
+                    return self._status(error)
+
+    def _run(self, words: Sequence[str], stack: ExitStack) -> int:
         arguments = parse_arguments(words)
         if arguments.version:
             print(f"symcheck {__version__}")
             return 0
+        limit = arguments.options.time_limit
+        if limit is not None:
+            self.signals.limit_time(limit - (perf_counter() - self._started))
         stack.enter_context(_working_folder(arguments.folder))
         if arguments.exportresults is not None:
             check_results_file(arguments.exportresults)
         check_files(arguments)
-        state = RunState(arguments, Output(verbose=arguments.verbose))
-        with signals, limited(arguments.options.time_limit, lambda: _end_process(state)):
-            status = run(state)
-        _export(state)
+        if self._own_process:
+            limit_memory(max(available_memory(), arguments.options.max_memory or 0))
+        self._state = RunState(arguments, Output(verbose=arguments.verbose))
+        status = run(self._state)
+        self._export()
         return status
-    except UsageError as error:
-        return _fail(_after_export(state, error), 2)
-    except (ResourceError, MemoryError, KeyboardInterrupt) as error:
-        return _stopped(state, _as_resource_error(error, signals), signals)
-    except SymcheckError as error:
-        return _fail(_after_export(state, error), 1)
-    except RecursionError:
-        return _fail(SymcheckError("the input is nested too deeply"), 1)
-    except BrokenPipeError:
-        # The reader of the output has closed it (`| head`): Python must not complain at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except Exception as error:  # reported as a defect of symcheck, without a traceback
-        return _fail(_after_export(state, internal_error(error)), 1)
+
+    def _status(self, error: BaseException) -> int:
+        """Report what has ended a run before its end, after the finished results are written."""
+        self._reserve.clear()
+        if self.signals.signal is not None:  # whatever the interrupted code has made of it
+            return self._stopped(self.signals.error, self.signals.status)
+        if memory_ended(error):
+            error.__traceback__ = error.__context__ = None  # their frames hold the memory
+            return self._stopped(out_of_memory(), 3)
+        match error:
+            case SystemExit():  # --help
+                return 0
+            case Interrupted() | KeyboardInterrupt():
+                return self._stopped(Interrupted("interrupted by Ctrl-C"), 130)
+            case ResourceError():
+                return self._stopped(error, 3)
+            case UsageError():
+                return _fail(self._after_export(error), 2)
+            case SymcheckError():
+                return _fail(self._after_export(error), 1)
+            case RecursionError():
+                return _fail(SymcheckError("the input is nested too deeply"), 1)
+            case BrokenPipeError():
+                return _fail(OutputError(str(output_fault("the output", error))), 1)
+            case Exception():  # a defect of symcheck, without a traceback
+                return _fail(self._after_export(internal_error(error)), 1)
+        raise error
+
+    def _after_export(self, error: SymcheckError) -> SymcheckError:
+        """The error that ends a run, after the finished results were written if possible."""
+        with suppress(UsageError, OutputError):
+            self._export(error)
+        return error
+
+    def _stopped(self, error: ResourceError, status: int) -> int:
+        """End a run that a limit or the user has stopped; finished results are written."""
+        try:
+            self._export(error)
+        except (UsageError, OutputError) as fault:
+            _fail(fault, status)
+        count = len(self._state.rows) if self._state is not None else 0
+        if count:
+            verb = "results are" if count > 1 else "result is"
+            error = type(error)(f"{error}\n  note: {count} finished {verb} above")
+        return _fail(error, status)
+
+    def _export(self, error: SymcheckError | None = None) -> None:
+        """Write the files of -exportresults and -exporttests. error: what ended the run."""
+        state = self._state
+        if state is None:
+            return
+        a = state.arguments
+        with self.signals.writing():
+            if a.exporttests:
+                state.report(None if error is None else error_text(error)).save(a.exporttests)
+            if a.exportresults and state.rows:
+                write_results(a.exportresults, state.rows, state.varying)
+
+    def end(self) -> None:
+        """End the process from another thread: the main thread does not notice a signal."""
+        if self._ending.acquire(blocking=False):
+            last = Thread(
+                target=self._stopped, args=(self.signals.error, self.signals.status), daemon=True
+            )
+            last.start()
+            writes = self._state is not None and self._state.writes_files
+            last.join(_LAST_FILES if writes else _LAST_WORDS)
+        remove_unfinished()
+        os._exit(self.signals.status)
 
 
 @contextmanager
@@ -119,62 +243,20 @@ def _working_folder(folder: str | None) -> Iterator[None]:
         os.chdir(before)
 
 
-def _after_export(state: RunState | None, error: SymcheckError) -> SymcheckError:
-    """The error that ends a run, after the finished results were written if possible."""
-    with suppress(UsageError):
-        _export(state, error)
-    return error
-
-
 def _fail(error: SymcheckError, status: int) -> int:
-    with suppress(OSError):
-        sys.stdout.flush()
+    """Print an error, after what the output still holds."""
+    # Nobody may read the pipe: that must not keep the message back.
+    with suppress(RuntimeError):  # no memory for a thread
+        flushing = Thread(target=_flush_output, daemon=True)
+        flushing.start()
+        flushing.join(_LAST_WORDS)
     text = str(error)
-    print(text if "error[" in text.splitlines()[0] else f"error: {text}", file=sys.stderr)
+    with suppress(OSError):
+        shown = text if "error[" in text.splitlines()[0] else f"error: {text}"
+        print(shown, file=sys.stderr, flush=True)
     return status
 
 
-def _as_resource_error(
-    error: ResourceError | MemoryError | KeyboardInterrupt, signals: StopSignals
-) -> ResourceError:
-    match error:
-        case Interrupted():
-            return Interrupted(f"{error}{signals.advice}")
-        case ResourceError():
-            return error
-        case MemoryError():
-            return out_of_memory()
-        case KeyboardInterrupt():
-            return Interrupted(f"interrupted by {signals.name}{signals.advice}")
-        case _:
-            assert_never(error)
-
-
-def _stopped(state: RunState | None, error: ResourceError, signals: StopSignals) -> int:
-    """End a run that a limit or the user has stopped; finished results are written."""
-    _export(state, error)
-    if state is not None and state.rows:
-        print(
-            f"{len(state.rows)} finished result{'s are' if len(state.rows) > 1 else ' is'} above",
-            file=sys.stderr,
-        )
-    return _fail(error, signals.status if isinstance(error, Interrupted) else 3)
-
-
-def _export(state: RunState | None, error: SymcheckError | None = None) -> None:
-    """Write the files of -exportresults and -exporttests. error: what ended the run."""
-    if state is None:
-        return
-    a = state.arguments
-    if a.exporttests:
-        state.report(None if error is None else error_text(error)).save(a.exporttests)
-    if a.exportresults and state.rows:
-        write_results(a.exportresults, state.rows, state.varying)
-
-
-def _end_process(state: RunState | None) -> None:
-    """End the process from another thread: compiled code did not notice the time limit."""
-    _stopped(state, TimeLimitError("the time limit was reached"), StopSignals())
-    sys.stderr.flush()
-    sys.stdout.flush()
-    os._exit(3)
+def _flush_output() -> None:
+    with suppress(OSError, OutputError):
+        sys.stdout.flush()

@@ -16,7 +16,7 @@ from symcheck.cli.progress import Progress
 from symcheck.cli.run_state import RunState
 from symcheck.cli.simulation import sampling_plan, write_path
 from symcheck.constant_values import typed_value
-from symcheck.errors import ResourceError, SymcheckError, UsageError
+from symcheck.errors import OutputError, ResourceError, SymcheckError, UsageError
 from symcheck.semantics.model import Value
 from symcheck.syntax.declarations import PropertiesFile
 
@@ -75,7 +75,7 @@ def _check_instance(
             return
         if plan is None:
             _build(state, model, watch)
-    except ResourceError:
+    except (ResourceError, OutputError):
         raise
     except SymcheckError as error:
         _report_fault(state, error, asked, constants, alone=not varying)

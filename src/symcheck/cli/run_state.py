@@ -45,6 +45,11 @@ class RunState:
         """Whether results are compared with RESULT lines."""
         return self.arguments.test or self.arguments.testall
 
+    @property
+    def writes_files(self) -> bool:
+        """Whether a file is written at the end of the run."""
+        return bool(self.arguments.exportresults or self.arguments.exporttests)
+
     def conclude(self, test: PropertyTest) -> None:
         """Print and count the comparison with a RESULT line.
 

@@ -4,102 +4,144 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from time import monotonic
 from types import FrameType
 from typing import Any
 
-from symcheck.errors import TimeLimitError
+from symcheck.errors import Interrupted, ResourceError, TimeLimitError
 
-__all__ = ["StopSignals", "limited"]
+__all__ = ["StopSignals"]
 
-_GRACE = 5.0  # seconds in which compiled code has to notice that the limit was reached
-_PATIENCE = 1.0  # seconds until a signal without effect is repeated
+_PATIENCE = 0.1  # seconds until a signal without effect is repeated
+_GRACE = 0.5  # seconds until a process that the signal does not stop is ended
+_GRACE_FOR_FILES = 20.0  # the same while finished results are written
+
 _HANDLED: dict[signal.Signals, Any] = {
     signal.SIGINT: signal.default_int_handler,
     signal.SIGTERM: signal.SIG_DFL,
+    signal.SIGALRM: signal.SIG_DFL,
 }
+"""The signals, and their usual handlers."""
 
 
 class StopSignals:
-    """A context in which Ctrl-C and SIGTERM raise KeyboardInterrupt until it takes effect.
+    """A context in which Ctrl-C, SIGTERM and the time limit raise KeyboardInterrupt.
 
-    The code that they interrupt may be unable to raise, such as a destructor. Signals with another
-    handler are left alone.
+    The code that they interrupt may be unable to raise, such as a destructor, or return to Python
+    late, such as a compiled loop: Python calls handlers of signals in the main thread only. A
+    thread is told at once. It repeats the signal until `acknowledge` is called, and calls `end`
+    when its time is over. Signals that the caller ignores or handles are left alone.
+
+    Args:
+        end: ends the process, which is that of the command line. None: the process is another one,
+            and signals are repeated without end.
     """
 
-    def __init__(self) -> None:
-        self.signal = signal.SIGINT
-        """The last signal."""
-        self._timers: list[threading.Timer] = []
-        self._taken: list[signal.Signals] = []
+    def __init__(self, end: Callable[[], object] | None = None) -> None:
+        self.signal: signal.Signals | None = None
+        """The first signal that arrived; None: nothing has stopped the run."""
+        self._end = end
+        self._acknowledged = False
+        self._deadline = 0.0
+        self._over = threading.Event()
+        self._previous: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> StopSignals:
-        if threading.current_thread() is threading.main_thread():
-            self._taken = [
-                number for number, usual in _HANDLED.items() if signal.getsignal(number) == usual
-            ]
-        for number in self._taken:
+        if threading.current_thread() is not threading.main_thread():
+            return self
+        for number, usual in _HANDLED.items():
+            handler = signal.getsignal(number)
+            if handler == usual or (self._end is not None and handler is not signal.SIG_IGN):
+                self._previous[number] = handler
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._writer, False)
+        self._watcher = threading.Thread(target=self._watch, daemon=True)
+        self._watcher.start()
+        self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+        self._unraisable = sys.unraisablehook
+        sys.unraisablehook = self._on_unraisable
+        for number in self._previous:
             signal.signal(number, self._raise)
         return self
 
     def __exit__(self, *_: object) -> None:
-        for timer in self._timers:
-            timer.cancel()
-        for number in self._taken:
-            signal.signal(number, _HANDLED[number])
+        if threading.current_thread() is not threading.main_thread():
+            return
+        self._acknowledged = True
+        if signal.SIGALRM in self._previous:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(self._wakeup)
+        sys.unraisablehook = self._unraisable
+        self._over.set()
+        os.write(self._writer, b"\0")
+        self._watcher.join()
+        os.close(self._reader)
+        os.close(self._writer)
 
-    def _raise(self, number: int, _: FrameType | None) -> None:
-        self.signal = signal.Signals(number)
-        again = threading.Timer(_PATIENCE, os.kill, (os.getpid(), number))
-        again.daemon = True
-        again.start()
-        self._timers.append(again)
-        raise KeyboardInterrupt
+    def limit_time(self, seconds: float | None) -> None:
+        """Stop the run after so many seconds; None: no limit."""
+        if seconds is not None and signal.SIGALRM in self._previous:
+            signal.setitimer(signal.ITIMER_REAL, max(seconds, 1e-6))
+
+    def acknowledge(self) -> None:
+        """The signal has taken effect, and is not repeated."""
+        self._acknowledged = True
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """A context that writes finished results: the process has more time to end."""
+        self._deadline = monotonic() + _GRACE_FOR_FILES
+        yield
+        self._deadline = monotonic() + _GRACE
 
     @property
-    def name(self) -> str:
-        """The name of the signal for the user."""
-        return "Ctrl-C" if self.signal is signal.SIGINT else self.signal.name
-
-    @property
-    def advice(self) -> str:
-        """A hint to append to a message, if the signal did not come from the keyboard."""
-        if self.signal is signal.SIGINT:
-            return ""
-        return (
-            f"\n  hint: {self.name} was sent by another process, such as a scheduler; "
-            "-timeout and -cuddmaxmem end a run earlier, with a message"
-        )
+    def error(self) -> ResourceError:
+        """The error that a signal means."""
+        if self.signal is signal.SIGALRM:
+            return TimeLimitError(
+                "the time limit was reached\n  hint: -timeout gives more; finished results are kept"
+            )
+        if self.signal is signal.SIGTERM:
+            return Interrupted(
+                "interrupted by SIGTERM\n  hint: another process sent it, such as a scheduler; "
+                "-timeout and -cuddmaxmem end a run earlier, with a message"
+            )
+        return Interrupted("interrupted by Ctrl-C")
 
     @property
     def status(self) -> int:
-        """The exit status of a run that the signal has stopped: 130 or 143, as in shells."""
+        """The exit status of a run that was stopped: 3 by a limit, 130 or 143 as in shells."""
+        if self.signal is None or self.signal is signal.SIGALRM:
+            return 3
         return 128 + self.signal
 
+    def _raise(self, number: int, _: FrameType | None) -> None:
+        self.signal = self.signal or signal.Signals(number)
+        if not self._acknowledged:
+            raise KeyboardInterrupt
 
-@contextmanager
-def limited(seconds: float | None, last_resort: Callable[[], None]) -> Iterator[None]:
-    """Raise TimeLimitError after some seconds; call `last_resort` if that has no effect."""
-    if seconds is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
+    def _on_unraisable(self, event: sys.UnraisableHookArgs) -> None:
+        """A destructor that a signal has interrupted is no fault."""
+        if self.signal is None:
+            self._unraisable(event)
 
-    def expired(_: int, __: FrameType | None) -> None:
-        raise TimeLimitError(
-            "the time limit was reached\n  hint: -timeout gives more; finished results are kept"
-        )
-
-    watchdog = threading.Timer(seconds + _GRACE, last_resort)
-    watchdog.daemon = True
-    previous = signal.signal(signal.SIGALRM, expired)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    watchdog.start()
-    try:
-        yield
-    finally:
-        watchdog.cancel()
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        with suppress(ValueError):
-            signal.signal(signal.SIGALRM, previous)
+    def _watch(self) -> None:
+        """Wait for a signal, repeat it, and end the process."""
+        while (number := os.read(self._reader, 1)[0]) not in self._previous:
+            if self._over.is_set():
+                return
+        self.signal = self.signal or signal.Signals(number)
+        self._deadline = monotonic() + _GRACE
+        main = threading.main_thread().ident
+        assert main is not None
+        while not self._over.wait(_PATIENCE):
+            if self._end is not None and monotonic() > self._deadline:
+                self._end()
+            elif not self._acknowledged:
+                signal.pthread_kill(main, number)

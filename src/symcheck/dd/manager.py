@@ -37,7 +37,7 @@ from symcheck.dd.cudd.extension import (
 from symcheck.dd.cudd_import import cudd
 from symcheck.dd.export import BddTable, NodeTable
 from symcheck.dd.level_order import rows_in_level_order, table_in_level_order
-from symcheck.machine import memory
+from symcheck.machine import available_memory
 
 __all__ = [
     "Bdd",
@@ -71,7 +71,7 @@ def default_memory() -> int:
     """Three quarters of the memory available to this process, in bytes: an error with advice is
     better than being killed.
     """
-    return memory() * 3 // 4
+    return available_memory() * 3 // 4
 
 
 @dataclass(frozen=True, slots=True)

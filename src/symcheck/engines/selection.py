@@ -20,7 +20,8 @@ A wrong guess therefore costs a bounded share of the run, and the explored state
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from math import prod
 from typing import TYPE_CHECKING
@@ -28,7 +29,7 @@ from typing import TYPE_CHECKING
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
-from symcheck.machine import memory
+from symcheck.machine import available_memory
 from symcheck.options import Options
 from symcheck.syntax.ast import Call, ModelType
 from symcheck.syntax.traversal import names, nodes
@@ -73,7 +74,6 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
         ModelFault: the model has a fault in some state.
         ResourceError: a limit of time or memory was reached.
     """
-    from symcheck.explicit.build import Exploration
     from symcheck.kernels.explore.breadth_first import malloc_trim
 
     if model.initial is not None and _valuation_count(model) > tuning.INITIAL_CANDIDATES:
@@ -84,12 +84,56 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
             observer,
             "explicit exploration would have to try too many initial states",
         )
+    with suppress(_ExplorationMemoryError):  # the error holds the states until this block ends
+        return _take_turns(model, options, observer)
+    malloc_trim()
+    options = _with_variable_order(model, options, observer)
+    return _symbolic_engine(
+        _explore_symbolically(model, options, None),
+        options,
+        observer,
+        "the states of an explicit exploration exceed the memory limit",
+    )
+
+
+class _ExplorationMemoryError(Exception):
+    """The states of the explicit exploration do not fit into memory."""
+
+
+@contextmanager
+def _diagrams_need_less(model: BoundModel) -> Iterator[None]:
+    """A context in which memory ends for the explicit exploration alone."""
+    try:
+        yield
+    except (MemoryLimitError, MemoryError) as error:
+        if _is_unbounded(model):
+            raise
+        raise _ExplorationMemoryError from error
+
+
+def _is_unbounded(model: BoundModel) -> bool:
+    """Whether some integer has no bounds, so that diagrams are impossible."""
+    return any(v.low is None for v in model.variables)
+
+
+def _take_turns(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
+    """Explore explicitly and with diagrams in turn.
+
+    Raises:
+        _ExplorationMemoryError: the explicit exploration needs too much memory, and diagrams are
+            possible.
+        ModelFault, ResourceError: as for `choose`.
+    """
+    from symcheck.explicit.build import Exploration
+    from symcheck.kernels.explore.breadth_first import malloc_trim
+
     exploration = Exploration(model, options)
-    if exploration.run(tuning.SMALL_MODEL_STATES) or _explore_sparse_model(exploration):
-        return _explicit_engine(
-            exploration, observer, f"the model has only {exploration.progress.states:,} states"
-        )
-    if any(v.low is None for v in model.variables):
+    with _diagrams_need_less(model):
+        if exploration.run(tuning.SMALL_MODEL_STATES) or _explore_sparse_model(exploration):
+            return _explicit_engine(
+                exploration, observer, f"the model has only {exploration.progress.states:,} states"
+            )
+    if _is_unbounded(model):
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "there are integers without bounds")
     options = _with_variable_order(model, options, observer)
@@ -117,8 +161,10 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
             and 0 < failure.found_states < exploration.progress.states
         ):
             states = max(states, _state_capacity(exploration))
-        if failure.found_states <= states and exploration.run(states, observer):
-            return _explicit_engine(exploration, observer, failure.reason)
+        if failure.found_states <= states:
+            with _diagrams_need_less(model):
+                if exploration.run(states, observer):
+                    return _explicit_engine(exploration, observer, failure.reason)
     del exploration
     return _symbolic_engine(
         _explore_symbolically(model, options, None),
@@ -186,9 +232,8 @@ def _try_diagrams(
 def _state_capacity(exploration: Exploration) -> int:
     """The number of states that fit into memory, estimated from the memory used so far."""
     progress = exploration.progress
-    return int(
-        tuning.EXPLORATION_MEMORY_SHARE * memory() * progress.states / max(progress.memory, 1)
-    )
+    memory = progress.memory + available_memory()
+    return int(tuning.EXPLORATION_MEMORY_SHARE * memory * progress.states / max(progress.memory, 1))
 
 
 class _TooManyTransitionsError(Exception):
@@ -283,7 +328,7 @@ def _symbolic_engine(
     if (
         space.symbolic.model.type is ModelType.MDP
         and engine.states <= tuning.MATERIALIZED_STATES
-        and size <= tuning.ROWS_MEMORY_SHARE * memory()
+        and size <= tuning.ROWS_MEMORY_SHARE * available_memory()
     ):
         _report_choice(
             observer,
@@ -291,7 +336,7 @@ def _symbolic_engine(
             f"{reason}, and its rows take only {size / 1e6:,.0f} MB",
         )
         return erased(materialize(engine))
-    if size <= tuning.ROWS_MEMORY_SHARE * memory():
+    if size <= tuning.ROWS_MEMORY_SHARE * available_memory():
         _report_choice(
             observer, "sparse", f"{reason}, and the rows that properties need fit into memory"
         )

@@ -20,6 +20,8 @@ from threading import Thread
 from types import ModuleType
 from typing import TypeVar
 
+from symcheck.machine import available_memory, limit_memory
+
 __all__ = ["LOST", "completed"]
 
 T = TypeVar("T")
@@ -108,7 +110,7 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
 
     A forked process would copy locks that threads hold, and the memory of this process.
     """
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_start_worker)
+    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _start_worker, (jobs,))
     try:
         yield pool
     except BaseException:
@@ -124,22 +126,25 @@ def _clean_start() -> Iterator[None]:
     """New processes import what their tasks need, and not the script that started them.
 
     So the script needs no `if __name__ == "__main__"`. Matrices are small for a BLAS: its threads
-    would compete with the processes; numpy reads the variable when it is imported.
+    would compete with the processes; numpy reads the variable when it is imported. They inherit
+    that Ctrl-C is blocked, and leave it to this process from the first moment on.
     """
     main, threads = sys.modules["__main__"], os.environ.get("OPENBLAS_NUM_THREADS")
     sys.modules["__main__"] = ModuleType("__main__")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         sys.modules["__main__"] = main
         if threads is None:
             del os.environ["OPENBLAS_NUM_THREADS"]
 
 
-def _start_worker() -> None:
-    """Ctrl-C is left to the parent; without a parent the worker ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _start_worker(jobs: int) -> None:
+    """Each of several workers has its share of the memory; without a parent it ends."""
+    limit_memory(available_memory() // jobs)
     parent = parent_process()
     assert parent is not None
 

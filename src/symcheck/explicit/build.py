@@ -32,6 +32,7 @@ from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
 from symcheck.kernels.explore.packed_states import sort_rows
+from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
 from symcheck.semantics import state_faults
@@ -97,6 +98,7 @@ class Exploration:
     seed: Rows | None = None
     layout: StateLayout = field(init=False)
     _explorer: Explorer = field(init=False, repr=False)
+    _max_memory: float = field(init=False, repr=False)
     _seconds: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
@@ -105,6 +107,11 @@ class Exploration:
                 f"explicit exploration of a model of type {self.model.type.value}"
             )
         started = time.perf_counter()
+        self._max_memory = (
+            tuning.MEMORY_SHARE * available_memory()
+            if self.options.max_memory is None
+            else self.options.max_memory
+        )
         self.layout = StateLayout.of(self.model.variables)
         self._initial = initial_rows(self.model, self.layout)
         self._explorer = Explorer(
@@ -189,10 +196,10 @@ class Exploration:
         )
 
     def _check_limits(self) -> None:
-        limit, memory = self.options.time_limit, self.options.max_memory
+        limit, memory = self.options.time_limit, self._max_memory
         if limit is not None and self._seconds >= limit:
             self._stop(TimeLimitError, f"the time limit of {limit:g} s is reached")
-        if memory is not None and self._explorer.nbytes > memory:
+        if self._explorer.nbytes > memory:
             self._stop(
                 MemoryLimitError,
                 f"the memory limit of {memory / 1e6:.0f} MB is reached",

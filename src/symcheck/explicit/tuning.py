@@ -34,6 +34,9 @@ jump.
 VALUATIONS_PER_BLOCK = 1 << 20
 """Valuations that the search for initial states extends at a time: 8 MB per variable."""
 
+MEMORY_SHARE = 0.9
+"""Share of the available memory that a search may take, unless the user sets a limit."""
+
 SECONDS_PER_SLICE = 0.05
 """Seconds of search between checks of limits and signals, so that Ctrl-C is answered at once. It
 affects no result.

@@ -127,6 +127,8 @@ def _save(parser: lark.Lark, path: Path) -> None:
         with draft.open("wb") as file:
             parser.save(file)
         draft.replace(path)
-    except OSError:
+    except OSError:  # the next run analyses the grammar again
+        pass
+    finally:
         with suppress(OSError):
-            draft.unlink()
+            draft.unlink(missing_ok=True)

@@ -16,7 +16,7 @@ from symcheck.check.state_formulas import states_of
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine, StateSet
-from symcheck.errors import SymcheckError, UnsupportedError, UsageError
+from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.options import MethodName, Options, OptionValues
 from symcheck.page.document import document, fragment
 from symcheck.semantics.model import BoundModel
@@ -42,6 +42,7 @@ from symcheck.teach.vectors import (
     reward_trace,
     until_trace,
 )
+from symcheck.whole_file import write_whole
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
@@ -103,11 +104,9 @@ class Page:
         return document(self.data)
 
     def save(self, path: str | Path) -> None:
-        """Write the page. Raises UsageError if it cannot be written."""
-        try:
-            Path(path).write_text(self.html, encoding="utf-8")
-        except OSError as error:
-            raise UsageError(f"cannot write {path}: {error.strerror}") from None
+        """Write the page. Raises UsageError or OutputError if it cannot be written."""
+        text = self.html
+        write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
     def __repr__(self) -> str:
         return f"<Page: {self.data['title']}, {len(self.data['shows'])} pictures and players>"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from symcheck.errors import UsageError
 from symcheck.page.document import fragment
 from symcheck.tables import optional_package
+from symcheck.whole_file import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -173,17 +174,18 @@ class Picture:
         path = Path(path)
         match path.suffix:
             case ".svg":
-                path.write_bytes(self.render("svg"))
+                content = self.render("svg")
             case ".png":
-                path.write_bytes(self.render("png"))
+                content = self.render("png")
             case ".pdf":
-                path.write_bytes(self.render("pdf"))
+                content = self.render("pdf")
             case ".dot":
-                path.write_text(self.dot, encoding="utf-8")
+                content = self.dot.encode()
             case other:
                 raise UsageError(
                     f"a picture cannot be saved as '{other}'\n  hint: use .svg, .png, .pdf or .dot"
                 )
+        write_whole(path, lambda temporary: temporary.write_bytes(content))
 
     def draw(self, axes: Axes | None = None) -> Axes:
         """Draw the picture into matplotlib axes, or into new ones of its size.

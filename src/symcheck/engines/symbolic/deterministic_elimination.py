@@ -37,7 +37,7 @@ from symcheck.engines.symbolic.sets import (
 from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.kernels.graph import deterministic_states as kernel
 from symcheck.kernels.rows import sparse
-from symcheck.machine import memory
+from symcheck.machine import available_memory
 from symcheck.matrices import tuning as matrix_tuning
 from symcheck.matrices.blocks import RowLayout, flatten, quad_dag
 from symcheck.matrices.rows import Bools, Floats, Int32s, SparseMatrix
@@ -433,7 +433,7 @@ class DeterministicElimination:
             return None
         system = self.last(left, right, reward)
         if system is None:
-            limit = int(tuning.ELIMINATION_MEMORY_SHARE * memory())
+            limit = int(tuning.ELIMINATION_MEMORY_SHARE * available_memory())
             system = eliminate(self.engine.diagrams, left, right, limit, reward)
             self._last = None if system is None else ref(system)
         return system

@@ -32,16 +32,10 @@ def write_umb(model: ExplicitExport, target: str) -> None:
     if Path(target).is_symlink() or (Path(target).exists() and not Path(target).is_file()):
         raise UsageError(f"cannot write '{target}': a UMB file is a plain file")
     made = umb_model(model)
-    # umbi looks at the ending of the name.
-    write_whole(target, lambda path: _written(made, path))
-
-
-def _written(made: Any, path: Path) -> None:
     import umbi.umb
 
-    ended = path.with_suffix(".umb")
-    umbi.umb.write(made, ended)
-    ended.replace(path)
+    # umbi looks at the ending of the name.
+    write_whole(target, lambda path: umbi.umb.write(made, path), ending=".umb")
 
 
 def umb_model(model: ExplicitExport) -> Any:

@@ -1,0 +1,243 @@
+"""Interrupt runs at random moments, and check that each ends as it should.
+
+python benchmarks/interrupts.py [--runs N] [--seed N] [--slack SECONDS]
+
+A run is stopped by a signal, by a limit of time or memory, by a full disk or by a closed pipe. It
+must then end within a second, with its exit status and one message, without a traceback, and each
+file must be whole or missing. The library is not imported: runs are processes of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import re
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+MODELS = Path(__file__).resolve().parent.parent / "models"
+
+ENGINES = ("", "-ex", "-s", "-h", "-m", "-exact")
+
+JOBS: tuple[str, ...] = (
+    "die/die.pm die/die.pctl -exporttrans die.tra -exportstates die.sta",
+    "crowds/crowds.pm crowds/crowds.pctl -const TotalRuns=3:5,CrowdSize=5 -exportresults r.csv",
+    "crowds/crowds.pm -const TotalRuns=5,CrowdSize=8 -exportmodel m.tra,sta,lab",
+    "kanban/kanban.sm -const t=2 -exporttrans k.tra -steadystate -exportss k.txt",
+    "herman/herman9.pm herman/herman9.pctl -exportresults r.json",
+    "dining/dining.nm dining/dining.pctl -exportresults r.csv",
+    "tandem/tandem.sm tandem/tandem.csl -const c=20,T=1 -exportvector v.txt",
+    "gambler/gambler.pm gambler/gambler.pctl -exportresults r.csv:csv",
+    "queue/queue.sm queue/queue.csl -exportresults r.csv",
+    "leader/leader.pm leader/leader.pctl -bisim -exportresults r.csv",
+    "multiplex/multiplex.pm multiplex/multiplex.pctl -const K=1 -exportresults r.csv",
+    "die/die.pm -simpath 20000,loopcheck=false path.txt",
+    "crowds/crowds.pm -const TotalRuns=4,CrowdSize=5:9 -jobs 2 -exporttrans c.tra "
+    "-exportresults r.csv crowds/crowds.pctl",
+    "die/die.pm die/die.pctl -exportpage p.html -exportdot d.dot -exportstrat s.txt",
+)
+"""Runs of a second or so; names of files without a dash before them that exist are models."""
+
+DISTURBANCES = ("SIGINT", "SIGTERM", "time", "memory", "space", "full output", "closed pipe")
+
+_BAD = re.compile(
+    r"Traceback|internal error|Exception ignored|Fatal|core dumped|^\s+File \"", re.MULTILINE
+)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run and its disturbance.
+
+    moment: seconds until a signal, or until the time limit. amount: bytes of memory, of a file or
+    of the output that is read.
+    """
+
+    words: tuple[str, ...]
+    kind: str
+    moment: float = 0.0
+    amount: int = 0
+    way: str = ""
+
+    def __str__(self) -> str:
+        return f"{' '.join(self.words)} | {self.kind} {self.way} {self.moment:.3f} s {self.amount}"
+
+
+@dataclass
+class Outcome:
+    """How a run ended. late: seconds from the disturbance to the end."""
+
+    status: int
+    out: str
+    err: str
+    late: float
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def trials(seed: int) -> Iterator[Trial]:
+    """Random trials without end."""
+    draw = random.Random(seed)
+    while True:
+        words = draw.choice(JOBS).split() + [w for w in [draw.choice(ENGINES)] if w]
+        if "-exportdot" in words and words[-1] in ("-ex", "-exact"):
+            words.pop()
+        whole = tuple(str(MODELS / w) if (MODELS / w).is_file() else w for w in words)
+        kind = draw.choice(DISTURBANCES)
+        moment = draw.choice((draw.uniform(0.05, 0.4), draw.uniform(0.0, 2.0)))
+        way, amount = "", 0
+        if kind == "memory":
+            way = draw.choice(("-cuddmaxmem", "SYMCHECK_MEMORY", "address space", "data"))
+            amount = int(2 ** draw.uniform(20, 29))
+            amount += (way in ("address space", "data")) * (100 << 20)
+        elif kind == "space":
+            amount = int(2 ** draw.uniform(4, 18))
+        elif kind == "closed pipe":
+            amount = draw.choice((0, draw.randrange(2000)))
+        yield Trial(whole, kind, moment, amount, way)
+
+
+def run(trial: Trial, command: tuple[str, ...] = (sys.executable, "-m", "symcheck")) -> Outcome:
+    """Carry out a trial in a folder of its own."""
+    words = [*command, *trial.words]
+    environment = {**os.environ}
+    limits: list[tuple[int, int]] = []
+    if trial.kind == "time":
+        words += ["-timeout", f"{max(trial.moment, 0.01):.3f}"]
+    elif trial.way == "-cuddmaxmem":
+        words += ["-cuddmaxmem", f"{trial.amount >> 10}k"]
+    elif trial.way == "SYMCHECK_MEMORY":
+        environment["SYMCHECK_MEMORY"] = f"{trial.amount >> 10}k"
+    elif trial.way:
+        limit = resource.RLIMIT_AS if trial.way == "address space" else resource.RLIMIT_DATA
+        limits.append((limit, trial.amount))
+    elif trial.kind == "space":
+        limits.append((resource.RLIMIT_FSIZE, trial.amount))
+
+    def prepare() -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for limit, amount in limits:
+            resource.setrlimit(limit, (amount, resource.getrlimit(limit)[1]))
+
+    with tempfile.TemporaryDirectory() as folder, open("/dev/full", "w") as full:
+        started = time.monotonic()
+        process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=full if trial.kind == "full output" else subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=folder,
+            env=environment,
+            preexec_fn=prepare,
+        )
+        disturbed = started + (trial.moment if trial.kind == "time" else 0.0)
+        if trial.kind in ("SIGINT", "SIGTERM"):
+            try:
+                process.wait(trial.moment)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.Signals[trial.kind])
+            disturbed = time.monotonic()
+        head = b""
+        if trial.kind == "closed pipe":
+            assert process.stdout is not None
+            head = process.stdout.read(trial.amount)
+            process.stdout.close()
+            process.stdout = None
+        try:
+            out, err = process.communicate(timeout=300)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            out, err = process.communicate()
+            err += b"\ndoes not end: internal error"
+        late = time.monotonic() - disturbed
+        files = {p.name: p.read_bytes() for p in Path(folder).iterdir()}
+    shown = head + (out or b"")
+    # A signal that arrives before Python has started ends the process; shells add 128 to it.
+    status = process.returncode if process.returncode >= 0 else 128 - process.returncode
+    return Outcome(status, shown.decode(), err.decode(), late, files)
+
+
+@cache
+def reference(words: tuple[str, ...]) -> Outcome:
+    """The run without a disturbance."""
+    return run(Trial(words, "none"))
+
+
+def faults(trial: Trial, found: Outcome, slack: float) -> list[str]:
+    """What is wrong with the end of a run."""
+    whole = reference(trial.words)
+    out: list[str] = []
+    text = found.err + found.out
+    if _BAD.search(text):
+        out.append("traceback")
+    stopped = {
+        "SIGINT": 130,
+        "SIGTERM": 143,
+        "time": 3,
+        "memory": 3,
+        "space": 1,
+        "full output": 1,
+        "closed pipe": 1,
+    }[trial.kind]
+    if found.status not in (whole.status, stopped):
+        out.append(f"status {found.status}")
+    if (
+        trial.kind not in ("SIGINT", "SIGTERM")
+        and found.status == stopped != whole.status
+        and "error: " not in found.err
+    ):
+        out.append("no message")
+    if trial.kind in ("SIGINT", "SIGTERM", "time") and found.late > 1 + slack:
+        out.append(f"late: {found.late:.2f} s")
+    for name, content in found.files.items():
+        if name not in whole.files:
+            out.append(f"left behind: {name}")
+        elif not name.startswith("r.") and name != "path.txt" and content != whole.files[name]:
+            out.append(f"half a file: {name}")
+        elif name == "r.csv" and not content.endswith(b"\n"):
+            out.append(f"half a table: {name}")
+    results = found.out.count("\nResult: ")
+    table = found.files.get("r.csv")
+    if table is not None and table.count(b"\n") - 1 < results:
+        out.append(f"{results} results in the output and {table.count(10) - 1} in the table")
+    if table is None and results and "r.csv" in trial.words and trial.kind != "space":
+        out.append("finished results were not written")
+    return out
+
+
+def main() -> int:
+    """Run the trials and print the counts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--slack", type=float, default=1.0, help="seconds for a loaded machine")
+    asked = parser.parse_args()
+    ends: Counter[tuple[str, int]] = Counter()
+    wrong = 0
+    latest = {"SIGINT": 0.0, "SIGTERM": 0.0, "time": 0.0}
+    for _, trial in zip(range(asked.runs), trials(asked.seed), strict=False):
+        found = run(trial)
+        ends[trial.kind, found.status] += 1
+        if trial.kind in latest:
+            latest[trial.kind] = max(latest[trial.kind], found.late)
+        if bad := faults(trial, found, asked.slack):
+            wrong += 1
+            print(f"{'; '.join(bad)}: {trial}\n{found.err[-1500:]}", flush=True)
+    for (kind, status), count in sorted(ends.items()):
+        print(f"{kind}: {count} runs ended with {status}")
+    print(", ".join(f"{kind}: ended after {t:.2f} s at most" for kind, t in latest.items()))
+    print(f"{wrong} of {asked.runs} runs ended wrongly")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
