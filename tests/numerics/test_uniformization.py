@@ -277,7 +277,6 @@ def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyP
         ("KRYLOV_STEPS", 0.0),
         ("KRYLOV_ENTRIES", 0.0),
         ("TRUNCATION_ENTRIES", 1.0),
-        ("RARE_GAIN_STATES", 1.0),
         ("SMOOTHING_STEPS", 50.0),
     ):
         monkeypatch.setattr(tuning, name, value)

@@ -88,13 +88,7 @@ CHECK_INTERVAL = 50
 UNDERFLOW_BOUND = 1e-300
 """Added to upper bounds: 1e7 steps with 1e3 roundings each lose less than this to underflow."""
 TRUNCATION_ENTRIES = 1e10
-"""Entries that uniformisation may visit before truncation is tried."""
-TRUNCATION_SHARE = 0.01
-"""Share of the expected work of uniformisation that is done before truncation is tried."""
-HOPELESS_ENTRIES = 1e12
-"""If uniformisation would visit more entries, truncation is tried ten times earlier."""
-RARE_GAIN_STATES = 0.01
-"""If at most this share of the states has a reward rate, truncation is tried first."""
+"""Entries that uniformisation would visit, from which on truncation is tried."""
 TRUNCATION_SHIFTS = (20.0, 5.0)
 """Laplace shifts a of the two rounds of truncation: the first is quick, the second keeps less."""
 TRUNCATION_MAX_KEPT = 0.5

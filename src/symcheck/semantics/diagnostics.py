@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Literal as Choice
 
 from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
 
 __all__ = ["DiagnosticCollector", "suggest"]
-
-Kind = Choice["name", "type", "input"]
-_CLASSES: dict[str, type[InputError]] = {"name": NameFault, "type": TypeFault, "input": InputError}
 
 
 class DiagnosticCollector:
@@ -20,7 +16,7 @@ class DiagnosticCollector:
     """
 
     def __init__(self) -> None:
-        self._diagnostics: dict[Diagnostic, Kind] = {}
+        self._diagnostics: dict[Diagnostic, type[InputError]] = {}
 
     def __bool__(self) -> bool:
         return bool(self._diagnostics)
@@ -30,44 +26,34 @@ class DiagnosticCollector:
         """The codes of the collected diagnostics."""
         return frozenset(d.code for d in self._diagnostics)
 
-    def add(self, kind: Kind, code: str, message: str, span: Span, hint: str | None = None) -> None:
-        """Add a diagnostic."""
-        self._diagnostics.setdefault(Diagnostic(message, span, code, hint), kind)
-
     def name(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
         """Add a diagnostic about an unknown, duplicate or undefined name."""
-        self.add("name", code, message, span, hint)
+        self.absorb(NameFault(Diagnostic(message, span, code, hint)))
 
     def type(self, message: str, span: Span, hint: str | None = None, code: str = "type") -> None:
         """Add a diagnostic about an expression of the wrong type."""
-        self.add("type", code, message, span, hint)
+        self.absorb(TypeFault(Diagnostic(message, span, code, hint)))
 
     def input(self, code: str, message: str, span: Span, hint: str | None = None) -> None:
         """Add a diagnostic about anything else."""
-        self.add("input", code, message, span, hint)
+        self.absorb(InputError(Diagnostic(message, span, code, hint)))
 
     def absorb(self, fault: InputError) -> None:
         """Add the diagnostics of an error that was raised."""
-        kind: Kind = (
-            "name"
-            if isinstance(fault, NameFault)
-            else "type"
-            if isinstance(fault, TypeFault)
-            else "input"
-        )
         for diagnostic in fault.diagnostics:
-            self._diagnostics.setdefault(diagnostic, kind)
+            self._diagnostics.setdefault(diagnostic, type(fault))
 
     def fault(self) -> InputError | None:
         """One error with all diagnostics; None if there are none.
 
-        It is a NameFault or TypeFault if all diagnostics are of that kind, otherwise an InputError.
+        It is a NameFault or TypeFault, for example, if all of them are, otherwise an InputError.
         """
         if not self._diagnostics:
             return None
         kinds = set(self._diagnostics.values())
+        kind = kinds.pop() if len(kinds) == 1 else InputError
         result = sorted(self._diagnostics, key=lambda d: (d.span.source.name, d.span.start))
-        return (_CLASSES[kinds.pop()] if len(kinds) == 1 else InputError)(*result)
+        return kind(*result)
 
     def raise_all(self) -> None:
         """Raise all diagnostics as one error, if there are any."""

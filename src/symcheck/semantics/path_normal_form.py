@@ -121,10 +121,10 @@ def normal_form(path: PathFormula, model: BoundModel) -> NormalForm:
             return Negated(UntilReached(*parts, _extent(bound, model)))
         case WeakUntil(left, right, bound):
             extent, a, not_b = _extent(bound, model), inner(left), _negation(inner(right))
-            neither = _connection(Operator.AND, _negation(a), not_b)
+            neither = _conjunction(_negation(a), not_b)
             # Without a lower bound, !b U (!a & !b) is equivalent, and its automaton is smaller.
             at_once = isinstance(extent, Window) and extent.at_once
-            before = not_b if at_once else _connection(Operator.AND, a, not_b)
+            before = not_b if at_once else _conjunction(a, not_b)
             return Negated(UntilReached(before, neither, extent))
         case Unary(UnaryOperator.NOT, operand):
             form = inner(operand)
@@ -186,10 +186,10 @@ def _negation(form: NormalForm) -> NormalForm:
             assert_never(form)
 
 
-def _connection(operator: Operator, left: NormalForm, right: NormalForm) -> NormalForm:
+def _conjunction(left: NormalForm, right: NormalForm) -> NormalForm:
     if isinstance(left, StateFormula) and isinstance(right, StateFormula):
-        return StateFormula(Binary(operator, left.formula, right.formula))
-    return Connected(operator, left, right)
+        return StateFormula(Binary(Operator.AND, left.formula, right.formula))
+    return Connected(Operator.AND, left, right)
 
 
 def _extent(bound: PathBound | None, model: BoundModel) -> Extent:

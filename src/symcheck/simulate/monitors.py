@@ -5,8 +5,9 @@ A path occupies its current state from `time` to `leave` (one step in discrete t
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, assert_never
+from typing import assert_never
 
 import numpy as np
 
@@ -68,24 +69,24 @@ Decision = tuple[Bools, Floats]
 """Which paths are decided (bool[n]), and their values (float64[n], undefined where undecided)."""
 
 
-class Monitor(Protocol):
+class Monitor(ABC):
     """A property that is decided state by state along sampled paths."""
 
     @property
     def atoms(self) -> tuple[Expression, ...]:
         """The state formulas that the monitor reads; the chain numbers them in this order."""
-        ...
-
-    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
-        """Decide the paths whose value the current states determine."""
-        ...
+        return ()
 
     @property
     def goal(self) -> Goal | None:
         """The states that an unbounded path must reach to be decided; None if every path is decided
         after finitely many steps.
         """
-        ...
+        return None
+
+    @abstractmethod
+    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
+        """Decide the paths whose value the current states determine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,57 +122,31 @@ class Goal:
         return ~backward_reachable(matrix, target, through)[ids]
 
 
-def _undecided(ids: Int32s) -> Decision:
-    return np.zeros(len(ids), np.bool_), np.zeros(len(ids))
-
-
 @dataclass(frozen=True)
-class _StateMonitor:
-    """Whether the first state of a path satisfies a formula."""
+class _StepMonitor(Monitor):
+    """Whether the state after `step` steps satisfies a formula and is entered within an interval of
+    time.
+    """
 
     target: Expression
-    negative: bool = False
-
-    @property
-    def atoms(self) -> tuple[Expression, ...]:
-        return (self.target,)
-
-    @property
-    def goal(self) -> Goal | None:
-        return None
-
-    def decide(self, chain: LazyChain, paths: Paths) -> Decision:
-        holds = chain.satisfies(0, paths.ids) ^ self.negative
-        return np.ones(len(holds), np.bool_), holds.astype(np.float64)
-
-
-@dataclass(frozen=True)
-class _NextMonitor:
-    """Whether the second state satisfies a formula and is entered within a time interval."""
-
-    target: Expression
+    step: int
     lower: float
     upper: float | None
-    negative: bool = False
+    negative: bool
 
     @property
     def atoms(self) -> tuple[Expression, ...]:
         return (self.target,)
 
-    @property
-    def goal(self) -> Goal | None:
-        return None
-
     def decide(self, chain: LazyChain, paths: Paths) -> Decision:
-        if paths.step == 0:
-            return _undecided(paths.ids)
+        decided = np.full(len(paths.ids), paths.step == self.step)
         upper = np.inf if self.upper is None else self.upper
         holds = chain.satisfies(0, paths.ids) & (paths.time >= self.lower) & (paths.time <= upper)
-        return np.ones(len(holds), np.bool_), (holds ^ self.negative).astype(np.float64)
+        return decided, (holds ^ self.negative).astype(np.float64)
 
 
 @dataclass(frozen=True)
-class _UntilMonitor:
+class _UntilMonitor(Monitor):
     """Whether `right` holds at some time of an interval, and `left` at all times before."""
 
     left: Expression
@@ -202,18 +177,10 @@ class _UntilMonitor:
 
 
 @dataclass(frozen=True)
-class _CumulativeMonitor:
+class _CumulativeMonitor(Monitor):
     """The reward accumulated until a time."""
 
     time: float
-
-    @property
-    def atoms(self) -> tuple[Expression, ...]:
-        return ()
-
-    @property
-    def goal(self) -> Goal | None:
-        return None
 
     def decide(self, chain: LazyChain, paths: Paths) -> Decision:
         if not chain.continuous:
@@ -223,18 +190,10 @@ class _CumulativeMonitor:
 
 
 @dataclass(frozen=True)
-class _InstantaneousMonitor:
+class _InstantaneousMonitor(Monitor):
     """The state reward at a time."""
 
     time: float
-
-    @property
-    def atoms(self) -> tuple[Expression, ...]:
-        return ()
-
-    @property
-    def goal(self) -> Goal | None:
-        return None
 
     def decide(self, chain: LazyChain, paths: Paths) -> Decision:
         occupied = paths.leave > self.time if chain.continuous else paths.time >= self.time
@@ -242,7 +201,7 @@ class _InstantaneousMonitor:
 
 
 @dataclass(frozen=True)
-class _ReachabilityMonitor:
+class _ReachabilityMonitor(Monitor):
     """The reward accumulated before `target` is reached; infinite if it is never reached."""
 
     target: Expression
@@ -275,11 +234,11 @@ def path_monitor(path: PathFormula, model: BoundModel) -> Monitor:
 def _monitor(form: NormalForm, model: BoundModel, *, negative: bool) -> Monitor:
     match form:
         case StateFormula(formula):
-            return _StateMonitor(formula, negative)
+            return _StepMonitor(formula, 0, 0.0, None, negative)
         case Negated(operand):
             return _monitor(operand, model, negative=not negative)
         case NextState(StateFormula(target), extent):
-            return _NextMonitor(target, *_time_bounds(only_window(extent), model), negative)
+            return _StepMonitor(target, 1, *_time_bounds(only_window(extent), model), negative)
         case UntilReached(StateFormula(left), StateFormula(right), extent):
             return _UntilMonitor(left, right, *_time_bounds(only_window(extent), model), negative)
         case Connected() | NextState() | UntilReached():

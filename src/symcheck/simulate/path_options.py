@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 
 from symcheck.errors import UsageError
@@ -9,6 +10,8 @@ from symcheck.simulate.path import PathFormat
 
 __all__ = ["PathOptions", "parse_path_options"]
 
+_COMMA = r",(?![^(]*\))"
+"""A comma outside of parentheses."""
 _SEPARATORS = {"space": " ", "comma": ",", "tab": "\t"}
 _OPTIONS = (
     "vars=(x,…), sep=space|comma|tab, rewards=, probs=, changes=, loopcheck= (true or false), "
@@ -37,7 +40,7 @@ class PathOptions:
 def parse_path_options(text: str) -> PathOptions:
     """Parse the first argument of -simpath. Raises UsageError."""
     options, changes = PathOptions(), None
-    for item in _items(text):
+    for item in map(str.strip, re.split(_COMMA, text)):
         name, equals, value = (x.strip() for x in item.partition("="))
         match name:
             case "deadlock" if not equals:
@@ -88,18 +91,6 @@ def _format_option(path_format: PathFormat, item: str, name: str, value: str) ->
                 f"-simpath: unknown option '{item}'\n  hint: N, time=T or deadlock, and then "
                 f"{_OPTIONS}"
             )
-
-
-def _items(text: str) -> list[str]:
-    """Split at commas outside of parentheses."""
-    items, depth = [""], 0
-    for character in text:
-        depth += (character == "(") - (character == ")")
-        if character == "," and depth == 0:
-            items.append("")
-        else:
-            items[-1] += character
-    return [i.strip() for i in items]
 
 
 def _flag(item: str, value: str) -> bool:

@@ -33,7 +33,6 @@ class Sampler:
         reward: the reward that the property accumulates; None if it reads no reward.
         labels: labels of the properties file.
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
-        max_branches: see `LazyChain`.
         max_steps: steps after which an undecided path raises NumericalError, because leaving it
             out, or giving it any value, would bias the estimate.
 
@@ -49,7 +48,6 @@ class Sampler:
     labels: Mapping[str, Expression] = field(default_factory=dict)
     max_steps: int = 10_000
     fix_deadlocks: bool = True
-    max_branches: int = tuning.MAX_BRANCHES
     samples: int = 0
     steps: int = 0
     longest: int = 0
@@ -62,7 +60,6 @@ class Sampler:
             self.reward,
             tuple(compile_predicate(a, self.model, layout, labels) for a in self.monitor.atoms),
             fix_deadlocks=self.fix_deadlocks,
-            max_branches=self.max_branches,
         )
         self._initial: Rows = initial_rows(self.model, layout)
         if len(self._initial) != 1:

@@ -7,11 +7,15 @@ UnsupportedError if matplotlib is not installed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import IO, Any, Protocol, runtime_checkable
+from typing import IO, TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from symcheck.errors import UnsupportedError, UsageError
-from symcheck.matrices.rows import Floats, Int64s
+from symcheck.matrices.rows import Int64s
 from symcheck.tables import optional_package
+
+if TYPE_CHECKING:
+    from symcheck.numerics.linear.problem import Progress
+    from symcheck.symbolic.model import Iteration
 
 __all__ = ["axes_of", "plot_blocks", "plot_bounds", "plot_orders", "plot_search", "read_image"]
 
@@ -19,30 +23,6 @@ _MOST_OCCURRENCES = 20_000
 """More rectangles than this are not legible, and take matplotlib seconds."""
 
 _BLUE, _ORANGE, _GREEN = "#1f4e8c", "#c8641b", "#2b7a33"
-
-
-class Counted(Protocol):
-    """An iteration of the reachability search (`symcheck.symbolic.model.Iteration`)."""
-
-    @property
-    def number(self) -> int: ...
-    @property
-    def states(self) -> int | None: ...
-    @property
-    def nodes(self) -> int | None: ...
-    @property
-    def frontier_nodes(self) -> int | None: ...
-
-
-class Bounded(Protocol):
-    """An iteration of a numerical method (`symcheck.numerics.linear.problem.Progress`)."""
-
-    @property
-    def iteration(self) -> int: ...
-    @property
-    def lower(self) -> Floats | None: ...
-    @property
-    def upper(self) -> Floats | None: ...
 
 
 class Ordered(Protocol):
@@ -79,7 +59,7 @@ class Framed(Protocol):
     """A frame of a trace of the search (`symcheck.teach.SearchFrame`)."""
 
     @property
-    def iteration(self) -> Counted: ...
+    def iteration(self) -> Iteration: ...
 
 
 def _require_frames(given: object, expected: str) -> None:
@@ -87,7 +67,7 @@ def _require_frames(given: object, expected: str) -> None:
         raise UsageError(f"{expected}, not {given!r}")
 
 
-def plot_search(iterations: Iterable[Counted | Framed], axes: Any = None, title: str = "") -> Any:
+def plot_search(iterations: Iterable[Iteration | Framed], axes: Any = None, title: str = "") -> Any:
     """Plot BDD nodes of the reached set and of the frontier per iteration, and states on the right.
 
     Args:
@@ -115,7 +95,7 @@ def plot_search(iterations: Iterable[Counted | Framed], axes: Any = None, title:
 
 
 def plot_bounds(
-    steps: Iterable[Bounded],
+    steps: Iterable[Progress],
     state: int = 0,
     axes: Any = None,
     truth: float | None = None,

@@ -106,7 +106,6 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
             system.n,
             average.iterations,
             average.explanation,
-            average.certified,
         )
     )
     return average.lower, average.upper

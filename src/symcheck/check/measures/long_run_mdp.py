@@ -19,7 +19,6 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.matrices.rows import Bools
 from symcheck.numerics.linear.problem import largest_width
-from symcheck.numerics.settings import Accuracy
 from symcheck.semantics.rewards import Reward
 
 if TYPE_CHECKING:
@@ -72,19 +71,13 @@ def _average(
     negative = not context.engine.exact and gains.lower.min() < 0
     shift = 2 * np.abs(gains.lower).max() if negative else 0
     shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
-    quotient = mec_quotient(system.matrix, shifted, direction)
+    problem, state = mec_quotient(system.matrix, shifted, direction)
     gain_error = float(
         ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
     )
-    accuracy = Accuracy(
-        method=options.method,
-        epsilon=max(finer.epsilon, 4.0 * gain_error),
-        relative=options.relative,
-        certify=options.certify,
-        max_iterations=options.max_iterations,
-    )
-    found = solve_linear(quotient.problem, accuracy, observer)
-    lower, upper = found.lower[quotient.state], found.upper[quotient.state]
+    accuracy = replace(finer, epsilon=max(finer.epsilon, 4.0 * gain_error))
+    found = solve_linear(problem, accuracy, observer)
+    lower, upper = found.lower[state], found.upper[state]
     exact = found.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
     if not exact:
         # The shift is rounded, and so are values that are exact up to rounding.
@@ -108,7 +101,7 @@ def _average(
     context.log.runs.append(run)
     context.warn_if_wide(largest_width(lower, upper, options.relative), explanation)
     values = system.lift(
-        found.middle[quotient.state] if exact else lower, None if exact else upper, exact=exact
+        found.middle[state] if exact else lower, None if exact else upper, exact=exact
     )
     return _with_qualitative(context, gains, values, direction) if share else values
 

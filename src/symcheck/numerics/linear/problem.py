@@ -179,12 +179,9 @@ class LinearProblem:
             else out
         )
 
-    def with_constant(
-        self, constant: Numbers, upper: Numbers | None = None, probability: bool | None = None
-    ) -> LinearProblem:
-        """The same equations with other constants."""
-        kind = self.probability if probability is None else probability
-        return replace(self, constant=constant, upper=upper, probability=kind, exit=self.leaving)
+    def with_constant(self, constant: Numbers, upper: Numbers) -> LinearProblem:
+        """The same equations with other constants and their upper bounds."""
+        return replace(self, constant=constant, upper=upper, exit=self.leaving)
 
 
 @dataclass(frozen=True, eq=False)

@@ -295,29 +295,21 @@ def _floating_bias(chain: SparseMatrix, rewards: Floats, anchor: int) -> Floats 
     return solution if np.isfinite(solution).all() else None
 
 
-@dataclass(frozen=True, eq=False)
-class MecQuotient:
-    """The equations of the quotient by maximal end components.
-
-    Attributes:
-        problem: the equations; each component is one state with one more row, which stops and
-            yields its gain.
-        state: the state of the quotient of each state, int32[n].
-    """
-
-    problem: LinearProblem
-    state: Int32s
-
-
-def mec_quotient(matrix: SparseMatrix, gains: Gains, direction: Direction) -> MecQuotient:
+def mec_quotient(
+    matrix: SparseMatrix, gains: Gains, direction: Direction
+) -> tuple[LinearProblem, Int32s]:
     """The equations for the optimal expected gain of the end component in which a run stays.
 
-    Every strategy stops almost surely on the quotient, so the solution is unique.
+    Each maximal end component is one state of the quotient with one more row, which stops and
+    yields its gain. Every strategy stops almost surely, so the solution is unique.
 
     Args:
         matrix: the MDP.
         gains: bounds on the gains, which must not be negative.
         direction: maximise or minimise.
+
+    Returns:
+        The equations, and the state of the quotient of each state, int32[n].
     """
     parts = gains.parts
     state, count = parts.quotient_states()
@@ -334,7 +326,4 @@ def mec_quotient(matrix: SparseMatrix, gains: Gains, direction: Direction) -> Me
     none, one = full(len(rows), 0, exact=matrix.exact), full(parts.count, 1, exact=matrix.exact)
     low, high = (np.concatenate((none, g))[order] for g in (gains.lower, gains.upper))
     leave = np.concatenate((none, one))[order]
-    return MecQuotient(
-        LinearProblem(low, whole.choose(order, groups), high, leave, direction, False),
-        state,
-    )
+    return LinearProblem(low, whole.choose(order, groups), high, leave, direction, False), state

@@ -52,7 +52,6 @@ class Average:
 
     lower: float
     upper: float
-    certified: bool
     iterations: int
     explanation: str
 
@@ -129,7 +128,7 @@ def long_run_average(
     """
     if rates.exact:
         average = (rational.stationary_distribution(rates) * rewards).sum()
-        return Average(average, average, True, 1, f"{rates.states} states: rational elimination")
+        return Average(average, average, 1, f"{rates.states} states: rational elimination")
     n = rates.states
     limit = (
         tuning.STATIONARY_OPERATIONS
@@ -158,7 +157,7 @@ def _weighted(known: Stationary, rewards: Floats) -> Average:
     rounding_error = (
         (len(rewards) + 2) * tuning.UNIT_ROUNDOFF * float(known.upper @ np.abs(rewards))
     )
-    return Average(low - rounding_error, high + rounding_error, True, 1, known.explanation)
+    return Average(low - rounding_error, high + rounding_error, 1, known.explanation)
 
 
 def _bordered(rates: SparseMatrix, leave: Floats) -> SplitMatrix:
@@ -229,7 +228,6 @@ def _poisson_equation(
     note = f"{rates.states} states: preconditioned BiCGStab on the Poisson equation, {made} steps"
     return Average(
         *best,
-        True,
         made,
         note + ("" if _close_enough(best, settings) else ", accuracy not reached"),
     )

@@ -62,7 +62,6 @@ class EpochSystem:
       on lead to its own block. Self-loops are divided out.
     reward: the reward of each row. slack: bound on the relative rounding error of each row.
     full: whether no probability of a row is missing.
-    row_id: the row of the matrix.
     steps: h with h >= 1 + A h on cycles.
     inverse, inverse_at: the entries of (I - A)^-1 in floating point, of block b from
       `inverse_at[b]` on (-1: there is no inverse).
@@ -80,7 +79,6 @@ class EpochSystem:
     reward: Int64s
     slack: Floats
     full: Bools
-    row_id: Int64s
     steps: Floats
     inverse: Floats
     inverse_at: Int64s
@@ -176,7 +174,6 @@ def _ordered(
         # A deterministic row copies a value, which rounds nothing.
         slack=np.where((lengths == 1) & full, 0.0, (2.0 * lengths + 12.0) * tuning.UNIT_ROUNDOFF),
         full=full,
-        row_id=rows,
         steps=np.ones(lead.count),
         inverse=np.zeros(0),
         inverse_at=np.full(blocks.count, -1, np.int64),

@@ -319,7 +319,7 @@ def _path(matrix: Floats, first: Floats, time: float, greatest: Floats, toleranc
     Intervals are halved until the defect, weighted by `greatest`, is at most `tolerance` or due to
     rounding.
     """
-    size, slope = len(first), _differentiation()
+    size, (slope, _) = len(first), _chebyshev()
     stages, modes = np.linalg.eig(slope[1:, 1:])
     back = np.linalg.inv(modes)
     norm = float(np.linalg.norm(matrix, 1))
@@ -358,14 +358,21 @@ def _path(matrix: Floats, first: Floats, time: float, greatest: Floats, toleranc
     return path
 
 
-def _differentiation() -> Floats:
-    """The differentiation matrix at the Chebyshev points of [-1, 1] (Trefethen 2000)."""
-    k = np.arange(tuning.COLLOCATION_DEGREE + 1)
-    x = -np.cos(np.pi * k / tuning.COLLOCATION_DEGREE)
-    c = np.where((k == 0) | (k == tuning.COLLOCATION_DEGREE), 2.0, 1.0) * (-1.0) ** k
-    difference = x[:, None] - x[None, :] + np.eye(tuning.COLLOCATION_DEGREE + 1)
-    slope = np.outer(c, 1.0 / c) / difference
-    return np.asarray(slope - np.diag(slope.sum(axis=1)))
+def _chebyshev() -> tuple[Floats, Floats]:
+    """Matrices for a polynomial that is given at the Chebyshev points of [-1, 1].
+
+    Returns:
+        Its derivative at these points, and its values at `tuning.SAMPLES` + 1 points.
+    """
+    from numpy.polynomial.chebyshev import chebder, chebpts2, chebvander
+
+    degree = tuning.COLLOCATION_DEGREE
+    nodes = chebpts2(degree + 1)
+    coefficients = np.linalg.inv(chebvander(nodes, degree))
+    return (
+        np.asarray(chebvander(nodes, degree - 1) @ chebder(coefficients)),
+        np.asarray(chebvander(chebpts2(tuning.SAMPLES + 1), degree) @ coefficients),
+    )
 
 
 def _defect(
@@ -377,7 +384,7 @@ def _defect(
     greatest = _greatest(basis)
     norm = np.abs(matrix)
     constant = float(np.max(np.abs(first @ basis - speed)))
-    slope, finer = _differentiation(), _samples()
+    slope, finer = _chebyshev()
     total = 0.0
     for length, nodes in zip(path.lengths, path.nodes, strict=True):
         derivative = slope @ nodes * (2.0 / length)
@@ -399,16 +406,6 @@ def _defect(
         )
         total += length * tuning.SAMPLING_FACTOR * (sampled + float(most @ rounding))
     return total
-
-
-def _samples() -> Floats:
-    """The matrix that samples a polynomial, given at the Chebyshev points, at more points."""
-    nodes = np.pi * np.arange(tuning.COLLOCATION_DEGREE, -1, -1.0) / tuning.COLLOCATION_DEGREE
-    angles = np.pi * np.arange(tuning.SAMPLES, -1, -1.0) / tuning.SAMPLES
-    k = np.arange(tuning.COLLOCATION_DEGREE + 1.0)
-    return np.asarray(
-        np.linalg.solve(np.cos(np.outer(nodes, k)).T, np.cos(np.outer(angles, k)).T).T
-    )
 
 
 def _greatest(rows: Floats) -> Floats:

@@ -132,44 +132,24 @@ class _Horizon:
         """The uniformised chain."""
         return uniformize(self.rates, self.exit_rates)
 
-    @property
-    def entries(self) -> float:
-        """The entries that uniformisation visits if it is not cut short."""
-        return self.chain.q * self.time * self.chain.entries
-
     def part(self, start: Floats, source: bool) -> Transient:
         """The part of the terminal values or of the reward rate, by the first that applies."""
         rates, interest = self.rates, self.interest
         if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
-            # If few states have a reward rate, few states are likely to matter.
-            rare = (
-                source
-                and self.entries > tuning.TRUNCATION_ENTRIES
-                and np.count_nonzero(start) < tuning.RARE_GAIN_STATES * len(start)
-            )
-            part = self.on_truncated_space(rates, interest, start) if rare else None
-            part = part or self.by_rational_krylov(rates, interest, start, source)
-            if part is None and source and not rare:
-                part = self.by_series(start, source, self.budget())
-                part = part or self.on_truncated_space(rates, interest, start)
-            if part is not None:
-                return part
-        part = self.by_series(start, source)
-        assert part is not None
-        return part
+            entries = self.chain.q * self.time * self.chain.entries
+            found = None
+            if source and entries > tuning.TRUNCATION_ENTRIES:
+                found = self.on_truncated_space(rates, interest, start)
+            found = found or self.by_rational_krylov(rates, interest, start, source)
+            if found is not None:
+                return found
+        return self.by_series(start, source)
 
-    def by_series(self, start: Floats, source: bool, budget: float = math.inf) -> Transient | None:
-        """Uniformisation; None if it would visit more entries than the budget."""
+    def by_series(self, start: Floats, source: bool) -> Transient:
+        """Uniformisation."""
         y = start / self.chain.q if source else start
         return _sum_series(
-            self.chain,
-            y,
-            self.time,
-            source,
-            self.settings,
-            self.interest,
-            self.observer,
-            budget=budget,
+            self.chain, y, self.time, source, self.settings, self.interest, self.observer
         )
 
     def by_rational_krylov(
@@ -215,7 +195,6 @@ class _Horizon:
             tail=1e-16,
             growth=growth,
         )
-        assert first is not None
         smoothing_error = later_growth * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
         reward_rate = start if source else None
         found = krylov_values(
@@ -241,16 +220,6 @@ class _Horizon:
             f"{found.vectors} vectors, {found.steps} steps of BiCGStab"
         )
         return Transient(lower, upper, first.iterations + found.steps, note)
-
-    def budget(self) -> float:
-        """Entries that uniformisation may visit before truncation is tried."""
-        entries = self.entries
-        if entries <= tuning.TRUNCATION_ENTRIES:
-            return math.inf
-        if entries > tuning.HOPELESS_ENTRIES:
-            return 0.1 * tuning.TRUNCATION_ENTRIES
-        share = tuning.TRUNCATION_SHARE * entries
-        return min(tuning.TRUNCATION_ENTRIES, max(0.1 * tuning.TRUNCATION_ENTRIES, share))
 
     def on_truncated_space(
         self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats
@@ -287,7 +256,6 @@ class _Horizon:
         if weights is not None:
             found = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
         found = found or smaller.by_series(reward_rate[kept], True)
-        assert found is not None
         lower, upper = (
             np.zeros(rates.states),
             np.full(rates.states, time * float(reward_rate.max()) * (1.0 + 1e-9)),
@@ -304,7 +272,6 @@ def transient_distribution(
     initial: Floats,
     time: float,
     settings: Settings,
-    observer: Observer | None = None,
 ) -> Transient:
     """Bounds on the probability of each state at a time.
 
@@ -313,11 +280,9 @@ def transient_distribution(
         initial: the initial distribution, float64[n].
         time: the time.
         settings: accuracy and limits.
-        observer: receives the progress.
     """
     chain = uniformize(rates, exit_rates, transposed=True)
-    found = _sum_series(chain, initial, time, False, settings, None, observer, mass=True)
-    assert found is not None
+    found = _sum_series(chain, initial, time, False, settings, None, None, mass=True)
     found.upper[:] = np.minimum(found.upper, 1.0)
     return found
 
@@ -331,15 +296,13 @@ def _sum_series(
     interest: Int64s | None,
     observer: Observer | None,
     mass: bool = False,
-    budget: float = math.inf,
     tail: float = 1e-300,
     growth: float = 1.0,
-) -> Transient | None:
+) -> Transient:
     """The sum of weight_k * P^k start over the Poisson window, cut short if bounds permit it.
 
     source: the weights are P(N > k), else P(N = k).
     mass: start is a distribution, whose sum does not grow; else values, whose maximum does not.
-    budget: None is returned if more entries would be visited.
     tail: weights below this part of the largest are omitted and counted as an error.
     growth: bound on the growth of the maximum in the steps that count; if it exceeds 1, no values
       are treated as negligible.
@@ -397,8 +360,6 @@ def _sum_series(
                     len(weights),
                     f", then a steady ratio of {0.5 * (low + high):.12g} per step",
                 )
-        if k * chain.entries > budget:
-            return None
         check_interval = min(max(tuning.CHECK_INTERVAL, k // 20), len(weights) - k)
 
 

@@ -49,6 +49,7 @@ def check_constant_names(program: Program, constants: Mapping[str, ConstantValue
     report.raise_all()
 
 
+@with_deep_recursion
 def bind(
     program: Program,
     constants: Mapping[str, ConstantValue] | None = None,
@@ -71,18 +72,9 @@ def bind(
     Examples:
         >>> model = bind(parse_model(text), {"N": 3})
     """
-    return with_deep_recursion(lambda: _bind(program, constants or {}, model_type, exact))
-
-
-def _bind(
-    program: Program,
-    constants: Mapping[str, ConstantValue],
-    model_type: ModelType | None,
-    exact: bool,
-) -> BoundModel:
     report = DiagnosticCollector()
     table = SymbolTable(report, exact)
-    set_constants(table, program.constants, constants)
+    set_constants(table, program.constants, constants or {})
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()

@@ -158,6 +158,7 @@ def _unknown(name: str, known: Iterable[str]) -> Diagnostic:
     return Diagnostic(message, NO_SPAN, "unknown-constant", suggest(name, known), "warning")
 
 
+@with_deep_recursion
 def bind_properties(
     file: PropertiesFile, model: BoundModel, constants: Mapping[str, ConstantValue] | None = None
 ) -> BoundProperties:
@@ -174,9 +175,10 @@ def bind_properties(
     Examples:
         >>> bind_properties(parse_properties('P=? [ F "done" ]'), model).properties[0].formula
     """
-    return with_deep_recursion(lambda: _Properties(file, model, constants or {}).bind())
+    return _Properties(file, model, constants or {}).bind()
 
 
+@with_deep_recursion
 def bind_expression(
     expression: Expression,
     model: BoundModel,
@@ -197,24 +199,12 @@ def bind_expression(
     Raises:
         NameFault, TypeFault, InputError: all faults of the expression.
     """
-    return with_deep_recursion(
-        lambda: _bind_expression(expression, model, labels or {}, constants or {}, formulas or {})
-    )
-
-
-def _bind_expression(
-    expression: Expression,
-    model: BoundModel,
-    labels: Mapping[str, Expression],
-    constants: Mapping[str, Value],
-    formulas: Mapping[str, Expression],
-) -> tuple[Expression, Type]:
     report = DiagnosticCollector()
     table = _table(model, report)
-    for name, value in constants.items():
+    for name, value in (constants or {}).items():
         table.define(Constant(name, type_of_value(value), None), value)
-    table.formulas.update({n: Formula(n, x) for n, x in formulas.items()})
-    known = {**model.labels, **labels}
+    table.formulas.update({n: Formula(n, x) for n, x in (formulas or {}).items()})
+    known = {**model.labels, **(labels or {})}
 
     def inline(node: Tree) -> Tree:
         return known.get(node.name, node) if isinstance(node, LabelReference) else node

@@ -8,7 +8,6 @@ from symcheck.errors import InputError
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
-from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import (
     Binary,
@@ -27,7 +26,6 @@ from symcheck.syntax.ast import (
     RewardOperator,
     RewardQuery,
     TimeBound,
-    Type,
     Unary,
     UnaryTemporal,
 )
@@ -175,7 +173,7 @@ class _Conditions:
         value = self._constant(expression, what)
         if value is None:
             return None
-        if self.model.type is not ModelType.CTMC and type_of(expression, {}) is not Type.INT:
+        if self.model.type is not ModelType.CTMC and not isinstance(value, int):
             message = (
                 f"{what} counts steps in a {self.model.type.value.upper()}: it must be an int, "
                 "not a double"

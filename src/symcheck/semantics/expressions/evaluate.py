@@ -57,6 +57,7 @@ Meaning = Callable[[Value, Value, bool, Node], Value]
 FunctionMeaning = Callable[[Sequence[Value], bool, Node], Value]
 
 
+@with_deep_recursion
 def evaluate(
     expression: Expression, valuation: Mapping[str, Value], *, exact: bool = False
 ) -> Value:
@@ -74,7 +75,7 @@ def evaluate(
         ModelFault: the expression has no value (see the module's docstring).
         NameFault: a name has no value.
     """
-    return with_deep_recursion(lambda: _evaluate(expression, valuation, exact))
+    return _evaluate(expression, valuation, exact)
 
 
 def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: bool) -> Value:

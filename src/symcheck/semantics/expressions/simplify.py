@@ -18,6 +18,7 @@ from symcheck.syntax.traversal import Tree, children, transform
 __all__ = ["simplify", "simplify_node"]
 
 
+@with_deep_recursion
 def simplify(
     expression: Expression, *, exact: bool = False, types: Mapping[str, Type] | None = None
 ) -> Expression:
@@ -30,9 +31,7 @@ def simplify(
     Args:
         types: types of names; they allow more simplification of `?:` with a constant condition.
     """
-    return with_deep_recursion(
-        lambda: transform(expression, lambda node: simplify_node(node, exact, types or {}))
-    )
+    return transform(expression, lambda node: simplify_node(node, exact, types or {}))
 
 
 def simplify_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:

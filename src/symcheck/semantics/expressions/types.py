@@ -59,6 +59,7 @@ _FILTER_TYPES = {
 _BOOLEAN_FILTERS = frozenset({"count", "forall", "exists"})
 
 
+@with_deep_recursion
 def type_of(
     expression: Expression, lookup: Mapping[str, Type], labels: Mapping[str, Type] | None = None
 ) -> Type:
@@ -84,9 +85,7 @@ def type_of(
             report.name("unknown-label", f'unknown label "{node.name}"', node.span)
         return (labels or {}).get(node.name)
 
-    actual = with_deep_recursion(
-        lambda: Typer(report, name, None if labels is None else label).state(expression)
-    )
+    actual = Typer(report, name, None if labels is None else label).state(expression)
     report.raise_all()
     assert actual is not None
     return actual
