@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from symcheck.exchange.api_io import load_explicit as load_explicit
     from symcheck.exchange.from_function import from_function as from_function
     from symcheck.exchange.from_matrix import from_matrix as from_matrix
+    from symcheck.exchange.induced import induced_chain as induced_chain
+    from symcheck.exchange.strategy_reader import load_strategy as load_strategy
     from symcheck.experiments.run import experiment as experiment
     from symcheck.explicit.build import explore as explore
     from symcheck.options import Options as Options
@@ -54,6 +56,8 @@ _MODULES = {
     "exchange.api_io": "export load_explicit",
     "exchange.from_function": "from_function",
     "exchange.from_matrix": "from_matrix",
+    "exchange.induced": "induced_chain",
+    "exchange.strategy_reader": "load_strategy",
     "experiments.run": "experiment",
     "explicit.build": "explore",
     "options": "Options",

@@ -156,36 +156,39 @@ def test_files():
         write_strategy(strategy, out, kind, **kwargs)
         return out.getvalue()
 
-    assert written("actions") == "(0):go\n(1):out\n(2):\n(3):\n"
-    assert written("indices").splitlines()[:2] == [
-        f"0:{strategy.rows[0]}",
-        f"1:{strategy.rows[1] - 2}",
+    assert written("actions") == "(0)=go\n(1)=out\n"  # the other states have nothing to decide
+    assert written("indices").splitlines() == [
+        f"0={strategy.rows[0]}",
+        f"1={strategy.rows[1] - 2}",
     ]
     assert written("induced") == "4 5\n0 1 1 go\n1 2 0.5 out\n1 3 0.5 out\n2 2 1\n3 3 1\n"
     assert written("dot").startswith("digraph")
-    assert '1 -> 3 [label="0.5 : out"];' in written("dot")
+    assert '1 -> 3 [label="0.5:out"];' in written("dot")
     least = check_text(engine_of(ROUND), "Pmin=? [ F s=2 ]", strategy=True).strategy
     out = StringIO()
     write_strategy(least, out)
     assert "(2)" not in out.getvalue()
     assert np.array_equal(least.reachable[2:], [False, False])
-    restricted = "".join(strategy_texts(strategy, StrategyTarget("", "induced", restrict=True)))
+    reached = "".join(strategy_texts(least, StrategyTarget("", "induced", reach=True)))
+    assert reached == f"2 2\n0 {least.induced.indices[0]} 1 {least.actions[0]}\n1 0 1 on\n"
+    whole = StrategyTarget("", "induced", restrict=True, reach=False)
+    restricted = "".join(strategy_texts(strategy, whole))
     assert restricted == "4 4 5\n0 0 1 1 go\n1 0 2 0.5 out\n1 0 3 0.5 out\n2 0 2 1\n3 0 3 1\n"
     numbers = "".join(strategy_texts(least, StrategyTarget("", states=False, reach=True)))
-    assert numbers.splitlines() == [f"{s}:{least.actions[s]}" for s in (0, 1)]
+    assert numbers.splitlines() == [f"{s}={least.actions[s]}" for s in (0, 1) if least.matters[s]]
     drawn = "".join(
         strategy_texts(strategy, StrategyTarget("", "dot", restrict=True, states=False))
     )
-    assert '1 [label="1"];\n1 -> n1 [label="out",arrowhead="none"];' in drawn
-    assert 'n1 -> 3 [label="0.5"];' in drawn
+    assert '1 -> n1_0 [label="0:out",arrowhead="none"];' in drawn
+    assert 'n1_0 -> 3 [label="0.5"];' in drawn
 
 
 def test_targets():
     assert strategy_target("a.txt") == StrategyTarget("a.txt")
-    assert strategy_target("a.tra") == StrategyTarget("a.tra", "induced")
-    assert strategy_target("x:y.dot") == StrategyTarget("x:y.dot", "dot", reach=True)
+    assert strategy_target("a.tra") == StrategyTarget("a.tra", "induced", reach=False)
+    assert strategy_target("x:y.dot") == StrategyTarget("x:y.dot", "dot")
     assert strategy_target("a:type=induced,mode=restrict,states=false") == StrategyTarget(
-        "a", "induced", restrict=True, states=False
+        "a", "induced", restrict=True, reach=False, states=False
     )
     with pytest.raises(UsageError):
         strategy_target("a:type=other")
@@ -202,7 +205,7 @@ def test_what_is_remembered():
     assert set(run) == {"go", "on"}
     out = StringIO()
     write_strategy(strategy, out)
-    assert out.getvalue().startswith("(0,0):go\n")
+    assert out.getvalue().startswith("(0),0=go\n")
     late = check_text(engine_of(ROUND), "Pmax=? [ F<=2 s=2 ]", strategy=True)
     assert late.value == 0.5
     assert late.strategy.actions[late.strategy.entry[0]] == "go"

@@ -108,6 +108,7 @@ class Arguments(argparse.Namespace):
     exportresults: str | None
     jobs: int
     exportstrat: str | None
+    importstrat: str | None
     exportvector: str | None
     nobuild: bool
     test: bool
@@ -407,6 +408,12 @@ def _imports(parser: _Parser) -> None:
         ("transrewards", "transition rewards (.trew)"),
     ):
         parser.add(f"import{name}", metavar="FILE", help=f"read the {what} of a model")
+    parser.add(
+        "importstrat",
+        metavar="FILE",
+        help="follow the strategy in FILE (as -exportstrat writes it): check, simulate and export "
+        "the chain that it induces on an mdp",
+    )
     parser.add(
         "importinitdist",
         metavar="FILE",

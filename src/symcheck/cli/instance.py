@@ -63,6 +63,8 @@ def _check_instance(
     constants = {n: str(v) for n, v in model.given_constants.items()}
     try:
         watch = Progress(state.output)
+        if a.importstrat is not None:
+            model = _under_strategy(state, model, a.importstrat)
         model = _bound_model(state, model.with_observer(_observer(state, watch)), asked)
         if a.simpath:
             write_path(a, state.output, model, varying)
@@ -100,6 +102,21 @@ def _check_instance(
         check_property(state, model, instance, plan, shared, {**varying, **own, **number})
 
 
+def _under_strategy(state: RunState, model: Model, file: str) -> Model:
+    """The chain that a strategy in a file induces. Raises SymcheckError."""
+    from symcheck.exchange.induced import induced_chain
+    from symcheck.exchange.strategy_reader import load_strategy
+
+    strategy = load_strategy(model, file)
+    open_ = int((strategy.reachable & ~strategy.matters & (strategy.choice_counts > 1)).sum())
+    if open_:
+        state.output.warn(
+            f'"{file}" leaves out {open_} states that are reached and have several choices: '
+            "the first one is taken"
+        )
+    return induced_chain(model, strategy)
+
+
 def _observer(state: RunState, watch: Progress) -> Progress | None:
     """The observer of builders.
 
@@ -115,7 +132,7 @@ def _bound_model(state: RunState, model: Model, asked: Sequence[PropertyInstance
     """
     a = state.arguments
     state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
-    if not state.options.reduce or a.imports_model:
+    if not state.options.reduce or model.bound.builder is not None:
         return model
     if state.options.fairness:
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")

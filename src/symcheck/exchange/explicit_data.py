@@ -109,6 +109,7 @@ class ExplicitData:
         rewards: the reward structures, float64 or Fractions.
         contributions: what each action contributes to the transitions of a chain; None without
             actions.
+        names: constants and formulas that properties may use.
     """
 
     type: ModelType
@@ -119,6 +120,7 @@ class ExplicitData:
     labels: Mapping[str, Bools]
     rewards: Sequence[ExplicitRewards]
     contributions: Contributions | None = None
+    names: Program | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -267,8 +269,11 @@ def imported_program(given: ExplicitData) -> Program:
         declared.append(
             VariableDeclaration(name, kind, low if whole else None, high if whole else None, None)
         )
+    names = given.names or Program(None)
     return Program(
         given.type,
+        names.constants,
+        names.formulas,
         labels=tuple(Label(n, _TRUE) for n in given.labels if n not in ("init", "deadlock")),
         modules=(Module("imported", tuple(declared), ()),),
         rewards=tuple(RewardStructure(r.name, ()) for r in given.rewards),

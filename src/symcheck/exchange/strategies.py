@@ -1,8 +1,11 @@
-"""Strategies as files: a list of actions, the induced Markov chain, or a graph."""
+"""Strategies as files in PRISM's forms: decisions of states, the induced Markov chain, or a graph.
+
+Source: the page 'Strategies' of the PRISM manual, version 4.8.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TextIO
 
@@ -10,8 +13,12 @@ import numpy as np
 
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UsageError
-from symcheck.exchange.text import number_text
-from symcheck.matrices.rows import Bools
+from symcheck.exchange.explicit_data import build_imported
+from symcheck.exchange.explicit_export import ExplicitExport, explicit_export
+from symcheck.exchange.formats.dot import dot_file
+from symcheck.exchange.formats.prism_writer import transitions_file
+from symcheck.exchange.induced import induced_data
+from symcheck.options import Options
 from symcheck.semantics.expressions.literals import format_state
 
 __all__ = ["KINDS", "StrategyTarget", "strategy_target", "strategy_texts", "write_strategy"]
@@ -26,14 +33,15 @@ class StrategyTarget:
     Attributes:
         path: the file, or 'stdout'.
         kind: one of KINDS.
-        reach: write only the states that are reachable under the strategy.
+        reach: write only the states that are reachable under the strategy; the induced chain then
+            numbers them anew.
         restrict: write the induced model as an MDP with one choice per state.
         states: write the values of states instead of their numbers.
     """
 
     path: str
     kind: str = "actions"
-    reach: bool = False
+    reach: bool = True
     restrict: bool = False
     states: bool = True
 
@@ -41,8 +49,8 @@ class StrategyTarget:
 def strategy_target(argument: str) -> StrategyTarget:
     """Parse `FILE[:type=KIND][,reach=…][,mode=restrict|reduce][,states=…]`.
 
-    Without `type`, the extension of the file says the kind. Without `reach`, a graph has only the
-    reachable states.
+    Without `type`, the extension of the file says the kind. Without `reach`, only the induced chain
+    has the states that are not reached.
 
     Raises:
         UsageError: an option is unknown.
@@ -58,10 +66,8 @@ def strategy_target(argument: str) -> StrategyTarget:
         "dot" if path.endswith(".dot") else "induced" if path.endswith(".tra") else "actions",
     )
     mode = options.pop("mode", "reduce")
-    reach, states = (
-        options.pop("reach", "true" if kind == "dot" else "false"),
-        options.pop("states", "true"),
-    )
+    reach = options.pop("reach", "false" if kind == "induced" else "true")
+    states = options.pop("states", "true")
     if (
         kind not in KINDS
         or mode not in ("restrict", "reduce")
@@ -76,23 +82,22 @@ def strategy_target(argument: str) -> StrategyTarget:
 
 
 def strategy_texts(strategy: Strategy, target: StrategyTarget) -> Iterator[str]:
-    """The lines of the file of a strategy.
+    """The lines of the file of a strategy, as in PRISM.
 
-    By kind: 'actions' has `(values):action` per state. 'indices' has `state:choice`, with the
-    number of the choice within the state. 'induced' has the induced chain: `states transitions`,
-    then `source target probability [action]` (as an MDP: `states choices transitions`, then `source
-    0 target probability [action]`). 'dot' has the induced chain as a graph.
+    By kind: 'actions' has `(values)=action` per state, 'indices' `state=choice` with the number of
+    the choice within its state; with memory, `(values),memory=action` and `state,memory=choice`.
+    States whose choice is irrelevant are left out. 'induced' is the induced Markov chain as a
+    `.tra` file (or the MDP with one choice per state), 'dot' its graph.
     """
-    shown = strategy.reachable if target.reach else np.ones(strategy.engine.states, dtype=np.bool_)
     match target.kind:
         case "actions":
-            return _actions(strategy, shown, target.states)
+            return _decisions(strategy, target, strategy.actions, values=target.states)
         case "indices":
-            return _indices(strategy, shown)
+            return _decisions(strategy, target, strategy.choices.tolist(), values=False)
         case "induced":
-            return _induced(strategy, shown, target.restrict)
+            return transitions_file(_export(strategy, target))
         case "dot":
-            return _dot(strategy, shown, target)
+            return dot_file(_export(strategy, target), states=target.states)
         case _:
             raise UsageError(
                 f"there is no strategy file of type '{target.kind}'; there are {', '.join(KINDS)}"
@@ -100,52 +105,31 @@ def strategy_texts(strategy: Strategy, target: StrategyTarget) -> Iterator[str]:
 
 
 def write_strategy(
-    strategy: Strategy, out: TextIO, kind: str = "actions", *, reach: bool = True
+    strategy: Strategy, out: TextIO, kind: str = "actions", *, reach: bool | None = None
 ) -> None:
-    """Write `strategy_texts` to a stream."""
+    """Write `strategy_texts` to a stream; reach=None: as `strategy_target` without `reach`."""
+    reach = kind != "induced" if reach is None else reach
     out.writelines(strategy_texts(strategy, StrategyTarget("", kind, reach)))
 
 
-def _actions(strategy: Strategy, shown: Bools, values: bool) -> Iterator[str]:
-    states = strategy.states() if values else range(strategy.engine.states)
-    for state, action, there in zip(states, strategy.actions, shown.tolist(), strict=True):
+def _decisions(
+    strategy: Strategy, target: StrategyTarget, chosen: Sequence[object], *, values: bool
+) -> Iterator[str]:
+    shown = strategy.matters & strategy.reachable if target.reach else strategy.matters
+    states: Iterable[object] = strategy.origin.tolist()
+    if values:
+        states = map(format_state, strategy.base.valuations(strategy.base.all))
+        states = np.array(list(states), dtype=object)[strategy.origin]
+    memory = (
+        [""] * len(shown)
+        if strategy.memory is None
+        else [f",{m}" for m in strategy.memory.tolist()]
+    )
+    for state, m, choice, there in zip(states, memory, chosen, shown.tolist(), strict=True):
         if there:
-            yield f"{format_state(state) if isinstance(state, tuple) else state}:{action}\n"
+            yield f"{state}{m}={choice}\n"
 
 
-def _indices(strategy: Strategy, shown: Bools) -> Iterator[str]:
-    assert strategy.engine.matrix.groups is not None
-    numbers = strategy.rows - strategy.engine.matrix.groups[:-1]
-    yield from (f"{s}:{numbers[s]}\n" for s in np.flatnonzero(shown).tolist())
-
-
-def _entries(strategy: Strategy, shown: Bools) -> Iterator[tuple[int, int, float]]:
-    chain = strategy.induced
-    for s in np.flatnonzero(shown).tolist():
-        span = slice(int(chain.indptr[s]), int(chain.indptr[s + 1]))
-        row = sorted(zip(chain.indices[span].tolist(), chain.data[span].tolist(), strict=True))
-        yield from ((s, t, p) for t, p in row)
-
-
-def _induced(strategy: Strategy, shown: Bools, restrict: bool) -> Iterator[str]:
-    actions, entries = strategy.actions, list(_entries(strategy, shown))
-    choices, number = (f"{int(shown.sum())} ", "0 ") if restrict else ("", "")
-    yield f"{strategy.engine.states} {choices}{len(entries)}\n"
-    for s, t, p in entries:
-        yield f"{s} {number}{t} {number_text(p)}" + (f" {actions[s]}\n" if actions[s] else "\n")
-
-
-def _dot(strategy: Strategy, shown: Bools, target: StrategyTarget) -> Iterator[str]:
-    actions = strategy.actions
-    yield "digraph strategy {\nnode [shape=box];\n"
-    for s, state in enumerate(strategy.states()):
-        if shown[s]:
-            values = f"\\n{format_state(state)}" if target.states else ""
-            yield f'{s} [label="{s}{values}"];\n'
-            if target.restrict:
-                yield f'{s} -> n{s} [label="{actions[s]}",arrowhead="none"];\n'
-                yield f'n{s} [shape=point,label=""];\n'
-    for s, t, p in _entries(strategy, shown):
-        label = f"{p:.6g}" + (f" : {actions[s]}" if actions[s] and not target.restrict else "")
-        yield f'{"n" * target.restrict}{s} -> {t} [label="{label}"];\n'
-    yield "}\n"
+def _export(strategy: Strategy, target: StrategyTarget) -> ExplicitExport:
+    data = induced_data(strategy, reach=target.reach, restrict=target.restrict)
+    return explicit_export(build_imported(data, Options()))

@@ -162,7 +162,11 @@ class Simulator:
     def _following(self, strategy: Strategy) -> StepStrategy:
         """Makes the choices of a strategy: those with its action and the nearest distribution."""
         if strategy.memory is not None:
-            raise UsageError("a strategy with memory cannot be followed state by state")
+            raise UsageError(
+                "a strategy with memory cannot be followed state by state\n"
+                "  hint: symcheck.induced_chain(model, strategy).simulator() has the memory as a "
+                "variable"
+            )
         matrix, states = strategy.induced, list(strategy.states())
         numbers, actions = {state: n for n, state in enumerate(states)}, strategy.actions
 

@@ -41,6 +41,7 @@ from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UnsupportedError
+from symcheck.matrices.numbers import is_infinite
 from symcheck.matrices.rows import Bools, Int64s, spans
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
@@ -77,8 +78,8 @@ def strategy_of(
     if context.engine.model.type is not ModelType.MDP:
         kind = context.engine.model.type.name
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind}")
-    if context.engine.exact or context.options.fairness:
-        raise UnsupportedError("strategies are not supported with -exact or -fair")
+    if context.options.fairness:
+        raise UnsupportedError("strategies are not supported with -fair")
     if not isinstance(formula, ProbabilityOperator | RewardOperator):
         raise UnsupportedError(
             "strategies are supported for P and R formulas, without conditions (||)"
@@ -226,7 +227,7 @@ class _StrategyBuilder:
         questions = self.engine.graph
         certain = questions.prob1(everything, target, self.direction.dual)
         system = self.engine.system(certain - target, self.direction)
-        if np.isinf(system.step_rewards(reward)).any():
+        if is_infinite(system.step_rewards(reward)).any():
             raise UnsupportedError(
                 "strategies are not supported if a reward of a single step is infinite"
             )

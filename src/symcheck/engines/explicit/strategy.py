@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import count, islice
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.product import ProductModel
 from symcheck.engines.states import variable_names
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph
@@ -27,8 +28,9 @@ class Strategy(Tabular):
     Attributes:
         engine: the model, or its product with an automaton if the strategy has memory.
         rows: the row of each state, int64[states].
-        direction: whether the strategy attains the minimum or the maximum.
-        matters: the states in which the choice is relevant to the value, bool[states].
+        direction: whether the strategy attains the minimum or the maximum; None if it was read.
+        matters: the states in which the choice is relevant to the value, bool[states]; of a
+            strategy that was read, those in the file.
         memory: the state of the automaton in each state of the product, int32[states]; None without
             memory.
         entry: the initial state of the product for each state of the model; None without memory.
@@ -36,7 +38,7 @@ class Strategy(Tabular):
 
     engine: ExplicitEngine = field(repr=False)
     rows: Int64s = field(repr=False)
-    direction: Direction
+    direction: Direction | None
     matters: Bools = field(repr=False)
     memory: Int32s | None = field(default=None, repr=False)
     entry: Int64s | None = field(default=None, repr=False)
@@ -50,6 +52,38 @@ class Strategy(Tabular):
     def reachable(self) -> Bools:
         """States that the strategy reaches from the initial ones."""
         return graph.forward_reachable(self.induced, self.engine.initial.members)
+
+    @property
+    def base(self) -> ExplicitEngine:
+        """The model, without memory."""
+        explored = self.engine.explored
+        return (
+            cast(ExplicitEngine, explored.base)
+            if isinstance(explored, ProductModel)
+            else (self.engine)
+        )
+
+    @property
+    def origin(self) -> Int64s:
+        """The number of the model's state in each state, int64[states]."""
+        explored = self.engine.explored
+        if isinstance(explored, ProductModel):
+            return explored.state.astype(np.int64)
+        return np.arange(self.engine.states)
+
+    @property
+    def choice_counts(self) -> Int64s:
+        """The number of choices of each state, int64[states]."""
+        groups = self.engine.matrix.groups
+        assert groups is not None
+        return np.diff(groups)
+
+    @property
+    def choices(self) -> Int64s:
+        """The number of the choice within its state, in each state, int64[states]."""
+        groups = self.engine.matrix.groups
+        assert groups is not None
+        return self.rows - groups[:-1]
 
     @property
     def actions(self) -> list[str]:

@@ -1,0 +1,154 @@
+"""Strategies as files and as chains: what is written is read, and the chain has the value."""
+
+from __future__ import annotations
+
+from io import StringIO
+from math import isclose, isinf
+from random import Random
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import symcheck
+from exchange.models import some_model
+from symcheck.errors import SyntaxFault, UnsupportedError, UsageError
+from symcheck.exchange.strategies import strategy_target, strategy_texts, write_strategy
+from symcheck.syntax.ast import ModelType
+
+ROBOT = """mdp
+const double p = 1/2;
+module m
+  x : [0..3];
+  b : bool;
+  [safe] x=0 -> (x'=1);
+  [fast] x=0 -> p : (x'=3) + 1-p : (x'=2);
+  [safe] x=1 -> p : (x'=3) & (b'=true) + 1-p : (x'=0);
+  [] x>1 -> true;
+endmodule
+formula home = x=3;
+label "goal" = home;
+rewards "steps" x<3 : 1; [fast] true : 3; endrewards
+"""
+GOAL = 'P{}=? [ F "goal" ]'
+FORMULAS = [
+    GOAL,
+    'P{}=? [ "b" U "a" ]',
+    'P{}=? [ G "b" ]',
+    'P{}=? [ F<=3 "a" ]',
+    'P{}=? [ G F "a" ]',
+    'P{}=? [ (G F "a") & (F G !"b") ]',
+    'R{}=? [ F "a" ]',
+]
+NUMBERS = [{}, {"exact": True}]
+
+
+def same(found, wanted, *, exact):
+    if isinf(wanted):
+        return isinf(found)
+    return found == wanted if exact else isclose(found, wanted, rel_tol=1e-6, abs_tol=1e-9)
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    seed=st.integers(0, 10**9),
+    direction=st.sampled_from(["min", "max"]),
+    formula=st.sampled_from(FORMULAS[1:]),
+    options=st.sampled_from(NUMBERS),
+)
+def test_the_chain_has_the_optimal_value(seed, direction, formula, options):
+    text = some_model(Random(seed), "mdp").text
+    model = symcheck.loads(text, strategy=True, **options)
+    best = model.check(formula.format(direction))
+    assume(not best.warnings)
+    for reach in (True, False):
+        chain = symcheck.induced_chain(model, best, reach=reach)
+        assert chain.bound.type is ModelType.DTMC
+        found = chain.check(formula.format("")).value
+        assert same(found, best.value, exact=bool(options))
+
+
+@pytest.mark.parametrize("kind", ["actions", "indices", "actions,states=false"])
+@pytest.mark.parametrize("options", NUMBERS)
+def test_what_is_written_is_read(kind, options, tmp_path):
+    model = symcheck.loads(ROBOT, strategy=True, **options)
+    best = model.check(GOAL.format("max"))
+    path = tmp_path / "s.txt"
+    path.write_text("".join(strategy_texts(best.strategy, strategy_target(f"s:type={kind}"))))
+    read = symcheck.load_strategy(model, path)
+    assert read.rows.tolist() == best.strategy.rows.tolist()
+    chain = symcheck.induced_chain(model, read)
+    assert chain.check(GOAL.format("")).value == 1
+    # Constants, formulas, labels and rewards are those of the model.
+    assert chain.check("P=? [ F home & b ]").value == 1
+    assert chain.check('R{"steps"}=? [ F "goal" ]').value == pytest.approx(4, rel=1e-6)
+    assert chain.check("p").value == 0.5
+
+
+def test_lines():
+    model = symcheck.loads(ROBOT, strategy=True)
+    out = StringIO()
+    write_strategy(model.check(GOAL.format("max")).strategy, out)
+    assert out.getvalue() == "(0,false)=safe\n(1,false)=safe\n"
+    bounded = model.check('Pmax=? [ F<=1 "goal" ]').strategy
+    out = StringIO()
+    write_strategy(bounded, out)
+    assert out.getvalue().startswith("(0,false),0=fast\n")
+
+
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "hybrid", "mtbdd"])
+def test_every_engine_checks_the_chain(engine):
+    model = symcheck.loads(ROBOT, strategy=True, engine=engine)
+    chain = symcheck.induced_chain(model, model.check(GOAL.format("min")))
+    assert chain.engine.name == engine
+    assert chain.check(GOAL.format("")).value == pytest.approx(0.5)
+    chain = symcheck.induced_chain(model, model.check('Pmax=? [ (F x=1) & (F "goal") ]'))
+    assert chain.check('P=? [ (F x=1) & (F "goal") ]').value == 1
+    assert "memory" in [v.name for v in chain.variables]
+
+
+def test_the_chain_is_simulated():
+    model = symcheck.loads(ROBOT, strategy=True)
+    chain = symcheck.induced_chain(model, model.check('Pmax=? [ F<=3 "goal" ]'))
+    assert {step.action for step in chain.simulate(8, seed=1).steps} <= {None, "safe", "fast"}
+    simulator = chain.simulator(seed=1)
+    assert len(simulator.choices) == 1
+    assert set(simulator.state) == {"x", "b", "memory"}
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("(0,false)=walk\n", SyntaxFault, r"(?s)s.txt:1:1.*no choice with action 'walk'.*'safe'"),
+        ("(9,false)=safe\n", SyntaxFault, r"\(9,false\) is not a reachable state .*\(x,b\)"),
+        ("0=5\n", SyntaxFault, "the state has no choice 5: it has 2, numbered from 0"),
+        ("77=0\n", SyntaxFault, "state 77 does not exist"),
+        ("0=0\n0=1\n", SyntaxFault, "(?s)s.txt:2:1.*in the file already"),
+        ("0 go\n", SyntaxFault, r"(?s)a line should hold a state.*such as \(0,true\)=go"),
+        ("(0,false),1=safe\n", UnsupportedError, "(?s)memory.*-importmodel"),
+    ],
+)
+def test_faults(text, error, message, tmp_path):
+    (tmp_path / "s.txt").write_text(text)
+    with pytest.raises(error, match=message):
+        symcheck.load_strategy(symcheck.loads(ROBOT), tmp_path / "s.txt")
+
+
+def test_what_has_no_strategy(tmp_path):
+    (tmp_path / "s.txt").write_text("0=0\n")
+    with pytest.raises(UnsupportedError, match="only for MDPs"):
+        symcheck.load_strategy(symcheck.loads("dtmc module m endmodule"), tmp_path / "s.txt")
+    model = symcheck.loads(ROBOT)
+    with pytest.raises(UsageError, match="strategy=True"):
+        symcheck.induced_chain(model, model.check(GOAL.format("max")))
+
+
+def test_equal_actions_need_indices(tmp_path):
+    text = "mdp module m x:[0..1]; [a] x=0 -> true; [a] x=0 -> (x'=1); [a] x=1 -> true; endmodule"
+    model = symcheck.loads(text)
+    (tmp_path / "s.txt").write_text("(0)=a\n")
+    with pytest.raises(SyntaxFault, match=r"(?s)2 choices with action 'a'.*type=indices"):
+        symcheck.load_strategy(model, tmp_path / "s.txt")
+    (tmp_path / "s.txt").write_text("0=1\n")
+    chain = symcheck.induced_chain(model, symcheck.load_strategy(model, tmp_path / "s.txt"))
+    assert chain.check("P=? [ F x=1 ]").value == 1
