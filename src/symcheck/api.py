@@ -85,7 +85,7 @@ F = TypeVar("F", bound=Callable[..., object])
 Observer = Callable[[object], None]
 ModelTypeName = Literal["dtmc", "ctmc", "mdp"]
 
-_FILE_NAME = re.compile(r"[^\s\[\]]+\.(pctl|csl|ltl|props|prop|prctl)")
+_FILE_NAME = re.compile(r"[^\s\[\]]+\.(pctl|csl|ltl|props|prop|prctl|jani)")
 """A text that names a file of properties and is none itself."""
 
 
@@ -691,7 +691,9 @@ def load(
     type: ModelType | ModelTypeName | None = None,
     **options: Unpack[OptionValues],
 ) -> Model:
-    """Read a model file in the PRISM language.
+    """Read a model file in the PRISM language, or in the JANI format (.jani).
+
+    `check_all` of the same JANI file checks its properties.
 
     Args:
         path: the file.

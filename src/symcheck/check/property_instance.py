@@ -11,6 +11,7 @@ from symcheck.semantics.binding.bind import BoundProperty, bind_properties, need
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.declarations import Program, PropertiesFile
+from symcheck.syntax.printer import pretty
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
@@ -46,9 +47,12 @@ class PropertyInstance:
 
     @property
     def text(self) -> str:
-        """The property as the user wrote it, without its name, on one line."""
+        """The property as the user wrote it, without its name, on one line.
+
+        One that was written in another language (JANI) is printed in PRISM's.
+        """
         given = self.file.properties[self.index]
-        text = given.span.text.strip().rstrip(";")
+        text = given.span.text.strip().rstrip(";") or pretty(given.formula)
         if given.name is not None and text.startswith('"'):
             text = text.partition(":")[2]
         return " ".join(text.split())

@@ -280,7 +280,7 @@ def _options(parser: _Parser, group: str) -> None:
 
 def _input(parser: _Parser) -> None:
     parser.add_argument(
-        "model", nargs="?", metavar="MODEL", help="model file (.pm .prism .sm .nm …)"
+        "model", nargs="?", metavar="MODEL", help="model file (.pm .prism .sm .nm … .jani)"
     )
     parser.add_argument(
         "properties", nargs="?", metavar="PROPERTIES", help="properties file (.pctl .csl .props …)"
@@ -600,7 +600,7 @@ def make_parser() -> _Parser:
     parser = _Parser(
         prog="symcheck",
         usage="symcheck MODEL [PROPERTIES] [switches]",
-        description="Checks probabilistic models (DTMC, CTMC, MDP in the PRISM language) "
+        description="Checks probabilistic models (DTMC, CTMC, MDP in the PRISM language or JANI) "
         "against PCTL, CSL and LTL properties.",
         epilog=HELP_EPILOGUE,
         formatter_class=_Formatter,

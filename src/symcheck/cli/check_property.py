@@ -104,7 +104,7 @@ def report_unparsed(state: RunState, property: UnparsedProperty) -> None:
     if verdict.kind is not VerdictKind.PASS:
         verdict = Verdict(VerdictKind.FAIL, message)
     expected = expected_value(property.comments, {})
-    place = property.fault.diagnostics[0].span
+    place = property.place
     line = place.source.position(place.start)[0]
     state.conclude(
         PropertyTest(property.text, {}, expected, message, verdict, 0.0, place.source.name, line)

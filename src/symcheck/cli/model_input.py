@@ -7,11 +7,11 @@ from pathlib import Path
 from symcheck.api import Model
 from symcheck.cli.arguments import Arguments
 from symcheck.errors import UsageError
-from symcheck.syntax.parse import parse_model_file
+from symcheck.syntax.parse import is_jani, parse_model_file
 
 __all__ = ["choose_model_file", "read_model"]
 
-_MODEL_ENDINGS = (".pm", ".sm", ".nm", ".prism")
+_MODEL_ENDINGS = (".pm", ".sm", ".nm", ".prism", ".jani")
 _EXPLICIT_ENDINGS = (".all", ".umb")
 
 
@@ -19,7 +19,8 @@ def choose_model_file(a: Arguments) -> str:
     """The file of the model. The files without a switch become the model and the properties.
 
     A first file `*.all` or `*.umb` is an explicit model. If an -import switch names the model, the
-    first file is that of the properties.
+    first file is that of the properties. A JANI file has properties of its own, which are checked
+    if no others are given.
 
     Raises:
         UsageError: there is no model, or there are two.
@@ -51,6 +52,8 @@ def choose_model_file(a: Arguments) -> str:
             f"cannot read {a.properties}: there is no such file"
             "\n  hint: commas separate constants: -const N=3,p=0.5"
         )
+    if a.model is not None and is_jani(a.model) and a.properties is None and not a.pf:
+        a.properties = a.model
     source = a.model or a.importmodel or a.importtrans
     if source is None:
         raise UsageError(

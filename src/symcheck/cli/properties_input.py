@@ -12,9 +12,14 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
-from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
+from symcheck.errors import Diagnostic, Source, Span, SymcheckError, SyntaxFault
 from symcheck.syntax.declarations import PropertiesFile
-from symcheck.syntax.parse import parse_properties, parse_properties_file
+from symcheck.syntax.parse import (
+    is_jani,
+    parse_jani_file,
+    parse_properties,
+    parse_properties_file,
+)
 from symcheck.syntax.tree_builder import comments_above
 
 __all__ = ["PropertiesInput", "UnparsedProperty", "read_properties"]
@@ -26,16 +31,18 @@ _COMMENT = re.compile(r"//[^\n]*")
 
 @dataclass(frozen=True)
 class UnparsedProperty:
-    """A property that does not follow the grammar.
+    """A property that does not follow the grammar, or that JANI has and symcheck has not.
 
     Attributes:
-        text: on one line.
-        fault: what does not follow the grammar.
+        text: on one line; of a JANI file its name.
+        fault: why there is no property.
+        place: where it stands.
         comments: the comment lines directly above.
     """
 
     text: str
-    fault: SyntaxFault
+    fault: SymcheckError
+    place: Span
     comments: Sequence[str] = ()
 
 
@@ -61,7 +68,7 @@ def read_properties(path: str | None, texts: Sequence[str]) -> PropertiesInput:
         UsageError: the file cannot be read.
         SyntaxFault: no property of a text follows the grammar.
     """
-    parts = [] if path is None else [_parsed(partial(parse_properties_file, Path(path)))]
+    parts = [] if path is None else [_file(path)]
     parts += [_parsed(partial(parse_properties, text, "-pf")) for text in texts]
     unparsed: dict[int, UnparsedProperty] = {}
     count = 0
@@ -70,6 +77,17 @@ def read_properties(path: str | None, texts: Sequence[str]) -> PropertiesInput:
         count += len(part.file.properties)
     declarations = [fault for part in parts for fault in part.declarations]
     return PropertiesInput(_joined([part.file for part in parts]), unparsed, declarations)
+
+
+def _file(path: str) -> PropertiesInput:
+    if not is_jani(path):
+        return _parsed(partial(parse_properties_file, Path(path)))
+    found = parse_jani_file(path)
+    unparsed = {}
+    for i, fault in found.faults.items():
+        given = found.properties.properties[i]
+        unparsed[i] = UnparsedProperty(given.name or f"{i + 1}", fault, given.span)
+    return PropertiesInput(found.properties, unparsed)
 
 
 def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
@@ -112,6 +130,7 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
                     removed[start + place] = UnparsedProperty(
                         " ".join(_bare(whole).split()),
                         SyntaxFault(*own),
+                        own[0].span,
                         comments_above(source.text, start + place),
                     )
         try:

@@ -59,10 +59,14 @@ class Choice:
 
 
 def _command_text(model: BoundModel, command: BoundCommand) -> str:
-    """The text of a command; that of a renamed module has the new names."""
-    name = model.modules[command.module].name
-    if not any(isinstance(m, RenamedModule) and m.name == name for m in model.program.modules):
-        return " ".join(command.span.text.split()).rstrip("; ")
+    """The text of a command; that of a renamed module has the new names.
+
+    An edge of a JANI model, which is an object { … }, is printed as a command.
+    """
+    name, text = model.modules[command.module].name, " ".join(command.span.text.split())
+    renamed = any(isinstance(m, RenamedModule) and m.name == name for m in model.program.modules)
+    if not renamed and not text.startswith("{"):
+        return text.rstrip("; ")
     updates = []
     for update in command.updates:
         sets = [f"({model.variables[i].name}'={pretty(e)})" for i, e in update.assignments]

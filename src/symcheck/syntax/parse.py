@@ -12,7 +12,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from lark import UnexpectedInput
 
@@ -21,8 +21,13 @@ from symcheck.syntax.ast import Expression
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.grammars import load, load_interactive
 
+if TYPE_CHECKING:
+    from symcheck.syntax.jani.read import JaniFile
+
 __all__ = [
+    "is_jani",
     "parse_expression",
+    "parse_jani_file",
     "parse_model",
     "parse_model_file",
     "parse_properties",
@@ -105,16 +110,53 @@ def parse_expression(text: str, name: str = "<expression>") -> Expression:
 
 
 def parse_model_file(path: str | Path) -> Program:
-    """Parse a model file as `parse_model` does. Raises UsageError if it is unreadable."""
+    """Parse a model file as `parse_model` does, or a file in the JANI format (.jani).
+
+    Raises:
+        SyntaxFault: the text is faulty.
+        UnsupportedError: a JANI model is of a kind that is not supported.
+        UsageError: the file is unreadable.
+    """
     if str(path).endswith(_EXPLICIT_FILES):
         hint = "-importmodel reads such files, in Python symcheck.load_explicit"
         raise UsageError(f"{path} lists states or transitions\n  hint: {hint}")
+    if is_jani(path):
+        return parse_jani_file(path).program
     return parse_model(_read(path), str(path))
 
 
 def parse_properties_file(path: str | Path) -> PropertiesFile:
-    """Parse a properties file as `parse_properties` does. Raises UsageError if it is unreadable."""
+    """Parse a properties file as `parse_properties` does, or the properties of a JANI file (.jani).
+
+    Raises:
+        SyntaxFault: the text is faulty.
+        UnsupportedError: a property or the model of a JANI file is not supported.
+        UsageError: the file is unreadable.
+    """
+    if is_jani(path):
+        found = parse_jani_file(path)
+        for fault in found.faults.values():
+            raise fault
+        return found.properties
     return parse_properties(_read(path), str(path))
+
+
+def is_jani(path: str | Path) -> bool:
+    """Whether the name of a file is that of a model in the JANI format."""
+    return str(path).endswith(".jani")
+
+
+def parse_jani_file(path: str | Path) -> JaniFile:
+    """Parse a file in the JANI format: a model and its properties.
+
+    Raises:
+        SyntaxFault: the text is faulty.
+        UnsupportedError: the model is of a kind that is not supported.
+        UsageError: the file is unreadable.
+    """
+    from symcheck.syntax.jani.read import read_jani
+
+    return read_jani(_read(path), str(path))
 
 
 def _read(path: str | Path) -> str:

@@ -1,0 +1,263 @@
+"""Expressions of JANI as expressions of the PRISM language."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    LabelReference,
+    Literal,
+    Measure,
+    Name,
+    Type,
+    Unary,
+)
+from symcheck.syntax.jani.json_tree import Json
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.traversal import Tree, transform
+
+__all__ = [
+    "ONE",
+    "TRUE",
+    "ZERO",
+    "ExpressionReader",
+    "FunctionDefinition",
+    "conjunction",
+    "is_boolean",
+    "is_literal",
+    "negation",
+    "simplified",
+]
+
+TRUE = Literal(True, Type.BOOL)
+ZERO = Literal(0, Type.INT)
+ONE = Literal(1, Type.INT)
+_LARGEST_INT = 2**63 - 1
+
+OPERATORS: Mapping[str, Operator] = {
+    "∨": Operator.OR,
+    "∧": Operator.AND,
+    "⇒": Operator.IMPLIES,
+    "=": Operator.EQ,
+    "≠": Operator.NE,
+    "<": Operator.LT,
+    "≤": Operator.LE,
+    ">": Operator.GT,
+    "≥": Operator.GE,
+    "+": Operator.PLUS,
+    "-": Operator.MINUS,
+    "*": Operator.TIMES,
+    "/": Operator.DIVIDE,
+}
+"""The binary operators of JANI that the PRISM language has too."""
+
+FUNCTIONS: Mapping[str, Function] = {
+    "min": Function.MIN,
+    "max": Function.MAX,
+    "pow": Function.POW,
+    "log": Function.LOG,
+    "%": Function.MOD,
+    "floor": Function.FLOOR,
+    "ceil": Function.CEIL,
+}
+"""The operators of JANI that are functions of the PRISM language."""
+
+_UNARY = (Function.FLOOR, Function.CEIL)
+_CONSTANTS = {"π": math.pi, "e": math.e}
+_MISSING = {
+    **dict.fromkeys(("aa", "ac", "av"), "arrays"),
+    **dict.fromkeys(("da", "dv"), "datatypes"),
+    "nondet": "nondeterministic selection of values",
+    "der": "derivatives of continuous variables",
+}
+
+
+@dataclass(frozen=True)
+class FunctionDefinition:
+    """A function of a model: its parameters and its body."""
+
+    parameters: Sequence[str]
+    body: Json
+
+
+@dataclass(frozen=True)
+class ExpressionReader:
+    """Reads expressions.
+
+    Attributes:
+        names: what each identifier stands for.
+        functions: the functions of the model or automaton.
+        calls: the functions whose bodies are being read.
+        outside: within a function, the names outside of it.
+    """
+
+    names: Mapping[str, Expression]
+    functions: Mapping[str, FunctionDefinition] = field(default_factory=dict)
+    calls: tuple[str, ...] = ()
+    outside: Mapping[str, Expression] | None = None
+
+    def read(self, node: Json) -> Expression:
+        """The expression of a value. Raises SyntaxFault, UnsupportedError."""
+        match node.value:
+            case bool() as value:
+                return Literal(value, Type.BOOL, span=node.span)
+            case int() as value:
+                if abs(value) > _LARGEST_INT:
+                    raise node.fault(f"integers end at {_LARGEST_INT}")
+                return Literal(value, Type.INT, span=node.span)
+            case Fraction() as value:
+                return Literal(value, Type.DOUBLE, span=node.span)
+            case str() as name:
+                return self._name(node, name)
+            case Mapping():
+                return self._compound(node)
+            case _:
+                raise node.fault("an expression is expected here")
+
+    def _name(self, node: Json, name: str) -> Expression:
+        found = self.names.get(name)
+        if found is None:
+            raise node.fault(f"there is no variable or constant '{name}'")
+        return replace(found, span=node.span)
+
+    def _compound(self, node: Json) -> Expression:
+        constant = node.get("constant")
+        if constant is not None:
+            if constant.text not in _CONSTANTS:
+                raise constant.fault(f"the constants are {' and '.join(_CONSTANTS)}")
+            value = Fraction(_CONSTANTS[constant.text])
+            return Literal(value, Type.DOUBLE, span=node.span)
+        if node.get("distribution") is not None:
+            raise node.unsupported(
+                "continuous distributions are not supported: only DTMCs, CTMCs, MDPs"
+            )
+        operator = node["op"]
+        return self.operation(node, operator.text)
+
+    def operation(self, node: Json, operator: str) -> Expression:
+        """The expression of an object with an "op". Raises SyntaxFault, UnsupportedError."""
+        if operator in OPERATORS:
+            left, right = self.read(node["left"]), self.read(node["right"])
+            return Binary(OPERATORS[operator], left, right, span=node.span)
+        if operator in FUNCTIONS:
+            function = FUNCTIONS[operator]
+            keys = ("exp",) if function in _UNARY else ("left", "right")
+            return Call(function, tuple(self.read(node[k]) for k in keys), span=node.span)
+        match operator:
+            case "¬":
+                return Unary(UnaryOperator.NOT, self.read(node["exp"]), span=node.span)
+            case "ite":
+                parts = (self.read(node[key]) for key in ("if", "then", "else"))
+                return Conditional(*parts, span=node.span)
+            case "abs":
+                value = self.read(node["exp"])
+                return Call(Function.MAX, (value, _minus(value)), span=node.span)
+            case "sgn":
+                value = self.read(node["exp"])
+                negative = Conditional(Binary(Operator.LT, value, ZERO), _minus(ONE), ZERO)
+                positive = Binary(Operator.GT, value, ZERO)
+                return Conditional(positive, ONE, negative, span=node.span)
+            case "trc":
+                value = self.read(node["exp"])
+                parts = (Call(f, (value,)) for f in (Function.FLOOR, Function.CEIL))
+                return Conditional(Binary(Operator.GE, value, ZERO), *parts, span=node.span)
+            case "call":
+                return self._call(node)
+            case _ if operator in _MISSING:
+                raise node["op"].unsupported(
+                    f"{_MISSING[operator]} ('{operator}') are not supported"
+                )
+            case _:
+                raise node["op"].unsupported(f"the operator '{operator}' is not supported here")
+
+    def _call(self, node: Json) -> Expression:
+        name, given = node["function"].text, node.each("args")
+        function = self.functions.get(name)
+        if function is None:
+            raise node["function"].fault(f"there is no function '{name}'")
+        if name in self.calls:
+            raise node.unsupported(
+                f"the function '{name}' calls itself: recursion is not supported"
+            )
+        if len(given) != len(function.parameters):
+            raise node.fault(
+                f"'{name}' takes {len(function.parameters)} arguments, not {len(given)}"
+            )
+        arguments = dict(zip(function.parameters, map(self.read, given), strict=True))
+        outside = self.names if self.outside is None else self.outside
+        inner = replace(
+            self, names={**outside, **arguments}, calls=(*self.calls, name), outside=outside
+        )
+        return inner.read(function.body)
+
+
+def _minus(value: Expression) -> Expression:
+    return Unary(UnaryOperator.MINUS, value)
+
+
+def negation(condition: Expression) -> Expression:
+    """The negation of a condition."""
+    return Unary(UnaryOperator.NOT, condition)
+
+
+def conjunction(left: Expression, right: Expression) -> Expression:
+    """The conjunction of two conditions; one that is always true is left out."""
+    if is_literal(left, True):
+        return right
+    return left if is_literal(right, True) else Binary(Operator.AND, left, right, span=left.span)
+
+
+def is_literal(expression: Expression, value: float) -> bool:
+    """Whether an expression is a number or truth value written down: for 0 also 0.0."""
+    return (
+        isinstance(expression, Literal)
+        and isinstance(expression.value, bool) is isinstance(value, bool)
+        and expression.value == value
+    )
+
+
+def simplified(expression: Expression) -> Expression:
+    """An expression of the same value, without `+ 0`, `- 0` and `c ? true : false`."""
+
+    def step(node: Tree) -> Tree:
+        match node:
+            case Binary(Operator.PLUS | Operator.MINUS, left, right) if is_literal(right, 0):
+                return left
+            case Binary(Operator.PLUS, left, right) if is_literal(left, 0):
+                return right
+            case Conditional(condition, then, otherwise) if is_literal(then, True) and is_literal(
+                otherwise, False
+            ):
+                return condition
+            case _:
+                return node
+
+    return transform(expression, step)
+
+
+def is_boolean(expression: Expression, types: Mapping[str, Type]) -> bool:
+    """Whether an expression of the right types is a condition."""
+    match expression:
+        case Literal(type=kind):
+            return kind is Type.BOOL
+        case Name(name):
+            return types.get(name) is Type.BOOL
+        case Unary(operator):
+            return operator is UnaryOperator.NOT
+        case Binary(operator):
+            return operator.is_boolean
+        case Conditional(_, then, _):
+            return is_boolean(then, types)
+        case LabelReference():
+            return True
+        case Measure(bound=bound):
+            return bound is not None
+        case _:
+            return False

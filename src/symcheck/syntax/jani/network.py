@@ -1,0 +1,559 @@
+"""The automata of a JANI model, with names and expressions of the PRISM language."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from symcheck.errors import Span
+from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
+from symcheck.syntax.declarations import Constant, VariableDeclaration
+from symcheck.syntax.jani.expressions import (
+    ONE,
+    TRUE,
+    ZERO,
+    ExpressionReader,
+    FunctionDefinition,
+    conjunction,
+    negation,
+)
+from symcheck.syntax.jani.json_tree import Json
+from symcheck.syntax.operators import Operator
+from symcheck.syntax.traversal import substitute
+
+__all__ = [
+    "Branch",
+    "Edge",
+    "Element",
+    "Network",
+    "RawAssignment",
+    "Transient",
+    "UniqueNames",
+    "read_network",
+    "settled",
+]
+
+_TYPES = {
+    "dtmc": ModelType.DTMC,
+    "ctmc": ModelType.CTMC,
+    "mdp": ModelType.MDP,
+    "lts": ModelType.MDP,
+}
+_OTHER_TYPES = {
+    "ma": "Markov automata",
+    "ctmdp": "continuous-time Markov decision processes",
+    "ta": "timed automata",
+    "pta": "probabilistic timed automata",
+    "sta": "stochastic timed automata",
+    "ha": "hybrid automata",
+    "pha": "probabilistic hybrid automata",
+    "sha": "stochastic hybrid automata",
+}
+_RESERVED_WORDS = (
+    "A C E F G I P R S U W X Pmax Pmin Rmax Rmin bool clock const ctmc double dtmc endinit "
+    "endinvariant endmodule endrewards endsystem false filter floor ceil round pow mod log "
+    "formula func global init int invariant label max mdp min module nondeterministic prob "
+    "probabilistic pta rate rewards stochastic system true"
+)
+
+
+class UniqueNames:
+    """Gives each thing of a model a name that the PRISM language accepts."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def take(self, wanted: str) -> str:
+        """The wanted name if it is free and valid, or else one that is close to it."""
+        name = re.sub(r"\W|[^\x00-\x7f]", "_", wanted)
+        if not name or name[0].isdigit() or name in _RESERVED_WORDS.split():
+            name = f"_{name}"
+        free, number = name, 1
+        while free in self._taken:
+            number += 1
+            free = f"{name}_{number}"
+        self._taken.add(free)
+        return free
+
+
+@dataclass(frozen=True)
+class Transient:
+    """A transient variable: it has a value in each state and on each transition.
+
+    Attributes:
+        name: its name; a placeholder in expressions.
+        identifier: its name in JANI.
+        initial: its value where nothing assigns one.
+    """
+
+    name: str
+    identifier: str
+    type: Type
+    initial: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class RawAssignment:
+    """An assignment to a variable or transient variable. Those of lower index come first."""
+
+    index: int
+    target: str
+    value: Expression
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A destination of an edge; probability None: 1."""
+
+    probability: Expression | None
+    assignments: tuple[RawAssignment, ...]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """An edge of an automaton. The location is part of the guard and of the assignments."""
+
+    action: str | None
+    guard: Expression
+    rate: Expression | None
+    branches: tuple[Branch, ...]
+    place: Json
+
+
+@dataclass(frozen=True)
+class Element:
+    """An automaton of the composition.
+
+    Attributes:
+        name: of the module.
+        variables: the local variables, the one of the location first.
+        locations: where the transient variables get values: a condition (true if there is one
+            location) and the values.
+        initial: a condition of initial states, if the initial values do not say it all.
+    """
+
+    name: str
+    variables: tuple[VariableDeclaration, ...]
+    edges: tuple[Edge, ...]
+    locations: tuple[tuple[Expression, Mapping[str, Expression]], ...]
+    initial: Expression
+
+
+@dataclass(frozen=True)
+class Network:
+    """A model without its properties.
+
+    Attributes:
+        names: for expressions of properties, what each identifier stands for.
+        vectors: the synchronisation vectors: an action or None for each element, and the result.
+        initial: a condition of initial states, if the initial values do not say it all.
+        unique: the names in use.
+    """
+
+    type: ModelType
+    constants: tuple[Constant, ...]
+    globals: tuple[VariableDeclaration, ...]
+    transients: Mapping[str, Transient]
+    functions: Mapping[str, FunctionDefinition]
+    names: Mapping[str, Expression]
+    elements: tuple[Element, ...]
+    vectors: tuple[tuple[tuple[str | None, ...], str | None], ...]
+    initial: Expression
+    unique: UniqueNames = field(repr=False)
+
+    @property
+    def variables(self) -> dict[str, VariableDeclaration]:
+        """The variables by name."""
+        local = (v for e in self.elements for v in e.variables)
+        return {v.name: v for v in (*self.globals, *local)}
+
+    @property
+    def types(self) -> dict[str, Type]:
+        """The types of variables, constants and transient variables."""
+        return {
+            **{c.name: c.type for c in self.constants},
+            **{v.name: v.type for v in self.variables.values()},
+            **{t.name: t.type for t in self.transients.values()},
+        }
+
+    @cached_property
+    def assigned(self) -> frozenset[str]:
+        """The variables and transient variables that edges assign."""
+        edges = (edge for element in self.elements for edge in element.edges)
+        return frozenset(a.target for e in edges for b in e.branches for a in b.assignments)
+
+    @cached_property
+    def valued_in_states(self) -> frozenset[str]:
+        """The transient variables that have values in locations."""
+        locations = (values for element in self.elements for _, values in element.locations)
+        return frozenset(name for values in locations for name in values)
+
+    def in_states(self, expression: Expression) -> Expression:
+        """An expression with the values that transient variables have in states."""
+        return substitute(expression, self._state_values)
+
+    @cached_property
+    def _state_values(self) -> dict[str, Expression]:
+        found: dict[str, Expression] = {}
+        for name, transient in self.transients.items():
+            value = transient.initial
+            for element in self.elements:
+                for condition, values in element.locations:
+                    if name in values:
+                        one = condition == TRUE
+                        value = values[name] if one else Conditional(condition, values[name], value)
+            found[name] = value
+        return found
+
+
+def settled(
+    assignments: Iterable[RawAssignment], transients: Mapping[str, Transient]
+) -> tuple[dict[str, Expression], dict[str, Expression]]:
+    """The values that assignments give to variables, and to transient variables.
+
+    They are expressions over the state before. Assignments of an index see the values that those of
+    lower indices have given.
+    """
+    start: dict[str, Expression] = {n: t.initial for n, t in transients.items()}
+    values = dict(start)
+    pending: dict[str, Expression] = {}
+    last: int | None = None
+    for assignment in sorted(assignments, key=lambda a: a.index):
+        if assignment.index != last:
+            values |= pending
+            pending, last = {}, assignment.index
+        pending[assignment.target] = substitute(assignment.value, values)
+    values |= pending
+    written = {n: v for n, v in values.items() if v is not start.get(n)}
+    return (
+        {n: v for n, v in written.items() if n not in transients},
+        {n: v for n, v in written.items() if n in transients},
+    )
+
+
+# ------------------------------------------------------------------------------------------ reading
+
+
+def read_network(root: Json) -> Network:
+    """Read a model. Raises SyntaxFault, UnsupportedError."""
+    kind = root["type"]
+    if kind.text in _OTHER_TYPES:
+        raise kind.unsupported(
+            f"{_OTHER_TYPES[kind.text]} are not supported: models are DTMCs, CTMCs and MDPs"
+        )
+    if kind.text not in _TYPES:
+        raise kind.fault(f"'{kind.text}' is no model type", f"the types are {', '.join(_TYPES)}")
+    if root["jani-version"].value != 1:
+        raise root["jani-version"].unsupported("only version 1 of JANI is supported")
+    return _NetworkReader(root, _TYPES[kind.text]).read()
+
+
+class _NetworkReader:
+    def __init__(self, root: Json, kind: ModelType) -> None:
+        self.root = root
+        self.kind = kind
+        self.unique = UniqueNames()
+        self.names: dict[str, Expression] = {}
+        self.transients: dict[str, Transient] = {}
+        self.functions: dict[str, FunctionDefinition] = {}
+        self.boolean: set[str] = set()
+        self.open = False
+        """Whether a variable has no initial value, so that it may have any."""
+
+    def read(self) -> Network:
+        root = self.root
+        constants = tuple(map(self._constant, root.each("constants")))
+        variables = self._variables(root, self.names)
+        self.functions = self._functions(root)
+        automata = {a["name"].text: a for a in root["automata"].items}
+        parts = self._elements(automata)
+        elements = tuple(self._element(automata[name], enabled) for name, enabled in parts)
+        initial = self._restriction(root, ExpressionReader(self.names, self.functions))
+        actions = {e.action for element in elements for e in element.edges}
+        return Network(
+            self.kind,
+            constants,
+            variables,
+            self.transients,
+            self.functions,
+            self.names,
+            elements,
+            self._vectors(len(parts), actions),
+            initial,
+            self.unique,
+        )
+
+    # ------------------------------------------------------------------------------ declarations
+
+    def _constant(self, node: Json) -> Constant:
+        identifier = node["name"].text
+        kind, _, _ = self._type(node["type"], "a constant")
+        value = node.get("value")
+        expression = None if value is None else ExpressionReader(self.names).read(value)
+        self._check_new(node["name"], self.names)
+        name = self.unique.take(identifier)
+        self.names[identifier] = Name(name)
+        return Constant(name, kind, expression, span=node["name"].span)
+
+    def _check_new(self, node: Json, names: Mapping[str, Expression]) -> None:
+        if node.text in names:
+            raise node.fault(f"there is a variable or constant '{node.text}' already")
+
+    def _type(self, node: Json, what: str) -> tuple[Type, Json | None, Json | None]:
+        """A type, and the bounds of its values."""
+        match node.value:
+            case "bool":
+                return Type.BOOL, None, None
+            case "int":
+                return Type.INT, None, None
+            case "real":
+                return Type.DOUBLE, None, None
+            case "clock" | "continuous":
+                raise node.unsupported(
+                    f"{node.text} variables are not supported: time is not a variable"
+                )
+            case str():
+                raise node.fault(f"'{node.text}' is no type", "the types are bool, int, real")
+            case _ if node["kind"].text == "bounded":
+                base, _, _ = self._type(node["base"], what)
+                return base, node.get("lower-bound"), node.get("upper-bound")
+            case _:
+                kind = node["kind"].text
+                raise node.unsupported(
+                    f"{what} of type '{kind}' is not supported: bool, int, real are"
+                )
+
+    def _variables(
+        self, owner: Json, names: dict[str, Expression], prefix: str = ""
+    ) -> tuple[VariableDeclaration, ...]:
+        """Declare the variables of a model or an automaton in `names`."""
+        found = []
+        reader = ExpressionReader(dict(self.names), self.functions)
+        for node in owner.each("variables"):
+            identifier = node["name"].text
+            self._check_new(node["name"], names)
+            kind, low, high = self._type(node["type"], "a variable")
+            initial = node.get("initial-value")
+            value = None if initial is None else reader.read(initial)
+            is_known = any(
+                isinstance(n, Name) and n.name == identifier for n in self.names.values()
+            )
+            name = self.unique.take(f"{prefix}_{identifier}" if is_known else identifier)
+            names[identifier] = Name(name)
+            if node.flag("transient"):
+                if value is None:
+                    raise node.fault(
+                        f"the transient variable '{identifier}' needs an initial value"
+                    )
+                self.transients[name] = Transient(name, identifier, kind, value)
+                continue
+            if kind is Type.DOUBLE:
+                raise node["type"].unsupported(
+                    f"the variable '{identifier}' is real: variables of states are bool or int"
+                )
+            if (low is None) != (high is None):
+                raise node["type"].unsupported(
+                    f"the variable '{identifier}' has one bound only",
+                    "give both bounds, or none",
+                )
+            self.open |= value is None
+            first, last = (None if b is None else reader.read(b) for b in (low, high))
+            span = node["name"].span
+            found.append(VariableDeclaration(name, kind, first, last, value, span=span))
+        return tuple(found)
+
+    def _functions(self, owner: Json) -> dict[str, FunctionDefinition]:
+        return {
+            node["name"].text: FunctionDefinition(
+                [p["name"].text for p in node.each("parameters")], node["body"]
+            )
+            for node in owner.each("functions")
+        }
+
+    def _restriction(self, owner: Json, reader: ExpressionReader) -> Expression:
+        node = owner.get("restrict-initial")
+        return TRUE if node is None else reader.read(node["exp"])
+
+    # ------------------------------------------------------------------------------- composition
+
+    def _elements(self, automata: Mapping[str, Json]) -> list[tuple[str, Sequence[Json]]]:
+        """Per element its automaton, and the actions for which its input is always enabled."""
+        system = self.root.get("system")
+        if system is None:
+            if len(automata) > 1:
+                raise self.root.fault(
+                    'this object needs a member "system", which composes the automata'
+                )
+            return [(name, ()) for name in automata]
+        found = []
+        for node in system["elements"].items:
+            if node["automaton"].text not in automata:
+                raise node["automaton"].fault(f"there is no automaton '{node['automaton'].text}'")
+            found.append((node["automaton"].text, node.each("input-enable")))
+        return found
+
+    def _vectors(
+        self, elements: int, actions: set[str | None]
+    ) -> tuple[tuple[tuple[str | None, ...], str | None], ...]:
+        system = self.root.get("system")
+        if elements == 1 and (system is None or system.get("syncs") is None):
+            return tuple(((a,), a) for a in sorted(a for a in actions if a is not None))
+        found = []
+        for node in () if system is None else system.each("syncs"):
+            parts = node["synchronise"].items
+            if len(parts) != elements:
+                raise node["synchronise"].fault(
+                    f"this vector should have an entry for each of the {elements} automata"
+                )
+            result = node.get("result")
+            taking_part = tuple(None if p.value is None else p.text for p in parts)
+            if any(p is not None for p in taking_part):
+                found.append((taking_part, None if result is None else result.text))
+        return tuple(found)
+
+    # ---------------------------------------------------------------------------------- automata
+
+    def _element(self, node: Json, input_enable: Sequence[Json]) -> Element:
+        module = self.unique.take(node["name"].text)
+        names = dict(self.names)
+        local: dict[str, Expression] = {}
+        variables = self._variables(node, local, module)
+        names |= local
+        for identifier, name in local.items():
+            self.names.setdefault(identifier, name)
+        reader = ExpressionReader(names, {**self.functions, **self._functions(node)})
+        locations = [x["name"].text for x in node["locations"].items]
+        starts = [self._location(x, locations) for x in node["initial-locations"].items]
+        if not starts:
+            raise node["initial-locations"].fault("an automaton needs an initial location")
+        place: Name | None = None
+        if len(locations) > 1:
+            place = Name(self.unique.take(f"{module}_location"))
+            first = Literal(starts[0], Type.INT) if len(starts) == 1 else None
+            self.open |= first is None
+            last = Literal(len(locations) - 1, Type.INT)
+            span = node["locations"].span
+            at = VariableDeclaration(place.name, Type.INT, ZERO, last, first, span=span)
+            variables = (at, *variables)
+        initial = self._restriction(node, reader)
+        if place is not None and len(starts) > 1:
+            initial = conjunction(_any(_at(place, s) for s in starts), initial)
+        edges = [self._edge(edge, place, locations, reader) for edge in node["edges"].items]
+        for action in input_enable:
+            edges += self._input_edges(action, edges, node)
+        return Element(
+            module,
+            variables,
+            tuple(edges),
+            tuple(
+                (_at(place, i), self._transient_values(x, reader))
+                for i, x in enumerate(node["locations"].items)
+            ),
+            initial,
+        )
+
+    def _location(self, node: Json, locations: Sequence[str]) -> int:
+        if node.text not in locations:
+            raise node.fault(f"there is no location '{node.text}'")
+        return locations.index(node.text)
+
+    def _transient_values(self, location: Json, reader: ExpressionReader) -> dict[str, Expression]:
+        if location.get("time-progress") is not None:
+            raise location["time-progress"].unsupported(
+                "conditions on the progress of time are not supported"
+            )
+        found = {}
+        for node in location.each("transient-values"):
+            name = self._target(node["ref"], reader)
+            if name not in self.transients:
+                raise node["ref"].fault("a location gives values to transient variables only")
+            found[name] = reader.read(node["value"])
+        return found
+
+    def _target(self, node: Json, reader: ExpressionReader) -> str:
+        if not isinstance(node.value, str):
+            raise node.unsupported("arrays and datatypes are not supported")
+        found = reader.read(node)
+        if not isinstance(found, Name):
+            raise node.fault("a variable is expected here")
+        return found.name
+
+    def _edge(
+        self, node: Json, place: Name | None, locations: Sequence[str], reader: ExpressionReader
+    ) -> Edge:
+        action, guard, rate = node.get("action"), node.get("guard"), node.get("rate")
+        if rate is not None and self.kind is not ModelType.CTMC:
+            raise rate.fault(f"edges of {self.kind.name}s have no rate")
+        at = _at(place, self._location(node["location"], locations))
+        condition = TRUE if guard is None else reader.read(guard["exp"])
+        shared = self._assignments(node, reader)
+        branches = []
+        for destination in node["destinations"].items:
+            probability = destination.get("probability")
+            assignments = [*shared, *self._assignments(destination, reader)]
+            there = destination["location"]
+            target = Literal(self._location(there, locations), Type.INT, span=there.span)
+            if place is not None:
+                assignments.append(RawAssignment(0, place.name, target, there.span))
+            branches.append(
+                Branch(
+                    None if probability is None else reader.read(probability["exp"]),
+                    tuple(assignments),
+                    destination.span,
+                )
+            )
+            self._check_assigned_once(assignments, destination)
+        return Edge(
+            None if action is None else action.text,
+            conjunction(at, condition),
+            None if rate is None else reader.read(rate["exp"]),
+            tuple(branches),
+            node,
+        )
+
+    def _assignments(self, owner: Json, reader: ExpressionReader) -> list[RawAssignment]:
+        found = []
+        for node in owner.each("assignments"):
+            index = node.get("index")
+            if index is not None and not isinstance(index.value, int):
+                raise index.fault("the index of an assignment is an integer")
+            found.append(
+                RawAssignment(
+                    index.value if index is not None and isinstance(index.value, int) else 0,
+                    self._target(node["ref"], reader),
+                    reader.read(node["value"]),
+                    node.span,
+                )
+            )
+        return found
+
+    def _check_assigned_once(self, assignments: Sequence[RawAssignment], node: Json) -> None:
+        seen = set()
+        for a in assignments:
+            if (a.index, a.target) in seen:
+                raise replace(node, span=a.span).fault(f"'{a.target}' is assigned twice at once")
+            seen.add((a.index, a.target))
+
+    def _input_edges(self, action: Json, edges: Sequence[Edge], node: Json) -> list[Edge]:
+        """The edge that does nothing where no edge has the action."""
+        own = [e.guard for e in edges if e.action == action.text]
+        guard = negation(_any(own)) if own else TRUE
+        rate = ONE if self.kind is ModelType.CTMC else None
+        return [Edge(action.text, guard, rate, (Branch(None, (), node.span),), node)]
+
+
+def _at(place: Name | None, location: int) -> Expression:
+    if place is None:
+        return TRUE
+    return Binary(Operator.EQ, place, Literal(location, Type.INT))
+
+
+def _any(conditions: Iterable[Expression]) -> Expression:
+    first, *rest = conditions
+    for condition in rest:
+        first = Binary(Operator.OR, first, condition)
+    return first

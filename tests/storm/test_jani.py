@@ -1,0 +1,35 @@
+"""Storm reads the same JANI files, and finds the same states and values."""
+
+from __future__ import annotations
+
+from math import isclose
+
+import pytest
+
+import symcheck
+from syntax.jani_models import CONSTANTS, MODELS, text
+
+stormpy = pytest.importorskip("stormpy")
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_storm_finds_the_same(name, tmp_path):
+    path = tmp_path / f"{name}.jani"
+    path.write_text(text(MODELS[name]), encoding="utf-8")
+    constants = CONSTANTS.get(name, {})
+    ours = symcheck.load(path, constants)
+    theirs, properties = stormpy.parse_jani_model(str(path))
+    if constants:
+        theirs, properties = stormpy.instantiate_constants(theirs, constants, properties)
+    by_name = {p.get_name(): p for p in properties}
+    compared = 0
+    for bound, result in ours.check_all(path):
+        if isinstance(result.value, bool):
+            continue
+        asked = by_name[bound.name]
+        built = stormpy.build_model(theirs, [asked])
+        found = stormpy.model_checking(built, asked).get_value(built.initial_states[0])
+        assert isclose(result.value, found, rel_tol=1e-5), bound.name
+        assert built.nr_states == ours.engine.states
+        compared += 1
+    assert compared

@@ -1,0 +1,316 @@
+"""Models and properties in the JANI format."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+
+import symcheck
+from symcheck.cli import main
+from symcheck.errors import SyntaxFault, UnsupportedError
+from symcheck.syntax.jani.read import read_jani
+from syntax.jani_models import MODELS, automaton, binary, edge, filtered, model, text, variable
+
+ENGINES = ["explicit", "sparse", "hybrid", "mtbdd", "exact"]
+
+
+def loaded(tmp_path, found, constants=None, **options):
+    path = tmp_path / "model.jani"
+    path.write_text(text(found) if isinstance(found, dict) else found)
+    return symcheck.load(path, constants, **options), path
+
+
+def values(tmp_path, found, constants=None, **options):
+    checked, path = loaded(tmp_path, found, constants, **options)
+    return {bound.name: result.value for bound, result in checked.check_all(path)}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_die_has_its_values_on_every_engine(tmp_path, engine):
+    found = values(tmp_path, MODELS["die"], engine=engine)
+    assert found == {
+        "six": pytest.approx(1 / 6),
+        "length": pytest.approx(11 / 3),
+        "soon": True,
+        "three": pytest.approx(13 / 4),
+    }
+
+
+def test_locations_are_states_and_transient_variables_labels_and_rewards(tmp_path):
+    die, _ = loaded(tmp_path, MODELS["die"])
+    assert die.engine.states == 13
+    assert die.check('P=? [ F "done" & d=3 ]').value == pytest.approx(1 / 6)
+    assert die.check('R{"tosses"}=? [ F d>0 ]').value == pytest.approx(11 / 3)
+
+
+def test_results_are_exact_where_the_numbers_are(tmp_path):
+    assert values(tmp_path, MODELS["die"], exact=True)["six"] == Fraction(1, 6)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_receiver_reads_what_its_sender_assigns_before(tmp_path, engine):
+    # The sum of 1s and 2s reaches exactly 4 with probability 1 - 5/16.
+    assert values(tmp_path, MODELS["value_passing"], engine=engine)["four"] == pytest.approx(
+        11 / 16
+    )
+
+
+def test_actions_that_share_a_result_and_differ_in_reward_are_told_apart(tmp_path):
+    checked, _ = loaded(tmp_path, MODELS["handshake"])
+    assert set(checked.bound.actions) == {"make", "put", "get", "get_2"}
+
+
+def test_results_of_vectors_name_the_actions(tmp_path):
+    one = automaton(
+        "one", ["l"], [edge("l", ("l", {"x": 1}), action="a", guard=binary("=", "x", 0))]
+    )
+    other = automaton(
+        "other", ["l"], [edge("l", ("l", {"y": 1}), action="b", guard=binary("=", "y", 0))]
+    )
+    parts = {"variables": [variable("x", 0, 1), variable("y", 0, 1)]}
+    apart, _ = loaded(
+        tmp_path,
+        model("mdp", [one, other], syncs=[(["a", None], "c"), ([None, "b"], "c")], **parts),
+    )
+    assert apart.engine.states == 4
+    assert apart.bound.actions == ("c",)
+    together, _ = loaded(tmp_path, model("mdp", [one, other], syncs=[(["a", "b"], None)], **parts))
+    assert together.engine.states == 2
+    assert together.bound.actions == ()
+    blocked, _ = loaded(tmp_path, model("mdp", [one, other], syncs=[(["a", None], "a")], **parts))
+    assert blocked.engine.states == 2
+
+
+def test_initial_states_are_those_of_the_restrictions(tmp_path):
+    found = model(
+        "dtmc",
+        [automaton("m", ["a", "b", "c"], [edge(x, (x, {})) for x in "abc"], initial=["a", "c"])],
+        variables=[variable("x", 0, 3, None), variable("y", 0, 3, 2)],
+        **{"restrict-initial": {"exp": binary("<", "x", "y")}},
+    )
+    checked, _ = loaded(tmp_path, found)
+    assert checked.check('filter(count, "init")').value == 4
+    assert checked.check('filter(count, "init" & y=2 & m_location!=1)').value == 4
+
+
+def test_functions_and_derived_operators_are_expanded(tmp_path):
+    double = {
+        "name": "double",
+        "type": "int",
+        "parameters": [{"name": "k", "type": "int"}],
+        "body": binary("*", "k", 2),
+    }
+    called = {
+        "op": "call",
+        "function": "double",
+        "args": [{"op": "abs", "exp": binary("-", "x", 3)}],
+    }
+    sign = {"op": "sgn", "exp": binary("-", {"op": "trc", "exp": binary("/", "x", 3)}, 1)}
+    ends = {
+        "op": "Pmax",
+        "exp": {
+            "op": "F",
+            "exp": binary("∧", binary("⇒", binary("<", "x", 2), False), binary("=", sign, -1)),
+        },
+    }
+    found = model(
+        "dtmc",
+        [automaton("m", ["l"], [edge("l", ("l", {"x": binary("min", called, 9)}))])],
+        variables=[variable("x", 0, 9, 1)],
+        properties={"end": filtered(ends)},
+        functions=[double],
+    )
+    checked, path = loaded(tmp_path, found)
+    # 1 -> 2|1-3| = 4 -> 2 -> 2, whose third, cut, is less than 1
+    assert sorted(s["x"] for s in checked.states) == [1, 2, 4]
+    assert [result.value for _, result in checked.check_all(path)] == [1.0]
+
+
+def test_rewards_of_destinations_are_weighted(tmp_path):
+    flip = edge("l", ("l", {"won": 3}, 0.25), ("l", {"won": -1}, 0.75))
+    reward = {"op": "Emax", "exp": "won", "accumulate": ["steps"], "step-instant": 8}
+    bounded = {
+        "op": "F",
+        "exp": True,
+        "reward-bounds": [{"exp": "won", "accumulate": ["steps"], "bounds": {"upper": 2}}],
+    }
+    found = model(
+        "dtmc",
+        [automaton("m", ["l"], [flip])],
+        variables=[variable("won", kind="real", transient=True)],
+        properties={"sum": filtered(reward), "bounded": filtered({"op": "Pmax", "exp": bounded})},
+    )
+    file = read_jani(text(found))
+    assert "depend on the destination" in str(file.faults[1])
+    checked, _ = loaded(tmp_path, found)
+    properties = replace(file.properties, properties=file.properties.properties[:1])
+    assert next(checked.check_all(properties))[1].value == pytest.approx(0.0)
+
+
+def test_what_accumulates_is_what_is_asked(tmp_path):
+    """Rewards of states (3 per unit of time) and of transitions (1 each) of a CTMC that leaves at rate 2."""
+    kinds = {"time": 1.5, "steps": 1.0, "exit": 3.0}
+    asked = {k: [k] for k in kinds} | {"both": ["time", "steps"]}
+    found = model(
+        "ctmc",
+        [automaton("m", [("l", {"cost": 3}), "end"], [edge("l", ("end", {"cost": 1}), rate=2)])],
+        variables=[variable("cost", kind="real", transient=True)],
+        properties={
+            n: filtered({"op": "Emax", "exp": "cost", "accumulate": a, "time-instant": 50})
+            for n, a in asked.items()
+        },
+    )
+    found = values(tmp_path, found)
+    assert found == pytest.approx(kinds | {"both": 2.5}, abs=1e-6)
+
+
+def test_inputs_are_enabled_where_an_element_says_so(tmp_path):
+    sender = automaton(
+        "sender",
+        ["l"],
+        [edge("l", ("l", {"x": binary("+", "x", 1)}), action="a", guard=binary("<", "x", 3))],
+    )
+    receiver = automaton("receiver", ["on", "off"], [edge("on", ("off", {}), action="a")])
+    elements = [{"automaton": "sender"}, {"automaton": "receiver", "input-enable": ["a"]}]
+    found = model(
+        "mdp",
+        [sender, receiver],
+        variables=[variable("x", 0, 3)],
+        syncs=[(["a", "a"], "a")],
+        elements=elements,
+    )
+    assert loaded(tmp_path, found)[0].engine.states == 4
+
+
+def test_an_automaton_may_occur_twice(tmp_path):
+    one = automaton(
+        "m",
+        ["l", "k"],
+        [edge("l", ("k", {"x": 1})), edge("k", ("l", {"x": 0}))],
+        [variable("x", 0, 1)],
+    )
+    found = model("mdp", [one], elements=[{"automaton": "m"}, {"automaton": "m"}], syncs=[])
+    assert loaded(tmp_path, found)[0].engine.states == 4
+
+
+# ------------------------------------------------------------------------------------------- faults
+
+
+def simple(**changes):
+    return (
+        model(
+            "mdp", [automaton("m", ["l"], [edge("l", ("l", {}))])], variables=[variable("x", 0, 1)]
+        )
+        | changes
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        (simple(type="ma"), "Markov automata are not supported"),
+        (simple(type="pta"), "probabilistic timed automata are not supported"),
+        (simple(variables=[variable("c", kind="clock")]), "clock variables are not supported"),
+        (simple(variables=[variable("c", kind="real")]), "is real"),
+        (
+            simple(variables=[variable("c", kind={"kind": "array", "base": "int"})]),
+            "type 'array' is not supported",
+        ),
+        (simple(**{"jani-version": 2}), "only version 1"),
+        (
+            simple(**{"restrict-initial": {"exp": {"op": "aa", "exp": "x", "index": 0}}}),
+            "arrays ('aa') are not supported",
+        ),
+    ],
+)
+def test_what_is_not_supported_is_named_with_its_place(found, message):
+    with pytest.raises(
+        UnsupportedError, match=r"model\.jani:\d+:\d+: error\[unsupported\]"
+    ) as error:
+        read_jani(text(found), "model.jani")
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        ('{"jani-version": 1,\n "type" "mdp"}', "model.jani:2:9: error[json]: this is no JSON"),
+        (
+            '{"jani-version": 1,\n "type": "mdp", "type": "mdp"}',
+            'model.jani:2:17: error[json]: "type" occurs twice',
+        ),
+        ("[]", "an object { … } is expected"),
+        ('{"jani-version": 1, "type": "petri"}', "'petri' is no model type"),
+        (
+            text(simple(**{"restrict-initial": {"exp": "y"}})),
+            "there is no variable or constant 'y'",
+        ),
+        (
+            text(model("mdp", [automaton("m", ["l"], [edge("l", ("k", {}))])])),
+            "there is no location 'k'",
+        ),
+        (
+            text(model("mdp", [automaton("m", ["l"], [edge("l", ("l", {}), rate=1)])])),
+            "edges of MDPs have no rate",
+        ),
+        (
+            text(model("ctmc", [automaton("m", ["l"], [edge("l", ("l", {}))])])),
+            "edges of CTMCs need a rate",
+        ),
+    ],
+)
+def test_faults_have_their_place(found, message):
+    with pytest.raises(SyntaxFault) as error:
+        read_jani(found, "model.jani")
+    assert message in str(error.value)
+    assert "\n  hint" in str(error.value) or "^" in str(error.value)
+
+
+def test_faults_of_types_point_into_the_file(tmp_path):
+    wrong = model(
+        "dtmc",
+        [automaton("m", ["l"], [edge("l", ("l", {"x": True}))])],
+        variables=[variable("x", 0, 1)],
+    )
+    with pytest.raises(symcheck.SymcheckError, match=r"model\.jani:\d+:\d+: error\[type\]"):
+        loaded(tmp_path, wrong)
+
+
+def test_a_property_that_is_not_supported_leaves_the_others(tmp_path):
+    reads = {"op": "Emax", "exp": "x", "accumulate": ["steps"], "step-instant": 3}
+    found = simple(
+        properties=[
+            {"name": "bad", "expression": filtered(reads)},
+            {"name": "good", "expression": filtered(binary("=", "x", 0))},
+        ]
+    )
+    file = read_jani(text(found))
+    assert list(file.faults) == [0]
+    assert [p.name for p in file.properties.properties] == ["bad", "good"]
+
+
+def test_the_command_line_checks_the_properties_of_the_file(tmp_path, capsys):
+    bad = {"op": "Emax", "exp": "d", "accumulate": ["steps"], "reach": "done"}
+    path = tmp_path / "die.jani"
+    path.write_text(
+        text(
+            MODELS["die"]
+            | {"properties": [{"name": "bad", "expression": bad}, *MODELS["die"]["properties"]]}
+        )
+    )
+    assert main([str(path)]) == 1
+    out = capsys.readouterr().out
+    assert "what accumulates on steps cannot depend on a variable of states" in out
+    assert 'Model checking: "six": P=? [ F d=6 ]' in out
+    assert "Result: 3.25" in out
+    assert main([str(path), "-prop", "length"]) == 0
+    assert main([str(path), "-pf", 'P=? [ F "done" ]']) == 0
+
+
+def test_an_edge_is_shown_as_a_command(tmp_path):
+    die, _ = loaded(tmp_path, MODELS["die"])
+    step = die.simulator(seed=1).choices[0]
+    assert step.text.startswith("[] die_location=0 -> 1/2") or "die_location'=1" in step.text
+    assert "{" not in step.text
