@@ -1,4 +1,11 @@
-"""dd's CUDD module, imported without networkx.
+"""CUDD: the compiled module of dd, or a shared library of the system.
+
+1. `dd.cudd`, which wheels of dd have on Linux, x86-64, CPython up to 3.13. Its diagrams and those
+   of symcheck are the same objects.
+2. A shared library with CUDD 3.0: the file that the environment variable SYMCHECK_CUDD names, or
+   the one that the system finds as `cudd`.
+
+Without both, everything but diagrams works, and the first manager raises UnsupportedError.
 
 dd imports networkx at import time if it is installed, which more than triples the start-up time of
 a small run, and uses it for `to_nx` only. While dd is imported, an entry None in `sys.modules`
@@ -10,11 +17,15 @@ or dd is loaded already, nothing of this is done.
 from __future__ import annotations
 
 import importlib
+import os
 import sys
+from ctypes.util import find_library
 from types import ModuleType
 from typing import Any
 
-__all__ = ["REQUIRED_VERSION", "cudd"]
+from symcheck.errors import UnsupportedError
+
+__all__ = ["REQUIRED_VERSION", "Function", "available", "cudd", "library"]
 
 REQUIRED_VERSION = "0.6.0"
 
@@ -26,18 +37,14 @@ class _OnDemand(ModuleType):
         return getattr(importlib.import_module(self.__name__), attribute)
 
 
-def _import_cudd() -> ModuleType:
+def _import_cudd() -> ModuleType | None:
     skip = "networkx" not in sys.modules and "dd._utils" not in sys.modules
     if skip:
         sys.modules["networkx"] = None  # type: ignore[assignment]
     try:
         module = importlib.import_module("dd.cudd")
-    except ImportError as error:
-        raise ImportError(
-            f"symcheck needs dd {REQUIRED_VERSION} with its compiled module dd.cudd "
-            "(Linux wheels of CPython 3.11 to 3.13 have it): "
-            f"pip install dd=={REQUIRED_VERSION}"
-        ) from error
+    except ImportError:
+        return None
     finally:
         if skip:
             del sys.modules["networkx"]
@@ -49,4 +56,33 @@ def _import_cudd() -> ModuleType:
     return module
 
 
+def library() -> str:
+    """The file of the shared library with CUDD's functions. Raises UnsupportedError if there is
+    none.
+    """
+    if cudd is not None:
+        return str(cudd.__file__)
+    name = os.environ.get("SYMCHECK_CUDD") or find_library("cudd")
+    if name is None:
+        raise UnsupportedError(
+            "decision diagrams need CUDD, which is not installed here\n  hint: wheels of dd "
+            f"{REQUIRED_VERSION} for Linux on x86-64 and CPython up to 3.13 contain it; elsewhere, "
+            "SYMCHECK_CUDD names a shared library with CUDD 3.0. The engines -ex and -exact need "
+            "no diagrams"
+        )
+    return name
+
+
+def available() -> bool:
+    """Whether there is a CUDD, so that there can be diagrams."""
+    try:
+        return bool(library())
+    except UnsupportedError:
+        return False
+
+
 cudd = _import_cudd()
+"""dd's module, or None."""
+
+Function: type | tuple[()] = () if cudd is None else cudd.Function
+"""The class of dd's diagrams, for isinstance."""

@@ -1,4 +1,6 @@
-"""The diagram manager: BDDs and MTBDDs side by side in the CUDD manager of a `dd.cudd.BDD`.
+"""The diagram manager: BDDs and MTBDDs side by side in a CUDD manager.
+
+It is the manager of a `dd.cudd.BDD` where dd has CUDD.
 
 Sets are `Bdd` handles and functions to numbers are `Mtbdd` handles. `Bdd.to_dd()` returns a set as
 dd's `Function` without copying, and a `Function` of `manager.bdd` is accepted wherever a set is, so
@@ -109,14 +111,12 @@ class DiagramManager:
 
     def __init__(self, max_memory: int | None = None, time_limit: float | None = None) -> None:
         limit = default_memory() if max_memory is None else max_memory
-        self.bdd: Any = cudd.BDD(
-            memory_estimate=tuning.MEMORY_ESTIMATE, initial_cache_size=tuning.INITIAL_CACHE_ENTRIES
+        estimate, entries = tuning.MEMORY_ESTIMATE, tuning.INITIAL_CACHE_ENTRIES
+        self.bdd: Any = cudd and cudd.BDD(memory_estimate=estimate, initial_cache_size=entries)
+        self.core = Core(self.bdd, limit, entries, estimate)
+        self.core.tune(
+            min(limit // tuning.BYTES_PER_FAST_GROWTH_SLOT, 2**31), tuning.MIN_CACHE_HIT_PERCENT
         )
-        self.bdd.configure(
-            loose_up_to=min(limit // tuning.BYTES_PER_FAST_GROWTH_SLOT, 2**31),
-            min_hit=tuning.MIN_CACHE_HIT_PERCENT,
-        )
-        self.core = Core(self.bdd, limit)
         self.core.limit_time(time_limit)
         self._index: dict[str, int] = {}
         self.true: Bdd = self.core.true()
@@ -137,11 +137,14 @@ class DiagramManager:
         """
         added = []
         for name in names:
-            if name in self.bdd.vars:
+            if self._knows(name):
                 raise ValueError(f"the variable {name!r} exists already")
-            self._index[name] = self.bdd.add_var(name)
+            self._index[name] = self.core.add_variable(name)
             added.append(self.core.literal(self._index[name]))
         return tuple(added)
+
+    def _knows(self, name: str) -> bool:
+        return name in (self._index if self.bdd is None else self.bdd.vars)
 
     def index_of(self, name: str) -> int:
         """CUDD's index of a variable, which reordering does not change. Raises KeyError for an
@@ -149,9 +152,9 @@ class DiagramManager:
         """
         index = self._index.get(name)
         if index is None:
-            if name not in self.bdd.vars:
+            if not self._knows(name):
                 raise KeyError(f"no variable {name!r}")
-            index = self._index[name] = self.bdd.add_var(name)
+            index = self._index[name] = self.bdd.add_var(name)  # gives the index that it has
         return index
 
     def variable(self, name: str) -> Bdd:
@@ -164,11 +167,12 @@ class DiagramManager:
 
     def order(self) -> tuple[str, ...]:
         """The variables from the top down."""
-        return tuple(self.name_of(self.core.index_at(level)) for level in range(self.core.size()))
+        names = self.core.names_by_index()
+        return tuple(names[self.core.index_at(level)] for level in range(self.core.size()))
 
     def name_of(self, index: int) -> str:
         """The variable with this index."""
-        return str(self.bdd._var_with_index[index])
+        return self.core.names_by_index()[index]
 
     def _indices(self, variables: Variables) -> tuple[int, ...]:
         return (

@@ -124,6 +124,7 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
             possible.
         ModelFault, ResourceError: as for `choose`.
     """
+    from symcheck.dd.cudd_import import available
     from symcheck.explicit.build import Exploration
     from symcheck.kernels.explore.breadth_first import malloc_trim
 
@@ -136,6 +137,9 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     if _is_unbounded(model):
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "there are integers without bounds")
+    if not available():
+        exploration.run(None, observer)
+        return _explicit_engine(exploration, observer, "decision diagrams are not installed")
     options = _with_variable_order(model, options, observer)
     for turn, (lookups, states) in enumerate(tuning.SELECTION_TURNS):
         if turn == 0 and _rounds_many_bits(model):

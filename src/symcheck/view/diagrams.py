@@ -160,7 +160,8 @@ class _Graph:
         from symcheck.dd.cudd import extension
 
         core = diagrams[0].core
-        names = tuple(str(core.bdd.var_at_level(i)) for i in range(core.size()))
+        by_index = core.names_by_index()
+        names = tuple(by_index[core.index_at(level)] for level in range(core.size()))
         if is_set := not isinstance(diagrams[0], extension.Mtbdd):
             level, low, high, roots = extension.export_sets(core, diagrams)  # type: ignore[arg-type]
             values = np.array([0.0, 1.0])

@@ -127,38 +127,52 @@ cdef DdManager* _find_manager(object bdd) except NULL:
         for j in range(2, m):
             if b[j] == word and word != candidate:
                 if candidate:
-                    raise RuntimeError(_layout_message("two words could be the manager"))
+                    raise UnsupportedError(_layout_message("two words could be the manager"))
                 candidate = word
     if not (owner and holder and candidate):
-        raise RuntimeError(_layout_message("the manager was not found"))
+        raise UnsupportedError(_layout_message("the manager was not found"))
     if Cudd_ReadOne(<DdManager*>candidate) is not <DdNode*>node or Cudd_ReadSize(<DdManager*>candidate) < len(bdd.vars):
-        raise RuntimeError(_layout_message("the word found is not the manager"))
+        raise UnsupportedError(_layout_message("the word found is not the manager"))
     return <DdManager*>candidate
 
 
 cdef str _layout_message(what):
-    return f"dd.cudd's objects are not laid out as in dd {REQUIRED_VERSION} ({what}): pip install dd=={REQUIRED_VERSION}"
+    return f"CUDD's objects are not laid out as in dd {REQUIRED_VERSION} ({what})\n  hint: pip install dd=={REQUIRED_VERSION}"
 
 
-cdef int _validate_layout() except -1:
-    """Compare our declaration of a node with CUDD's functions, in a small manager made for this."""
-    bdd = cudd.BDD(memory_estimate=2**20, initial_cache_size=64)
-    bdd.declare("x")
-    cdef DdManager* dd = _find_manager(bdd)
+cdef int load_cudd() except -1:
+    """Find CUDD's functions and compare its layout of a node with ours, once."""
+    global loaded
+    if loaded:
+        return 0
+    _resolve_all()
+    cdef DdManager* dd = Cudd_Init(1, 0, 256, 64, 1 << 20)
+    if dd is NULL:
+        raise MemoryError
+    try:
+        _validate_layout(dd)
+    finally:
+        Cudd_Quit(dd)
+    loaded = True
+    return 0
+
+
+cdef int _validate_layout(DdManager* dd) except -1:
+    """Compare our declaration of a node with CUDD's functions."""
     cdef DdNode* one = Cudd_ReadOne(dd)
     cdef DdNode* zero = Cudd_ReadZero(dd)
     cdef DdNode* half = cuddUniqueConst(dd, 0.5)
     cdef DdNode* x = Cudd_bddIthVar(dd, 0)
     if Cudd_ReadLogicZero(dd) is not negate(one) or Cudd_ReadErrorCode(dd) != 0:
-        raise ImportError(_layout_message("the constants differ"))
+        raise UnsupportedError(_layout_message("the constants differ"))
     if half is NULL or x is NULL or <uintptr_t>half % sizeof(DdNode) or <uintptr_t>x % sizeof(DdNode):
-        raise ImportError(_layout_message("nodes are aligned differently"))
+        raise UnsupportedError(_layout_message("nodes are aligned differently"))
     if Cudd_T(x) is not x.type.kids.T or Cudd_E(x) is not x.type.kids.E or Cudd_T(x) is not one or Cudd_E(x) is not negate(one):
-        raise ImportError(_layout_message("the children of a node are at another offset"))
+        raise UnsupportedError(_layout_message("the children of a node are at another offset"))
     if x.index != 0 or x.ref < 1 or half.ref != 0 or one.index != CONSTANT or zero.index != CONSTANT:
-        raise ImportError(_layout_message("the index of a node is at another offset"))
+        raise UnsupportedError(_layout_message("the index of a node is at another offset"))
     if Cudd_V(half) != 0.5 or half.type.value != 0.5 or one.type.value != 1.0 or zero.type.value != 0.0:
-        raise ImportError(_layout_message("the value of a node is at another offset"))
+        raise UnsupportedError(_layout_message("the value of a node is at another offset"))
     half.ref += 1
     Cudd_RecursiveDeref(dd, half)
     return 0
@@ -177,14 +191,22 @@ cdef class Core:
     cdef Env e
     cdef readonly object bdd
     cdef readonly object max_memory  # type: int | None
+    cdef object names  # of the variables, by index, where there is no dd.cudd.BDD
     cdef unsigned long renamings
 
-    def __cinit__(self, bdd, max_memory: int | None = None):
-        if not isinstance(bdd, cudd.BDD):
-            raise TypeError("a dd.cudd.BDD is needed")
+    def __cinit__(self, bdd, max_memory: int | None = None, int cache_entries = 64,
+                  int memory_estimate = 1 << 20):
+        load_cudd()
+        cdef DdManager* dd
+        if bdd is None:
+            dd = Cudd_Init(0, 0, 256, cache_entries, memory_estimate)
+            if dd is NULL:
+                raise MemoryError
+        else:
+            bdd.configure(reordering=False)
+            dd = _find_manager(bdd)
         self.bdd = bdd
-        bdd.configure(reordering=False)
-        cdef DdManager* dd = _find_manager(bdd)
+        self.names = []
         self.e.dd = dd
         self.e.one = Cudd_ReadOne(dd)
         self.e.logic_zero = negate(self.e.one)
@@ -205,7 +227,9 @@ cdef class Core:
             self.limit_memory(max_memory)
 
     def __dealloc__(self):
-        if self.e.dd is not NULL:
+        if self.e.dd is not NULL and self.bdd is None:
+            Cudd_Quit(self.e.dd)
+        elif self.e.dd is not NULL:
             # The dd.cudd.BDD may outlive the core.
             Cudd_UnregisterTerminationCallback(self.e.dd)
             Cudd_RemoveHook(self.e.dd, _on_collection, 0)
@@ -273,6 +297,28 @@ cdef class Core:
         self.e.uncollected_nodes = <unsigned int>min(UNCOLLECTED_NODES, limit // (8 * sizeof(DdNode)))
         self.max_memory = limit
 
+    def tune(self, loose_up_to: int, int min_hit):
+        """Set the slots up to which the unique table grows without garbage collection, and the hit
+        rate (percent) above which the computed table grows.
+        """
+        Cudd_SetLooseUpTo(self.e.dd, loose_up_to)
+        Cudd_SetMinHit(self.e.dd, min_hit)
+
+    def add_variable(self, name: str) -> int:
+        """The index of a new variable below all others."""
+        if self.bdd is not None:
+            return self.bdd.add_var(name)
+        if Cudd_bddIthVar(self.e.dd, len(self.names)) is NULL:
+            self.fail()
+        self.names.append(name)
+        return len(self.names) - 1
+
+    def names_by_index(self) -> list[str]:
+        """The names of the variables, by index."""
+        if self.bdd is None:
+            return list(self.names)
+        return [self.bdd._var_with_index[i] for i in range(self.size())]
+
     def limit_time(self, seconds: float | None):
         """Stop with TimeLimitError after so many seconds from now; None: no limit."""
         self.e.deadline = 0 if seconds is None else now() + max(float(seconds), 1e-9)
@@ -283,7 +329,7 @@ cdef class Core:
 
     def from_dd(self, function) -> Bdd:
         """The Bdd of a dd Function of this manager; nothing is copied."""
-        if not isinstance(function, cudd.Function) or function.bdd is not self.bdd:
+        if not isinstance(function, Function) or function.bdd is not self.bdd:
             raise TypeError("a Function of this manager's dd.cudd.BDD is needed")
         return wrap_bdd(self, <DdNode*><uintptr_t>(int(function) - 2))
 

@@ -23,7 +23,7 @@ cdef inline Mtbdd wrap_mtbdd(Core core, DdNode* n):
 cdef Bdd as_bdd(Core core, object x):
     """x as a Bdd of this core; a dd Function is taken as well."""
     if type(x) is not Bdd:
-        if isinstance(x, cudd.Function):
+        if isinstance(x, Function):
             return core.from_dd(x)
         raise TypeError(f"a Bdd is needed, not {type(x).__name__}")
     if (<Bdd>x).core is not core:

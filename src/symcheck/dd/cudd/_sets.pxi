@@ -72,7 +72,7 @@ cdef class Bdd:
         """
         cdef Bdd a, b
         cdef Mtbdd x, y
-        if isinstance(then, (Bdd, cudd.Function)) and isinstance(otherwise, (Bdd, cudd.Function)):
+        if isinstance(then, (Bdd, Function)) and isinstance(otherwise, (Bdd, Function)):
             a = as_bdd(self.core, then)
             b = as_bdd(self.core, otherwise)
             return wrap_bdd(self.core, Cudd_bddIte(self.core.begin().dd, self.node, a.node, b.node))
@@ -135,7 +135,7 @@ cdef class Bdd:
     def __eq__(Bdd self, other: object):
         if type(other) is Bdd:
             return self.node is (<Bdd>other).node
-        if isinstance(other, cudd.Function) and other.bdd is self.core.bdd:
+        if isinstance(other, Function) and other.bdd is self.core.bdd:
             return self.node is <DdNode*><uintptr_t>(int(other) - 2)
         return NotImplemented
 
@@ -184,7 +184,9 @@ cdef class Bdd:
         return bool(out[0]) if np.ndim(bits) == 1 else out
 
     def to_dd(self) -> Any:
-        """The set as a Function of dd, without copying."""
+        """The set as a Function of dd, without copying. Raises UnsupportedError without dd.cudd."""
+        if self.core.bdd is None:
+            raise UnsupportedError("dd has no CUDD here, and no diagrams that it shares with symcheck")
         return self.core.bdd._add_int(<uintptr_t>self.node + 2)
 
     def __repr__(self):

@@ -1,9 +1,7 @@
-# CUDD's C interface, resolved from the shared library that dd.cudd has loaded. The prototypes are
-# those of CUDD 3.0.
+# CUDD's C interface, resolved from a shared library. The prototypes are those of CUDD 3.0.
 
 cdef extern from "<dlfcn.h>":
     int RTLD_LAZY
-    int RTLD_NOLOAD
     void* dlopen(const char*, int)
     void* dlsym(void*, const char*)
     char* dlerror()
@@ -59,6 +57,8 @@ ctypedef void* (*f_get_pointer)(DdManager*) noexcept nogil
 ctypedef void (*f_set_pointer)(DdManager*, void*) noexcept nogil
 ctypedef void* (*f_tree)(DdManager*, unsigned int, unsigned int, unsigned int) noexcept nogil
 ctypedef int (*f_reduce)(DdManager*, int, int) noexcept nogil
+ctypedef DdManager* (*f_init)(unsigned int, unsigned int, unsigned int, unsigned int, size_t) noexcept nogil
+ctypedef void (*f_set_unsigned)(DdManager*, unsigned int) noexcept nogil
 ctypedef int (*f_shuffle)(DdManager*, int*) noexcept nogil
 
 cdef f_dd Cudd_ReadOne, Cudd_ReadZero, Cudd_ReadLogicZero
@@ -96,17 +96,21 @@ cdef f_get_pointer Cudd_ReadApplicationHook
 cdef f_set_pointer Cudd_SetApplicationHook
 cdef f_tree Cudd_MakeTreeNode
 cdef f_reduce Cudd_ReduceHeap
+cdef f_init Cudd_Init
+cdef f_set_unsigned Cudd_SetLooseUpTo, Cudd_SetMinHit
+cdef f_set Cudd_Quit
 cdef f_shuffle Cudd_ShuffleHeap
 
 
 cdef int _resolve_all() except -1:
-    path = cudd.__file__.encode()
-    cdef void* library = dlopen(path, RTLD_LAZY | RTLD_NOLOAD)
+    name = library()
+    path = name.encode()
+    cdef void* handle = dlopen(path, RTLD_LAZY)
     cdef void* symbol
     cdef uintptr_t target
-    if library is NULL:
-        raise ImportError(f"the shared library {cudd.__file__} of dd.cudd is not loaded as such, so CUDD cannot be reached")
-    for name, target in [
+    if handle is NULL:
+        raise UnsupportedError(f"the shared library {name} with CUDD cannot be loaded: {dlerror().decode()}")
+    for function, target in [
         (b"Cudd_ReadOne", <uintptr_t>&Cudd_ReadOne),
         (b"Cudd_ReadZero", <uintptr_t>&Cudd_ReadZero),
         (b"Cudd_ReadLogicZero", <uintptr_t>&Cudd_ReadLogicZero),
@@ -168,15 +172,17 @@ cdef int _resolve_all() except -1:
         (b"Cudd_MakeTreeNode", <uintptr_t>&Cudd_MakeTreeNode),
         (b"Cudd_ReduceHeap", <uintptr_t>&Cudd_ReduceHeap),
         (b"Cudd_ShuffleHeap", <uintptr_t>&Cudd_ShuffleHeap),
+        (b"Cudd_Init", <uintptr_t>&Cudd_Init),
+        (b"Cudd_Quit", <uintptr_t>&Cudd_Quit),
+        (b"Cudd_SetLooseUpTo", <uintptr_t>&Cudd_SetLooseUpTo),
+        (b"Cudd_SetMinHit", <uintptr_t>&Cudd_SetMinHit),
     ]:
-        symbol = dlsym(library, name)
+        symbol = dlsym(handle, function)
         if symbol is NULL:
-            raise ImportError(
-                f"{cudd.__file__} does not export {name.decode()}: symcheck needs the Linux wheel of dd {REQUIRED_VERSION} "
-                f"(pip install --force-reinstall dd=={REQUIRED_VERSION})"
+            raise UnsupportedError(
+                f"{name} does not export {function.decode()}\n  hint: the wheel of dd {REQUIRED_VERSION} does, as does a "
+                "shared library with CUDD 3.0"
             )
         (<void**>target)[0] = symbol
     return 0
 
-
-_resolve_all()

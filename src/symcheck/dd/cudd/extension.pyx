@@ -1,14 +1,14 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False,
 # language_level=3
-"""MTBDDs and fast BDD handles in the CUDD manager of a `dd.cudd.BDD`.
+"""MTBDDs and fast BDD handles in a CUDD manager, that of a `dd.cudd.BDD` if dd has CUDD.
 
-The wheel of dd exports the C functions of CUDD that it links. They are resolved here from the
-library that dd has loaded. Operations that it does not link (conversions between BDDs and MTBDDs,
+The wheel of dd exports the C functions of CUDD that it links. They are resolved here from it, or
+from a shared library of the system (see `symcheck.dd.cudd_import`). Operations that it does not link (conversions between BDDs and MTBDDs,
 matrix multiplication, images, saturation) are recursions over CUDD's unique table and computed
 table.
 
-The symbols, the layout of nodes and the way to the manager are checked at import. A mismatch is an
-ImportError.
+The symbols, the layout of nodes and the way to the manager are checked when the first manager is
+made. A mismatch is an UnsupportedError.
 
 Sources: Bryant (1986), Graph-based algorithms for Boolean function manipulation; Clarke, Fujita,
 McMillan, Yang and Zhao (1993), Spectral transforms for large Boolean functions (MTBDDs); Bahar et
@@ -25,9 +25,11 @@ from libc.string cimport memcmp, memcpy, memset
 
 import numpy as np
 
-from symcheck.dd.cudd_import import REQUIRED_VERSION, cudd
+from symcheck.dd.cudd_import import REQUIRED_VERSION, Function, library
 from symcheck.dd.tuning import MAX_PARTITIONS
-from symcheck.errors import Interrupted, MemoryLimitError, NumericalError, TimeLimitError
+from symcheck.errors import (
+    Interrupted, MemoryLimitError, NumericalError, TimeLimitError, UnsupportedError,
+)
 
 __all__ = [
     "Bdd", "Core", "Cube", "Mtbdd", "Renaming", "Saturation", "Transition", "count", "export_nodes", "export_sets",
@@ -35,6 +37,8 @@ __all__ = [
 ]
 
 _TIME = "the time limit was reached while working on decision diagrams: raise it (-timeout, time_limit) or try another engine"
+
+cdef bint loaded = False
 
 include "_symbols.pxi"
 include "_core.pxi"
@@ -46,5 +50,3 @@ include "_saturation.pxi"
 include "_numbers.pxi"
 include "_export.pxi"
 include "_tables.pxi"
-
-_validate_layout()
