@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import partial
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,9 +56,9 @@ class ExplicitRewards(NamedTuple):
     """
 
     name: str | None
-    states: Any
-    rows: Any
-    entries: Any = None
+    states: Numbers
+    rows: Numbers
+    entries: Numbers | None = None
 
 
 def row_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Floats:
@@ -66,7 +66,7 @@ def row_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Float
 
     rewards: a reward per transition, float64[entries].
     """
-    of = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
+    of = matrix.row_of_entry
     total: Floats = np.bincount(of, matrix.data * rewards, matrix.rows).astype(np.float64)
     if kind is ModelType.CTMC:
         return total
@@ -149,7 +149,7 @@ class ImportedEngine(ExplicitEngine, HasImportedStates):
     """
 
     members: Mapping[Expression, Bools] = field(default_factory=dict, repr=False)
-    entry_rewards: Sequence[Any] = field(default=(), repr=False)
+    entry_rewards: Sequence[Numbers | None] = field(default=(), repr=False)
     given: tuple[SparseMatrix, Sequence[ExplicitRewards]] | None = field(default=None, repr=False)
     contributions: Contributions | None = field(default=None, repr=False)
 

@@ -5,40 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.capabilities import HasActions, HasImportedStates
 from symcheck.engines.transition_actions import contributions, state_columns, state_order
+from symcheck.exchange.explicit_data import ExplicitRewards
 from symcheck.matrices.contributions import Contributions, TransitionParts
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.semantics.model import Variable
 from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import ModelType, Type
 
-__all__ = ["ExplicitExport", "Rewards", "explicit_export"]
+__all__ = ["ExplicitExport", "explicit_export"]
 
 SetOf = Callable[[str], StateSet]
-
-
-@dataclass(frozen=True, eq=False)
-class Rewards:
-    """A reward structure.
-
-    Attributes:
-        name: its name, if it has one.
-        states: a reward per state, [n].
-        rows: per row, the sum of its transition rewards weighted with probabilities (rates).
-        entries: a reward per transition, for models read from files that have them.
-    """
-
-    name: str | None
-    states: NDArray[Any] = field(repr=False)
-    rows: NDArray[Any] = field(repr=False)
-    entries: NDArray[Any] | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +49,13 @@ class ExplicitExport:
     variables: tuple[Variable, ...]
     columns: Sequence[Int64s] = field(repr=False)
     matrix: SparseMatrix = field(repr=False)
-    values: NDArray[Any] = field(repr=False)
+    values: Numbers = field(repr=False)
     actions: tuple[str, ...]
     row_actions: Int32s | None = field(repr=False)
     labels: Mapping[str, Bools] = field(repr=False)
-    rewards: Sequence[Rewards] = field(repr=False)
+    rewards: Sequence[ExplicitRewards] = field(repr=False)
     property_labels: frozenset[str] = frozenset()
-    apart: Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None = field(default=None, repr=False)
+    apart: Callable[[SparseMatrix], Sequence[Numbers]] | None = field(default=None, repr=False)
     contributions: Callable[[], Contributions | None] = field(default=lambda: None, repr=False)
 
     @property
@@ -83,15 +66,12 @@ class ExplicitExport:
     @cached_property
     def state_of_row(self) -> Int64s:
         """The state of each row."""
-        groups = self.matrix.groups
-        return (
-            np.arange(self.n) if groups is None else np.repeat(np.arange(self.n), np.diff(groups))
-        )
+        return self.matrix.state_of_row
 
     @cached_property
     def row_of_entry(self) -> Int64s:
         """The row of each entry."""
-        return np.repeat(np.arange(self.matrix.rows), np.diff(self.matrix.indptr))
+        return self.matrix.row_of_entry
 
     @cached_property
     def choice_of_row(self) -> Int64s:
@@ -151,11 +131,11 @@ class ExplicitExport:
         )
 
     @cached_property
-    def _rewards_of_commands(self) -> Sequence[NDArray[Any]]:
+    def _rewards_of_commands(self) -> Sequence[Numbers]:
         assert self.apart is not None
         return self.apart(self.matrix)
 
-    def entry_rewards(self, number: int) -> NDArray[Any]:
+    def entry_rewards(self, number: int) -> Numbers:
         """The reward of each transition in structure `number`."""
         structure = self.rewards[number]
         if structure.entries is not None:
@@ -164,7 +144,7 @@ class ExplicitExport:
             return self._rewards_of_commands[number]
         return self.transition_rewards(structure)[self.row_of_entry]
 
-    def transition_rewards(self, structure: Rewards) -> NDArray[Any]:
+    def transition_rewards(self, structure: ExplicitRewards) -> Numbers:
         """Per row, the one reward for all its transitions that has the row's expected reward."""
         if self.type is not ModelType.CTMC:
             return structure.rows
@@ -216,7 +196,7 @@ def explicit_export(
         _row_actions(engine),
         members,
         [
-            Rewards(r.name, *system.rewards(Structure(i)), _entry_rewards(engine, i))
+            ExplicitRewards(r.name, *system.rewards(Structure(i)), _entry_rewards(engine, i))
             for i, r in enumerate(model.rewards)
         ],
         frozenset(property_labels),
@@ -226,13 +206,13 @@ def explicit_export(
     return _sorted(found, state_order(engine, columns))
 
 
-def _entry_rewards(engine: Engine, structure: int) -> NDArray[Any] | None:
+def _entry_rewards(engine: Engine, structure: int) -> Numbers | None:
     """The rewards of single transitions, for models read from files."""
     imported = engine.capability(HasImportedStates)
     return imported.entry_rewards[structure] if imported and imported.entry_rewards else None
 
 
-def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[NDArray[Any]]] | None:
+def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[Numbers]] | None:
     """A function that computes transition rewards of a chain from commands; None if not needed."""
     model = engine.model
     if (
@@ -242,7 +222,7 @@ def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[ND
     ):
         return None
 
-    def find(matrix: SparseMatrix) -> Sequence[NDArray[Any]]:
+    def find(matrix: SparseMatrix) -> Sequence[Numbers]:
         from symcheck.exchange.transition_rewards import transition_rewards
 
         return transition_rewards(engine, matrix)
@@ -271,7 +251,7 @@ def _sorted(found: ExplicitExport, order: Int64s | None) -> ExplicitExport:
     by = np.lexsort((m.indices, found.row_of_entry))
     matrix = SparseMatrix(m.indptr, m.indices[by], m.data[by], m.columns, m.groups)
     rewards = [
-        replace(r, entries=None if r.entries is None else r.entries[by]) for r in found.rewards
+        r._replace(entries=None if r.entries is None else r.entries[by]) for r in found.rewards
     ]
     return replace(found, matrix=matrix, values=found.values[by], rewards=rewards)
 
@@ -285,22 +265,16 @@ def _permuted(found: ExplicitExport, order: Int64s) -> ExplicitExport:
     starts = np.arange(found.n) if m.groups is None else m.groups[:-1]
     rows = spans(starts[order], starts[order] + counts[order])
     entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
-    matrix = SparseMatrix(
-        starts_of(np.diff(m.indptr)[rows]),
-        place[m.indices[entries]],
-        m.data[entries],
-        m.columns,
-        None if m.groups is None else starts_of(counts[order]),
-    )
+    groups = None if m.groups is None else starts_of(counts[order])
     return replace(
         found,
         columns=[c[order] for c in found.columns],
-        matrix=matrix,
+        matrix=m.select(rows, place, m.columns, groups),
         values=found.values[entries],
         row_actions=None if found.row_actions is None else found.row_actions[rows],
         labels={name: members[order] for name, members in found.labels.items()},
         rewards=[
-            Rewards(
+            ExplicitRewards(
                 r.name,
                 r.states[order],
                 r.rows[rows],

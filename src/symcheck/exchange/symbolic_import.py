@@ -83,9 +83,8 @@ def symbolic_engine(
         return odd.from_vector(values[order])
 
     groups = np.arange(n + 1) if matrix.groups is None else matrix.groups
-    owner = np.repeat(np.arange(n), np.diff(groups))
+    owner, row = matrix.state_of_row, matrix.row_of_entry
     number = np.arange(matrix.rows) - groups[owner]
-    row = np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr))
     pairs = np.stack([bits[owner[row]], bits[matrix.indices]], axis=2).reshape(len(row), -1)
     by = np.lexsort([row, *pairs.T[::-1]])
     classes = []

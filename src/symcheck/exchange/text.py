@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from symcheck.matrices.numbers import Numbers
 from symcheck.whole_file import write_whole
 
 __all__ = [
@@ -27,7 +27,7 @@ CHUNK = 1 << 16
 FULL_PRECISION = 17
 """Digits that identify every double. From here on, the shortest text that reads back is written."""
 
-Column = NDArray[Any] | Sequence[object] | Callable[[int, int], Sequence[object]]
+Column = Numbers | Sequence[object] | Callable[[int, int], Sequence[object]]
 
 
 def number_text(value: float | Fraction, precision: int = FULL_PRECISION) -> str:
@@ -41,7 +41,7 @@ def number_text(value: float | Fraction, precision: int = FULL_PRECISION) -> str
     return repr(float(value)).removesuffix(".0")
 
 
-def number_texts(values: NDArray[Any], precision: int = FULL_PRECISION) -> list[str]:
+def number_texts(values: Numbers, precision: int = FULL_PRECISION) -> list[str]:
     """`number_text` of each value (float64[n] or objects). Most models have few distinct values."""
     if values.dtype == object:
         return [number_text(v if isinstance(v, Fraction) else float(v), precision) for v in values]

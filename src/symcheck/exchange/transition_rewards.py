@@ -11,17 +11,17 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symcheck.engines.base import Engine
 from symcheck.engines.transition_actions import commands_apart
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 
 __all__ = ["transition_rewards"]
 
 
-def transition_rewards(engine: Engine, matrix: SparseMatrix) -> list[NDArray[Any]]:
+def transition_rewards(engine: Engine, matrix: SparseMatrix) -> list[Numbers]:
     """The reward of each transition of a chain, per structure: float64[entries], or rationals.
 
     The model is explored again as an MDP, in which each command is a choice of its own.
@@ -37,17 +37,16 @@ def transition_rewards(engine: Engine, matrix: SparseMatrix) -> list[NDArray[Any
     return _rational(engine, matrix) if engine.exact else _doubles(engine.model, matrix)
 
 
-def _doubles(model: BoundModel, matrix: SparseMatrix) -> list[NDArray[Any]]:
+def _doubles(model: BoundModel, matrix: SparseMatrix) -> list[Numbers]:
     from symcheck.explicit.model import evaluate_states
     from symcheck.explicit.tables import total_reward
 
     apart = commands_apart(model)
     own = apart.matrix
     assert own.groups is not None
-    row = np.repeat(np.arange(own.rows), np.diff(own.indptr))
-    state = np.repeat(np.arange(own.states), np.diff(own.groups))
-    place = _places(matrix, state[row], own.indices)
-    found: list[NDArray[Any]] = []
+    row, state = own.row_of_entry, own.state_of_row
+    place, _ = matrix.find(state[row], own.indices)
+    found: list[Numbers] = []
     for structure in model.rewards:
         rewards = np.zeros(own.rows)
         for number, action in enumerate((*model.actions, None)):
@@ -64,14 +63,6 @@ def _doubles(model: BoundModel, matrix: SparseMatrix) -> list[NDArray[Any]]:
     return found
 
 
-def _places(matrix: SparseMatrix, state: Int64s, target: NDArray[np.int32]) -> Int64s:
-    keys = (
-        np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)) * matrix.columns + matrix.indices
-    )
-    found: Int64s = np.searchsorted(keys, state * matrix.columns + target).astype(np.int64)
-    return found
-
-
 def _means(place: Int64s, weights: Floats, rewards: Floats, entries: int) -> Floats:
     """The weighted mean of the rewards per entry; without rounding if all rewards are equal."""
     least, most = np.full(entries, np.inf), np.full(entries, -np.inf)
@@ -81,7 +72,7 @@ def _means(place: Int64s, weights: Floats, rewards: Floats, entries: int) -> Flo
     return np.asarray(np.where(least == most, least, np.clip(mean, least, most)), np.float64)
 
 
-def _rational(engine: Engine, matrix: SparseMatrix) -> list[NDArray[Any]]:
+def _rational(engine: Engine, matrix: SparseMatrix) -> list[Numbers]:
     states = {state: i for i, state in enumerate(engine.valuations(engine.all))}
     found = [np.full(matrix.entries, Fraction(0), dtype=object) for _ in engine.model.rewards]
     for i, means in enumerate(_means_of_states(engine.model, tuple(states))):

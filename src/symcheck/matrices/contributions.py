@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symcheck.matrices.numbers import Numbers, full
-from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 
 __all__ = ["Contributions", "TransitionParts"]
 
@@ -30,17 +30,9 @@ class Contributions(NamedTuple):
     action: Int32s
     weight: Numbers
 
-    def entries(self, matrix: SparseMatrix) -> tuple[Int64s, Bools]:
-        """The entry of a chain's matrix to which each belongs, and whether there is one."""
-        keys = np.repeat(np.arange(matrix.rows), matrix.lengths) * matrix.columns + matrix.indices
-        by = np.argsort(keys, kind="stable")
-        wanted = self.source * matrix.columns + self.target
-        place = by[np.minimum(np.searchsorted(keys[by], wanted), len(keys) - 1)]
-        return place, keys[place] == wanted
-
     def totals(self, matrix: SparseMatrix) -> Numbers:
         """The entries of a matrix, summed from their contributions where there are some."""
-        place, known = self.entries(matrix)
+        place, known = matrix.find(self.source, self.target)
         sums = full(matrix.entries, 0, exact=matrix.exact)
         np.add.at(sums, place[known], self.weight[known])
         touched = np.zeros(matrix.entries, bool)
@@ -84,7 +76,7 @@ class TransitionParts:
         by_name = np.array([-1, *sorted(range(len(names)), key=names.__getitem__)], np.int32)
         rank = np.empty(len(names) + 1, np.int64)
         rank[by_name] = np.arange(len(by_name))  # by_name[0] = -1 is the last place
-        place, known = found.entries(matrix)
+        place, known = matrix.find(found.source, found.target)
         bare = np.ones(matrix.entries, bool)
         bare[place[known]] = False
         alone = np.flatnonzero(bare)

@@ -76,6 +76,26 @@ class SparseMatrix:
         return int(self.indptr[-1])
 
     @property
+    def row_of_entry(self) -> Int64s:
+        """The row of each entry."""
+        return np.repeat(np.arange(self.rows), self.lengths)
+
+    @property
+    def state_of_row(self) -> Int64s:
+        """The state of each row."""
+        if self.groups is None:
+            return np.arange(self.rows)
+        return np.repeat(np.arange(self.states), np.diff(self.groups))
+
+    def find(self, rows: Int64s, columns: Int64s | Int32s) -> tuple[Int64s, Bools]:
+        """The number of the entry in each of these places, and whether there is one."""
+        keys = self.row_of_entry * self.columns + self.indices
+        by = np.argsort(keys, kind="stable")
+        wanted = rows * self.columns + columns
+        place = by[np.minimum(np.searchsorted(keys[by], wanted), len(keys) - 1)]
+        return place, keys[place] == wanted
+
+    @property
     def nbytes(self) -> int:
         """Memory of the arrays, in bytes."""
         own = self.indptr.nbytes + self.indices.nbytes + self.data.nbytes
@@ -129,8 +149,8 @@ class SparseMatrix:
                 columns,
                 self.groups,
             )
-        row = np.repeat(np.arange(self.rows), self.lengths)
-        keys, inverse = np.unique(row * columns + place[self.indices], return_inverse=True)
+        places = self.row_of_entry * columns + place[self.indices]
+        keys, inverse = np.unique(places, return_inverse=True)
         order = np.argsort(inverse, kind="stable")
         starts = starts_of(np.bincount(inverse, minlength=len(keys)))
         return SparseMatrix(

@@ -177,8 +177,7 @@ def _with_ends(
     """
     matrix, n = system.matrix, system.n
     assert matrix.groups is not None
-    rows = np.repeat(np.arange(matrix.rows), matrix.lengths)
-    owner = np.repeat(np.arange(n), np.diff(matrix.groups))
+    rows, owner = matrix.row_of_entry, matrix.state_of_row
     extra = np.flatnonzero(avoiding)
     own_rows = [rows, *(np.flatnonzero(c > 0) for c in chances)]
     columns = [matrix.indices, *(np.full(len(r), n + i) for i, r in enumerate(own_rows[1:]))]

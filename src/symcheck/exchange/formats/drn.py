@@ -9,7 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from symcheck.exchange.explicit_export import ExplicitExport, Rewards
+from symcheck.exchange.explicit_data import ExplicitRewards
+from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import FULL_PRECISION, number_text, number_texts
 from symcheck.syntax.ast import ModelType
 
@@ -93,7 +94,7 @@ def _actions(model: ExplicitExport, first: int, last: int, begin: int, end: int)
 
 def _rewards(
     model: ExplicitExport,
-    structure: Rewards,
+    structure: ExplicitRewards,
     start: int,
     stop: int,
     first: int,

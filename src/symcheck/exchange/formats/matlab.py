@@ -9,6 +9,8 @@ import numpy as np
 from symcheck.errors import UnsupportedError
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import FULL_PRECISION, lines
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Int64s
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["labels", "state_rewards", "states", "transition_rewards", "transitions"]
@@ -17,9 +19,7 @@ __all__ = ["labels", "state_rewards", "states", "transition_rewards", "transitio
 def transitions(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> Iterator[str]:
     """The transition matrix `P` (rates of a CTMC: `R`). Raises UnsupportedError for an MDP."""
     name = "R" if model.type is ModelType.CTMC else "P"
-    yield from _matrix(
-        model, name, np.ones(model.matrix.entries, np.bool_), model.values, precision
-    )
+    yield from _matrix(model, name, np.arange(model.matrix.entries), model.values, precision)
 
 
 def transition_rewards(
@@ -30,7 +30,7 @@ def transition_rewards(
     Raises UnsupportedError for an MDP.
     """
     rewards = model.entry_rewards(number)
-    yield from _matrix(model, f"C{number + 1}", rewards != 0, rewards, precision)
+    yield from _matrix(model, f"C{number + 1}", np.flatnonzero(rewards != 0), rewards, precision)
 
 
 def state_rewards(
@@ -71,18 +71,18 @@ def labels(model: ExplicitExport, names: Sequence[str]) -> Iterator[str]:
 def _matrix(
     model: ExplicitExport,
     name: str,
-    some: np.ndarray[tuple[int], np.dtype[np.bool_]],
-    values: object,
+    chosen: Int64s,
+    values: Numbers,
     precision: int,
 ) -> Iterator[str]:
+    """The chosen entries of a matrix."""
     if model.matrix.groups is not None:
         raise UnsupportedError(
             "the Matlab format has one matrix, and an MDP has several choices per state\n"
             "  hint: the formats .tra, .drn and .umb hold MDPs"
         )
-    chosen, numbers = np.flatnonzero(some), np.asarray(values)
     yield f"{name} = sparse({model.n},{model.n});\n"
     row, column = model.row_of_entry[chosen] + 1, model.matrix.indices[chosen] + 1
     yield from lines(
-        f"{name}(%d,%d)=%s;", len(chosen), row, column, numbers[chosen], precision=precision
+        f"{name}(%d,%d)=%s;", len(chosen), row, column, values[chosen], precision=precision
     )

@@ -453,10 +453,8 @@ def _transition_rewards(file: Columns, model: _Transitions) -> Floats:
         for i in np.flatnonzero(choice >= np.diff(m.groups)[source])[:1].tolist():
             file.fault(i + 1, f"state {source[i]} has no choice {choice[i]}", "index", 1)
         row = m.groups[source] + choice
-    keys = np.repeat(np.arange(m.rows), np.diff(m.indptr)) * m.states + m.indices
-    wanted = row * m.states + target
-    place = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
-    for i in np.flatnonzero(keys[place] != wanted)[:1].tolist():
+    place, known = m.find(row, target)
+    for i in np.flatnonzero(~known)[:1].tolist():
         file.fault(i + 1, "there is no such transition", "index")
     result = np.zeros(m.entries)
     result[place] = rewards

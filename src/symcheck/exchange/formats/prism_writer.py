@@ -6,14 +6,15 @@ Source: the appendix 'Explicit Model Files' of the PRISM manual, version 4.8 and
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.exchange.explicit_export import ExplicitExport, Rewards
+from symcheck.exchange.explicit_data import ExplicitRewards
+from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import CHUNK, FULL_PRECISION, lines, number_texts
-from symcheck.matrices.rows import Int64s
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType
 
@@ -65,19 +66,10 @@ def transitions_file(
         return
     parts = model.parts
     yield f"{_size(model)} {len(parts.entry)}\n"
-    of = model.row_of_entry[parts.entry]
-    chain = m.groups is None
     actions = [f" {name}" if name else "" for name in parts.texts(model.actions)]
-    columns = (model.state_of_row[of], *(() if chain else (model.choice_of_row[of],)))
-    yield from lines(
-        f"{'%d ' * len(columns)}%d %s%s",
-        len(of),
-        *columns,
-        m.indices[parts.entry],
-        parts.values,
-        actions,
-        precision=precision,
-    )
+    columns = (*_places(model, parts.entry), parts.values, actions)
+    template = "%d " * (len(columns) - 2) + "%s%s"
+    yield from lines(template, len(parts.entry), *columns, precision=precision)
 
 
 def labels_file(model: ExplicitExport, names: Sequence[str] | None = None) -> Iterator[str]:
@@ -98,7 +90,7 @@ def labels_file(model: ExplicitExport, names: Sequence[str] | None = None) -> It
 
 def state_rewards_file(
     model: ExplicitExport,
-    structure: Rewards,
+    structure: ExplicitRewards,
     *,
     precision: int = FULL_PRECISION,
     headers: bool = True,
@@ -119,7 +111,6 @@ def transition_rewards_file(
     rows: bool = False,
 ) -> Iterator[str]:
     """`.trew`: like `.tra`, for the transitions with a nonzero reward in structure `number`."""
-    m = model.matrix
     rewards = model.entry_rewards(number)
     some = np.flatnonzero(rewards != 0)
     yield _heading(model.rewards[number], "Transition rewards") if headers else ""
@@ -127,34 +118,30 @@ def transition_rewards_file(
     if rows:
         yield from _row_lines(model, rewards, rewards != 0, precision, actions=False)
         return
-    of = model.row_of_entry[some]
-    source, target = model.state_of_row[of], m.indices[some]
-    if m.groups is None:
-        yield from lines("%d %d %s", len(some), source, target, rewards[some], precision=precision)
-    else:
-        yield from lines(
-            "%d %d %d %s",
-            len(some),
-            source,
-            model.choice_of_row[of],
-            target,
-            rewards[some],
-            precision=precision,
-        )
+    places = _places(model, some)
+    template = "%d " * len(places) + "%s"
+    yield from lines(template, len(some), *places, rewards[some], precision=precision)
+
+
+def _places(model: ExplicitExport, entries: Int64s) -> tuple[Int64s | Int32s, ...]:
+    """The source, the choice (of an MDP) and the target of each entry."""
+    rows, targets = model.row_of_entry[entries], model.matrix.indices[entries]
+    choice = () if model.matrix.groups is None else (model.choice_of_row[rows],)
+    return model.state_of_row[rows], *choice, targets
 
 
 def _size(model: ExplicitExport) -> str:
     return f"{model.n}" if model.matrix.groups is None else f"{model.n} {model.matrix.rows}"
 
 
-def _heading(structure: Rewards, what: str) -> str:
+def _heading(structure: ExplicitRewards, what: str) -> str:
     name = f' "{structure.name}"' if structure.name else ""
     return f"# Reward structure{name}\n# {what}\n"
 
 
 def _row_lines(
     model: ExplicitExport,
-    values: NDArray[Any],
+    values: Numbers,
     some: NDArray[np.bool_],
     precision: int,
     actions: bool,

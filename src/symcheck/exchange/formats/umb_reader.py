@@ -82,7 +82,7 @@ def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> ExplicitD
     contributions = None
     if kind is not ModelType.MDP and raw.branch_to_branch_action is not None:
         actions, codes = _named(raw.branch_to_branch_action, raw.branch_action_to_string)
-        row = np.repeat(np.arange(matrix.rows), matrix.lengths)[branches.entry]
+        row = matrix.row_of_entry[branches.entry]
         target = matrix.indices[branches.entry].astype(np.int64)
         if actions:
             contributions = Contributions(row, target, codes[branches.number], branches.weight)
@@ -215,7 +215,7 @@ def _rewards(
     states = numbers("states", matrix.states)
     if not values.get("choices") and not values.get("branches"):
         return ExplicitRewards(name, states, np.zeros(matrix.rows))
-    row_of_entry = np.repeat(np.arange(matrix.rows), matrix.lengths)
+    row_of_entry = matrix.row_of_entry
     choices = numbers("choices", matrix.rows)
     if len(choices) != matrix.rows:  # a chain's states without a choice are rows here
         filled = np.zeros(matrix.rows)

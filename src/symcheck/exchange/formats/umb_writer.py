@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symcheck import __version__
 from symcheck.errors import UsageError
 from symcheck.exchange.explicit_export import ExplicitExport
+from symcheck.matrices.numbers import Numbers
 from symcheck.syntax.ast import ModelType, Type
 from symcheck.tables import optional_package
 from symcheck.whole_file import write_whole
@@ -81,7 +81,7 @@ def umb_model(model: ExplicitExport) -> Any:
     return made
 
 
-def _numbers(values: NDArray[Any]) -> tuple[Any, list[Any]]:
+def _numbers(values: Numbers) -> tuple[Any, list[Any]]:
     """Numbers of one type, and the name of that type in the file."""
     import umbi.datatypes
     from umbi.binary import SizedType
@@ -117,7 +117,7 @@ def _annotate(model: ExplicitExport, made: Any) -> None:
     made.annotations = {group: names for group, names in result.items() if names}
 
 
-def _transition_rewards(model: ExplicitExport, number: int) -> tuple[str, NDArray[Any]]:
+def _transition_rewards(model: ExplicitExport, number: int) -> tuple[str, Numbers]:
     """The rewards of choices, or of branches where a choice has several."""
     entries = model.entry_rewards(number)
     rows = model.matrix.rows

@@ -57,7 +57,7 @@ class MecQuotient:
         n = matrix.states
         rows = np.full(n, -1, dtype=np.int64)
         best = np.where(chosen >= 0, self.kept[np.maximum(chosen, 0)], -1)
-        owner = np.repeat(np.arange(n), np.diff(matrix.groups))
+        owner = matrix.state_of_row
         exits = np.zeros(n, dtype=np.bool_)
         used = best[best >= 0]
         rows[owner[used]] = used

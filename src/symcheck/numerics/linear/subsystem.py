@@ -359,7 +359,7 @@ def _weights(
     """
     groups = local.matrix.groups
     assert groups is not None
-    owner = np.repeat(np.arange(local.n), np.diff(groups))
+    owner = local.matrix.state_of_row
     ties = np.abs(rows - x[owner]) <= 1e-7 * scale[owner]
     ties[policy] = True
     chosen = np.flatnonzero(ties)

@@ -211,7 +211,7 @@ class _System:
 
 
 def _factors(rates: SparseMatrix, scale: Floats) -> GthElimination | None:
-    owner = np.repeat(np.arange(rates.states, dtype=np.int32), rates.lengths)
+    owner = rates.row_of_entry
     data = rates.data * scale[owner]
     data[rates.indices == owner] = 0.0
     leaves = 1.0 - sparse.row_sums(rates.indptr, data)

@@ -72,7 +72,7 @@ def truncate(
     # A lower bound on the least value: the reward within T/a is part of that within T.
     least = float(value[interest].min())
     target = least * math.exp(-laplace_shift) / (4.0 * laplace_shift)
-    owner = np.repeat(np.arange(rates.states), rates.lengths)
+    owner = rates.row_of_entry
     flow = occupation[owner] * rates.data
     inflow = np.bincount(rates.indices, weights=flow, minlength=rates.states)
     with np.errstate(under="ignore", over="ignore"):

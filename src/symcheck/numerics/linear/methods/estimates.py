@@ -33,10 +33,7 @@ def jacobi(
     """Iterate as the power method does, with each row solved for its own state."""
     matrix = problem.rows
     bellman = BellmanOperator.of(problem)
-    owner = np.arange(matrix.rows)
-    if matrix.groups is not None:
-        owner = np.repeat(np.arange(matrix.states), np.diff(matrix.groups))
-    row_of_entry = np.repeat(np.arange(matrix.rows), matrix.lengths)
+    owner, row_of_entry = matrix.state_of_row, matrix.row_of_entry
     diagonal = matrix.indices == owner[row_of_entry]
     loops = np.zeros(matrix.rows)
     loops[row_of_entry[diagonal]] = matrix.data[diagonal]
