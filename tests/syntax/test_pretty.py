@@ -91,6 +91,7 @@ def properties(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expres
         EXPRESSIONS.map(ast.InstantaneousReward),
         st.just(ast.TotalReward()),
         st.just(ast.SteadyStateReward()),
+        COUNTS.map(ast.CostBoundedReward),
         st.builds(
             ast.DiscountedReward,
             st.one_of(st.none(), EXPRESSIONS.map(lambda e: ast.TimeBound(upper=e))),

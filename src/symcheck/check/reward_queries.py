@@ -15,9 +15,10 @@ from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.rewards import Reward, Time, operator_reward
-from symcheck.semantics.time_bounds import bound_value, window
+from symcheck.semantics.time_bounds import bound_value, counts, window
 from symcheck.syntax.ast import (
     BinaryTemporal,
+    CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
     Eventually,
@@ -54,6 +55,13 @@ def reward_values(
             if time.upper is None or time.lower or time.lower_strict:
                 raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
             return timed_measures(context).cumulative_reward(context, reward, time, direction)
+        case CostBoundedReward(bound):
+            from symcheck.check.measures.cost_bounded_reward import cost_bounded_reward
+
+            costs = counts(bound, context.engine.model)
+            if len(costs) > 1:
+                raise UnsupportedError("a cumulative reward within one cost is supported, not more")
+            return cost_bounded_reward(context, reward, costs[0], direction)
         case DiscountedReward(bound, factor):
             from symcheck.check.measures.discounted import discounted_reward
 

@@ -30,6 +30,7 @@ from symcheck.simulate import tuning
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.syntax.ast import (
     BinaryTemporal,
+    CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
     Eventually,
@@ -280,10 +281,10 @@ def reward_monitor(query: RewardQuery, model: BoundModel) -> Monitor:
             target := normal_form(operand, model), StateFormula
         ):
             return _ReachabilityMonitor(target.formula)
-        case DiscountedReward():
+        case DiscountedReward() | CostBoundedReward():
             raise UnsupportedError(
-                "-sim does not estimate discounted rewards; without -sim they are computed "
-                "numerically"
+                "-sim does not estimate discounted rewards and rewards within a cost; without -sim "
+                "they are computed numerically"
             )
         case SteadyStateReward() | TotalReward():
             raise UnsupportedError(

@@ -25,6 +25,7 @@ __all__ = [
     "Call",
     "Conditional",
     "ConditionalProbability",
+    "CostBoundedReward",
     "CumulativeReward",
     "DiscountedReward",
     "Eventually",
@@ -421,6 +422,13 @@ class CumulativeReward(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class CostBoundedReward(Node):
+    """`C{"c"}<=k`: the reward of the steps whose accumulated cost is at most k."""
+
+    bound: RewardBound | RewardBounds
+
+
+@dataclass(frozen=True, slots=True)
 class TotalReward(Node):
     """`C`."""
 
@@ -465,6 +473,7 @@ Expression = (
 PathFormula = Expression | Next | Eventually | Globally | Until | WeakUntil | Release
 RewardQuery = (
     CumulativeReward
+    | CostBoundedReward
     | TotalReward
     | DiscountedReward
     | InstantaneousReward

@@ -115,7 +115,7 @@ def _text(node: Tree) -> tuple[str, int]:
             return f"{_tree(left, _TEMPORAL)} {sign} {_behind(bound, right)}", _PATH
         case ast.Bound() | ast.TimeBound() | ast.RewardBound() | ast.RewardBounds():
             return _limit(node), _ATOM
-        case ast.CumulativeReward(bound):
+        case ast.CumulativeReward(bound) | ast.CostBoundedReward(bound):
             return f"C{_limit(bound)}", _PATH
         case ast.DiscountedReward(bound, discount):
             return f"C{_limit(bound)} discount={_tree(discount)}", _PATH

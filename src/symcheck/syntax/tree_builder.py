@@ -588,6 +588,7 @@ class PropertiesBuilder(Builder):
         opening, inner, closing = values
         return Structure(_text(inner), opening.start_pos, closing.end_pos)
 
+    cost_bounded = _node(ast.CostBoundedReward, 1)
     total = _node(ast.TotalReward)
     instantaneous = _node(ast.InstantaneousReward, 2)
     long_run = _node(ast.SteadyStateReward)

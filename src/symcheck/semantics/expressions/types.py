@@ -16,6 +16,7 @@ from symcheck.syntax.ast import (
     Call,
     Conditional,
     ConditionalProbability,
+    CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
     Expression,
@@ -411,7 +412,7 @@ class Typer:
 
     def _query(self, query: RewardQuery) -> None:
         match query:
-            case CumulativeReward(bound):
+            case CumulativeReward(bound) | CostBoundedReward(bound):
                 self._limits(bound)
             case DiscountedReward(bound, discount):
                 self._limits(bound)

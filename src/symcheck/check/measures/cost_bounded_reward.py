@@ -1,0 +1,74 @@
+"""Rewards earned within a cost: `R{"r"}=? [ C{"c"}<=k ]`, the reward until the cost would exceed k.
+
+A step is counted if the cost up to and including it is at most k, as C<=k counts k steps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.reward_bounded_until import row_rewards
+from symcheck.check.measures.reward_scaling import scale_bound
+from symcheck.check.result import SolverRun
+from symcheck.direction import Direction
+from symcheck.engines.base import ROUNDING, Values
+from symcheck.errors import UnsupportedError
+from symcheck.numerics.linear.problem import largest_width
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.rewards import Reward
+from symcheck.semantics.time_bounds import RewardWindow
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["cost_bounded_reward"]
+
+
+def cost_bounded_reward(
+    context: Context, reward: Reward, count: RewardWindow, direction: Direction | None
+) -> Values:
+    """Expected reward of the steps before the one with which a cost exceeds its bound.
+
+    Args:
+        context: the engine, the options and the log.
+        reward: what is earned; not negative.
+        count: the cost and its upper bound; costs are non-negative multiples of a common step, and
+            those of a CTMC belong to transitions.
+        direction: minimise or maximise over strategies; None for a chain.
+
+    Returns:
+        Certified values; infinite where a cycle without cost earns a reward.
+
+    Raises:
+        UnsupportedError: the bound has no upper limit, or rewards or costs are of another kind.
+        MemoryLimitError: the levels of the budget do not fit into memory.
+    """
+    from symcheck.numerics.reward_bounds.cost_bounded import CostBoundedProblem, solve_cost_bounded
+
+    engine, window = context.engine, count.window
+    if window.upper is None or window.lower or window.lower_strict:
+        raise UnsupportedError('a cumulative reward has an upper bound only: C{"c"}<=k')
+    if context.options.fairness and direction is not None:
+        raise UnsupportedError("expected rewards over fair strategies are not supported")
+    system = engine.system(engine.all)
+    bound = scale_bound(context, system, row_rewards(context, system, count), count)
+    if bound.upper is None or bound.empty:
+        return engine.constant(0)
+    rewards, matrix = system.step_rewards(reward), system.matrix
+    if len(rewards) and (rewards.min() < 0 or rewards.max() == np.inf):
+        raise UnsupportedError(
+            "rewards within a cost must not be negative or infinite; C<=k takes negative ones"
+        )
+    if engine.model.type is ModelType.CTMC:
+        matrix = matrix.divided(system.row_sums())
+    problem = CostBoundedProblem(matrix, rewards, bound.rewards, bound.upper, direction)
+    lower, upper, levels = solve_cost_bounded(problem, context.options, context.observer)
+    context.log.runs.append(
+        SolverRun("epochs", "budget by budget", system.n, levels, f"{levels} levels of the budget")
+    )
+    if engine.exact:
+        return system.lift(lower, None)
+    context.warn_if_wide(largest_width(lower, upper, context.options.relative), "budget by budget")
+    rounding = levels * 2 * (matrix.longest + 3) * UNIT_ROUNDOFF
+    if rounding <= ROUNDING and np.array_equal(lower, upper):
+        return system.lift(lower, None, exact=True)
+    return system.lift(lower * (1 - rounding), upper * (1 + rounding))

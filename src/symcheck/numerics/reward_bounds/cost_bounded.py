@@ -1,0 +1,226 @@
+"""Rewards that are earned while a cost stays within a budget, one budget after the other.
+
+A step is counted if its cost is within what is left of the budget; the first step beyond it ends
+the run. So the value for a budget depends on those for smaller ones, by rows with a cost, and on
+itself, by rows without. The latter are linear equations of their own at each level.
+
+Source: Hartmanns, Junges, Katoen & Quatmann (2018), Multi-cost bounded reachability in MDP.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.errors import MemoryLimitError, UnsupportedError
+from symcheck.matrices.numbers import Numbers, full, is_infinite
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, spans, starts_of
+from symcheck.numerics import graph, tuning
+from symcheck.numerics.linear.mec_quotient import collapse
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
+from symcheck.numerics.settings import ROUNDING, Accuracy, Settings
+
+__all__ = ["CostBoundedProblem", "solve_cost_bounded"]
+
+
+@dataclass(frozen=True, eq=False)
+class CostBoundedProblem:
+    """Expected reward of the steps whose total cost is at most `budget`.
+
+    matrix: probabilities among n states, rows that sum to 1. rewards: what a step by the row earns
+    on average, not negative. costs: whole numbers, int64[rows]. direction: None without choices.
+    """
+
+    matrix: SparseMatrix
+    rewards: Numbers = field(repr=False)
+    costs: Int64s = field(repr=False)
+    budget: int
+    direction: Direction | None
+
+    @property
+    def groups(self) -> Int64s:
+        """Rows of each state: int64[n+1]."""
+        groups = self.matrix.groups
+        return np.arange(self.matrix.rows + 1, dtype=np.int64) if groups is None else groups
+
+    def best(self, rows: Numbers) -> Numbers:
+        """The optimum over the rows of each state."""
+        if self.matrix.groups is None:
+            return rows
+        fold = np.minimum if self.direction is Direction.MIN else np.maximum
+        return np.asarray(fold.reduceat(rows, self.matrix.groups[:-1]))
+
+
+def solve_cost_bounded(
+    problem: CostBoundedProblem, settings: Settings, observer: Observer | None = None
+) -> tuple[Numbers, Numbers, int]:
+    """Bounds on the rewards of all states for the whole budget, and the number of levels.
+
+    Infinite where a cycle without cost that earns a reward cannot be avoided ('max': is reached).
+    Bounds leave out the rounding of products, relatively a few units per level.
+
+    Raises:
+        MemoryLimitError: the levels that are kept at a time do not fit into EPOCH_BYTES.
+        UnsupportedError: a least reward is infinite.
+    """
+    m, n, exact = problem.matrix, problem.matrix.states, problem.matrix.exact
+    within = (problem.costs > 0) & (problem.costs <= problem.budget)
+    slots = int(problem.costs[within].max(initial=0)) + 1
+    if slots * n * 16 > tuning.EPOCH_BYTES:
+        raise MemoryLimitError(
+            f"costs of up to {slots - 1} steps of the budget over {n:,} states need more than 4 GB "
+            "of memory"
+        )
+    by_cost = [
+        (int(c), rows, m.choose(rows.astype(np.int64)))
+        for c in np.unique(problem.costs[within])
+        for rows in (np.flatnonzero(problem.costs == c),)
+    ]
+    free = _FreeSteps(problem) if (problem.costs == 0).any() else None
+    rows_of_free = np.flatnonzero(problem.costs == 0)
+    ring: list[tuple[Numbers, Numbers]] = []
+    level, same = 0, 0
+    finer = Accuracy(
+        method=settings.method,
+        epsilon=max(1e-15, settings.epsilon / (4 * problem.budget + 4)),
+        relative=settings.relative,
+        certify=settings.certify,
+        max_iterations=settings.max_iterations,
+    )
+    for level in range(problem.budget + 1):
+        constant = full(m.rows, 0, exact=exact)
+        constant[rows_of_free] = problem.rewards[rows_of_free]
+        upper = constant.copy()
+        for cost, rows, part in by_cost:
+            if cost <= level:
+                low, high = ring[-cost]
+                constant[rows] = problem.rewards[rows] + part.multiply(low)
+                upper[rows] = problem.rewards[rows] + part.multiply(high)
+        if free is None:
+            found = problem.best(constant), problem.best(upper)
+        else:
+            found = free.solve(constant, upper, finer)
+        unchanged = bool(ring) and all(map(np.array_equal, ring[-1], found))
+        same = same + 1 if unchanged else 0
+        ring = [*ring[-slots + 1 :], found] if slots > 1 else [found]
+        if observer is not None:
+            observer(Progress("budget by budget", level + 1, 0.0, n))
+        if same > slots:
+            break  # all levels that matter are equal, and so are all that follow
+    return *ring[-1], level + 1
+
+
+class _FreeSteps:
+    """The equations of a level: rows without cost, and a sink to which the others lead."""
+
+    def __init__(self, problem: CostBoundedProblem) -> None:
+        self.problem = problem
+        m, n = problem.matrix, problem.matrix.states
+        free = problem.costs == 0
+        lengths = np.where(free, m.lengths, 1)
+        starts = starts_of(np.append(lengths, 1))
+        indices = np.full(starts[-1], n, np.int32)
+        data = full(int(starts[-1]), 1, exact=m.exact)
+        kept, old = np.repeat(free, m.lengths), spans(starts[:-2][free], starts[1:-1][free])
+        indices[old], data[old] = m.indices[kept], m.data[kept]
+        groups = np.append(problem.groups, m.rows + 1)
+        self.closed = SparseMatrix(starts, indices, data, n + 1, groups)
+        self.source = graph.Incidence(self.closed)
+        self.free = np.append(free, False)
+        self.owner = np.repeat(np.arange(n + 1), np.diff(groups))
+        self.earning = np.append(problem.rewards > 0, False)
+        self.states = np.arange(n + 1) < n
+        self._known: Bools | None = None
+        self._part: tuple[SparseMatrix, Numbers] | None = None
+        if problem.direction is Direction.MIN:
+            self._require_finite()
+
+    def _members(self, rows: Bools) -> Bools:
+        """The states of some rows."""
+        out = np.zeros(len(self.states), np.bool_)
+        out[self.owner[rows]] = True
+        return out
+
+    @cached_property
+    def nothing(self) -> Bools:
+        """States of value 0 at every level, beside the sink."""
+        if self.problem.direction is Direction.MIN:  # a strategy may stay where nothing is earned
+            rows = self.free & ~self.earning
+            return graph.maximal_end_components(self.source, self.states, rows).of >= 0
+        paying = self._members((self.earning | ~self.free) & self.states[self.owner])
+        return self.states & ~graph.backward_reachable(self.source, paying)
+
+    @cached_property
+    def forever(self) -> Bools:
+        """States in an end component without cost that earns a reward."""
+        parts = graph.maximal_end_components(self.source, self.states, self.free)
+        paying = np.zeros(parts.count, np.bool_)
+        paying[parts.of[self.owner[parts.rows & self.earning]]] = True
+        inside = parts.of >= 0
+        inside[inside] = paying[parts.of[inside]]
+        return inside
+
+    def _require_finite(self) -> None:
+        target = self.nothing | ~self.states
+        if not graph.prob1(self.source, np.ones_like(target), target, Direction.MAX).all():
+            raise UnsupportedError(
+                "a least reward that is infinite, because cycles without cost earn a reward and "
+                "cannot be left, is not supported"
+            )
+
+    def solve(
+        self, constant: Numbers, upper: Numbers, settings: Settings
+    ) -> tuple[Numbers, Numbers]:
+        """Bounds on the values of a level, given those of the rows with a cost."""
+        n, exact = self.problem.matrix.states, self.closed.exact
+        direction = self.problem.direction
+        infinite = np.zeros(n + 1, np.bool_)
+        if direction is not Direction.MIN:
+            rows = np.append(is_infinite(upper), False)
+            if rows.any() or self.forever.any():
+                target = self.forever | self._members(rows)
+                infinite = graph.backward_reachable(self.source, target)
+        unknown = self.states & ~(self.nothing | infinite)
+        low = full(n + 1, 0, exact=exact)
+        low[infinite] = np.inf
+        high = low.copy()
+        if unknown.any():
+            low[unknown], high[unknown] = self._solved(unknown, constant, upper, settings)
+        return low[:n], high[:n]
+
+    def _solved(
+        self, unknown: Bools, constant: Numbers, upper: Numbers, settings: Settings
+    ) -> tuple[Numbers, Numbers]:
+        from symcheck.numerics.linear.methods import solve_linear
+
+        direction, exact = self.problem.direction, self.closed.exact
+        if self._known is None or not np.array_equal(self._known, unknown):
+            part = self.closed.among(unknown)
+            if direction is None:
+                part = replace(part, groups=None)
+            self._known, self._part = unknown, (part, self.closed.sums(unknown, ~unknown))
+        assert self._part is not None
+        part, leave = self._part
+        rows = self.closed.rows_of(unknown)[:-1]
+        problem = LinearProblem(
+            constant[rows],
+            part,
+            None if np.array_equal(constant, upper) else upper[rows],
+            leave,
+            direction,
+            probability=False,
+        )
+        quotient = None
+        if direction is Direction.MAX:
+            # Staying where nothing is earned is never better than leaving.
+            quotient = collapse(replace(problem, direction=Direction.MIN))
+        if quotient is None:
+            found = solve_linear(problem, settings)
+        else:
+            inner = replace(quotient.problem, direction=direction)
+            found = quotient.expand(solve_linear(inner, settings))
+        rounding = ROUNDING if found.exact and not exact else 0
+        return found.lower * (1 - rounding), found.upper * (1 + rounding)
